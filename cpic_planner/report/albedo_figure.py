@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cpic_core import FloatArray, InputError
-from cpic_planner.report.drawing import Picture, band_style, literal, new_figure, save, style
+from cpic_planner.report.drawing import Look, Picture, band_style, literal, new_figure, save, style
 from cpic_planner.report.numbers import decimals, significant
 from cpic_planner.validation import AlbedoFit, AlbedoModel
 
@@ -26,6 +26,7 @@ _STATUS_TEXT = {
     "not_constrained": "not constrained",
     "degenerate": "degenerate: fewer bands than parameters",
 }
+_BELOW: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
 _PARAMETER_TEXT = {"log10_mh": "[M/H]", "log10_fsed": "f_sed"}
 
 
@@ -86,7 +87,6 @@ def albedo_picture(fit: AlbedoFit, model: AlbedoModel, *, title: str = "", **kno
     with style():
         return save(
             figure,
-            "svg",
             alt="Regions of 68 % and 95 % probability in metallicity and f_sed, and measured contrasts: "
             f"{', '.join(fit.bands)}.",
             caption="Left: what the measured contrasts allow, with flat priors over the ranges of the model; 68 % of "
@@ -115,26 +115,16 @@ def _posterior(axes: Axes, fit: AlbedoFit, truth: tuple[float, float] | None) ->
         Patch(facecolor=_INNER, edgecolor=_REGION, label="68 %"),
         Patch(facecolor=_OUTER, edgecolor=_REGION, label="95 %"),
     ]
-    looks: dict[str, Any] = {"ls": "none", "clip_on": False}
+    bare: Look = {"ls": "none", "clip_on": False}
     if fit.status != "degenerate":
-        handles += axes.plot(
-            fit.log10_mh, fit.log10_fsed, marker="x", ms=8, mew=1.8, color=_BEST, zorder=6, label="best fit", **looks
-        )
+        look = bare | {"marker": "x", "ms": 8, "mew": 1.8, "color": _BEST, "zorder": 6}
+        handles += axes.plot(fit.log10_mh, fit.log10_fsed, label="best fit", **look)
     if truth is not None:
-        handles += axes.plot(
-            truth[0], truth[1], marker="*", ms=13, mfc=_TRUTH, mec="white", zorder=5, label="truth", **looks
-        )
+        look = bare | {"marker": "*", "ms": 13, "mfc": _TRUTH, "mec": "white", "zorder": 5}
+        handles += axes.plot(*truth, label="truth", **look)
     axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), xlabel="metallicity, log10 [M/H]", ylabel="clouds, log10 f_sed")
     axes.set_title(f"{_STATUS_TEXT[fit.status]}\n{_open_text(fit)}", fontsize=9.5)
-    axes.legend(
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0.0),
-        borderaxespad=4.4,
-        ncols=4,
-        handletextpad=0.5,
-        columnspacing=1.2,
-    )
+    axes.legend(handles=handles, ncols=4, handletextpad=0.5, columnspacing=1.2, **_BELOW)
 
 
 def _open_text(fit: AlbedoFit) -> str:
@@ -165,22 +155,10 @@ def _contrasts(axes: Axes, fit: AlbedoFit, model: AlbedoModel, line: tuple[Float
     for number, band in enumerate(fit.bands):
         colour, marker = looks[band]
         value, error = fit.contrasts[number] / unit, fit.errors[number] / unit
-        axes.errorbar(
-            middle[number],
-            value,
-            error,
-            half[number],
-            color=colour,
-            marker=marker,
-            ms=6.5,
-            mec="white",
-            mew=0.6,
-            lw=1.6,
-            capsize=3,
-            zorder=5,
-        )
+        look: Look = {"color": colour, "marker": marker, "ms": 6.5, "mec": "white", "mew": 0.6, "lw": 1.6, "capsize": 3}
+        axes.errorbar(middle[number], value, error, half[number], zorder=5, **look)
         handles.append(Line2D([], [], color=colour, marker=marker, ms=6.5, lw=1.6, label=band))
-    looks_best: dict[str, Any] = {"ls": "none", "marker": "_", "ms": 17, "mew": 2.0, "color": _BEST}
+    looks_best: Look = {"ls": "none", "marker": "_", "ms": 17, "mew": 2.0, "color": _BEST}
     handles += axes.plot(middle, fit.model_contrasts / unit, label="best fit", zorder=4, **looks_best)
     axes.grid(visible=True)
     axes.axhline(0.0, color="#444444", lw=0.8)
@@ -191,12 +169,4 @@ def _contrasts(axes: Axes, fit: AlbedoFit, model: AlbedoModel, line: tuple[Float
     grey = "" if fit.grey == 1.0 else f", common factor {decimals(fit.grey, 2)}"
     count = len(fit.bands)
     axes.set_title(f"chi-square {decimals(fit.chi2, 1)} of {count} band{'s' * (count > 1)}{chance}{grey}", fontsize=9.5)
-    axes.legend(
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0.0),
-        borderaxespad=4.4,
-        ncols=3,
-        handletextpad=0.6,
-        columnspacing=1.4,
-    )
+    axes.legend(handles=handles, ncols=3, handletextpad=0.6, columnspacing=1.4, **_BELOW)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve, contrast_diagram
-from cpic_planner.report.drawing import Picture, new_figure, save, style
+from cpic_planner.report.drawing import Look, Picture, new_figure, save, style
 from cpic_planner.report.image_figures import snr_figure
 from cpic_planner.report.numbers import significant
 from cpic_planner.report.panel_figure import PanelSheet
@@ -64,22 +64,18 @@ def yields_figure(result: WhatIfResult) -> Picture:
     looks = looks_of(result.strategies)
     with style():
         figure, (left, right) = _rowed(result, rows, 2)
-        for axes, quantity, title in (
-            (left, "planets", "planets found, new and known"),
-            (right, "new_planets", "new planets found"),
-        ):
+        for axes, quantity in ((left, "planets"), (right, "new_planets")):
             for place, i in enumerate(rows):
                 found: EstimateRecord = getattr(result.strategies[i], quantity)
-                axes.plot(
-                    [found.survey_low, found.survey_high], [place, place], color=looks[i][0], lw=1.2, marker="|", ms=6
-                )
-                _mean(axes, place, found.mean, found.low, found.high, looks[i])
-            axes.set_xlabel(title)
+                ends = [found.survey_low, found.survey_high]
+                axes.plot(ends, [place, place], color=looks[i][0], lw=1.2, marker="|", ms=6)
+                _mean(axes, place, found, looks[i])
             axes.set_xlim(left=-0.02 * axes.get_xlim()[1])
+        left.set_xlabel("planets found, new and known")
+        right.set_xlabel("new planets found")
         best = max(result.strategies, key=lambda item: item.planets.mean)
         return save(
             figure,
-            "svg",
             alt=f"Planets found by {len(rows)} strategies; most by {best.name}, {significant(best.planets.mean)} a "
             "survey.",
             caption="Marker and thick line: mean over universes with its 90 % interval, how well the mean is known. "
@@ -110,13 +106,12 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
                 if item is not None:
                     sure = _sure(item)
                     look = looks[i] if sure else ("#8C8C8C", looks[i][1])
-                    _mean(axes, place, item.mean, item.low, item.high, look, open_marker=not sure)
+                    _mean(axes, place, item, look, sure=sure)
             axes.axvline(0.0, color="#111111", lw=1.1, ls="--", zorder=1)
             axes.set_xlabel(f"{quantity.replace('_', ' ')}, difference a survey")
         better = [name for name in places if (item := found.get((name, "planets"))) is not None and item.low > 0]
         return save(
             figure,
-            "svg",
             alt=f"Differences with {reference} in planets found; surely more: {', '.join(better[:FEW]) or 'none'}"
             f"{f' and {len(better) - FEW} others' if len(better) > FEW else ''}.",
             caption=f"Planets found more (right) or fewer (left) than by {reference} in the same universes, mean with "
@@ -146,37 +141,21 @@ def time_figure(result: WhatIfResult) -> Picture:
         left = np.zeros(len(rows))
         for name, label, colour, hatch in _PARTS:
             widths = np.array([getattr(use, name) for use in uses])
-            axes.barh(
-                range(len(rows)),
-                widths,
-                left=left,
-                color=colour,
-                hatch=hatch,
-                edgecolor="white",
-                lw=0.4,
-                height=0.66,
-                label=label,
-            )
+            look: Look = {"color": colour, "hatch": hatch, "edgecolor": "white", "lw": 0.4, "height": 0.66}
+            axes.barh(range(len(rows)), widths, left=left, label=label, **look)
             left += widths
         axes.set_xlim(0.0, end)
         for place in range(len(rows)):
             if unused[place] > 0 and used[place] < 0.88 * end:
-                axes.annotate(
-                    f"{significant(unused[place])} h unused",
-                    (used[place], place),
-                    (4, 0),
-                    textcoords="offset points",
-                    va="center",
-                    fontsize=8,
-                    color="#333333",
-                )
+                text, place_xy = f"{significant(unused[place])} h unused", (used[place], place)
+                look = {"textcoords": "offset points", "va": "center", "fontsize": 8, "color": "#333333"}
+                axes.annotate(text, place_xy, (4, 0), **look)
         axes.set_xlabel("telescope time a survey (h)")
         figure.legend(loc="outside upper center", ncols=5, fontsize=9, handlelength=1.6, columnspacing=1.4)
         cut = bool((used + unused).max() > end)
         told = [f"{result.strategies[i].name} {significant(hours)} h" for i, hours in zip(rows, used, strict=True)]
         return save(
             figure,
-            "svg",
             alt=f"Stacked bars of telescope time by what it is used for; in all {', '.join(told[:FEW])}.",
             caption="Where the telescope time goes, mean over universes. Exposing: science and reference frames with "
             "readouts. Target out of sight: behind the Earth, in the South Atlantic Anomaly, or too little of an orbit "
@@ -210,7 +189,6 @@ def detections_figure(result: WhatIfResult) -> Picture | None:
         empty = len(result.strategies) - len([item for item in result.strategies if item.quantiles])
         return save(
             figure,
-            "svg",
             alt="Ranges of SNR, margin, contrast and separation of the detections of each strategy.",
             caption="Detections of all universes. Box: the middle half, with the median; line: 5 to 95 %. Contrast is "
             "the planet-to-star ratio in the band; significance / threshold is how clearly it stands out."
@@ -227,19 +205,12 @@ def _box(axes: Axes, place: int, levels: Sequence[float], colour: str) -> None:
 
 
 def _mean(
-    axes: Axes, place: int, mean: float, low: float, high: float, look: tuple[str, str], *, open_marker: bool = False
+    axes: Axes, place: int, item: EstimateRecord | DifferenceRecord, look: tuple[str, str], *, sure: bool = True
 ) -> None:
-    axes.plot([low, high], [place, place], color=look[0], lw=8.0, solid_capstyle="butt", alpha=0.45)
-    axes.plot(
-        [mean],
-        [place],
-        marker=look[1],
-        ms=5.5,
-        color=look[0],
-        ls="none",
-        markerfacecolor="white" if open_marker else look[0],
-        markeredgecolor=look[0],
-    )
+    colour, marker = look
+    axes.plot([item.low, item.high], [place, place], color=colour, lw=8.0, solid_capstyle="butt", alpha=0.45)
+    face = colour if sure else "white"
+    axes.plot([item.mean], [place], marker=marker, ms=5.5, color=colour, ls="none", mfc=face, mec=colour)
 
 
 def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Figure, list[Axes]]:
@@ -250,9 +221,9 @@ def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Fig
     for axes in panels:
         axes.grid(visible=True, axis="x")
         axes.tick_params(axis="y", length=0)
-    panels[0].set_yticks(
-        range(len(rows)), [row_label(result.strategies[i].name) for i in rows], fontsize=9.5 if len(rows) <= 12 else 8
-    )
+    small = len(rows) > 12
+    labels = [row_label(result.strategies[i].name) for i in rows]
+    panels[0].set_yticks(range(len(rows)), labels, fontsize=8 if small else 9.5)
     panels[0].set_ylim(len(rows) - 0.4, -0.6)
     return figure, panels
 

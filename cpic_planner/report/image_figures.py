@@ -8,9 +8,9 @@ from operator import itemgetter
 
 import numpy as np
 
-from cpic_planner.report import document as doc
+from cpic_planner.report import document as doc, drawing
 from cpic_planner.report.cells import Cells
-from cpic_planner.report.drawing import BAND_STYLE, Picture, band_style, literal, new_figure, save, style
+from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, band_style, literal, new_figure, save, style
 from cpic_planner.report.numbers import MISSING, contrast_text, count_text, decimals, percent_text
 from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.summary import ModelledRow, dial_text, error_text, modelled_groups
@@ -24,12 +24,11 @@ _LOG_SPAN = 15.0
 _MARGIN_NM = 40.0
 _SHIFT_NM = 4.0
 _CONTRAST_SPAN = 5.0
+_POINT: Look = {"ms": 7, "mec": "white", "mew": 0.6}
 
 
 def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
     """Draw recovered against predicted SNR of every band that was measured, with the mean ratio and its error."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     items = measurements_of(result)
     looks = band_style([item.band for item in items])
     pairs: dict[str, list[tuple[float, float, float]]] = {band: [] for band in looks}
@@ -51,51 +50,28 @@ def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
             line = np.geomspace(floor, top, 200)
             axes.set(xlim=(floor, top), ylim=(floor, top))
             for axis in (axes.xaxis, axes.yaxis):  # plain numbers, few enough not to touch
-                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-                axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-                axis.set_minor_formatter(NullFormatter())
+                drawing.plain_ticks(axis, 1.0, 2.0, 5.0)
         else:
             axes.set(xlim=(0.0, top), ylim=(min([0.0] + [r - 1.3 * e for _, r, e in everything]), top))
         axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")
         ratio, error = result.calibration.get("ratio"), result.calibration.get("error")
         if ratio is not None and error is not None:
-            axes.fill_between(
-                line, (ratio - error) * line, (ratio + error) * line, color="#B03060", alpha=0.18, lw=0.0, zorder=1
-            )
-            axes.plot(
-                line,
-                ratio * line,
-                color="#B03060",
-                lw=1.2,
-                ls="--",
-                zorder=2,
-                label=f"recovered / predicted\n{ratio:.2f} ± {error:.2f}",
-            )
+            low, high = (ratio - error) * line, (ratio + error) * line
+            axes.fill_between(line, low, high, color="#B03060", alpha=0.18, lw=0.0, zorder=1)
+            label = f"recovered / predicted\n{ratio:.2f} ± {error:.2f}"
+            axes.plot(line, ratio * line, color="#B03060", lw=1.2, ls="--", zorder=2, label=label)
         for band in looks:
             if not pairs[band]:
                 continue
             predicted, recovered, errors = np.array(pairs[band]).T
             colour, marker = looks[band]
-            axes.errorbar(
-                predicted,
-                recovered,
-                yerr=errors,
-                fmt=marker,
-                color=colour,
-                ms=7,
-                mec="white",
-                mew=0.6,
-                lw=1.2,
-                capsize=2.5,
-                zorder=4,
-                label=f"{band} ({len(predicted)})",
-            )
+            look = _POINT | {"fmt": marker, "color": colour, "lw": 1.2, "capsize": 2.5, "zorder": 4}
+            axes.errorbar(predicted, recovered, yerr=errors, label=f"{band} ({len(predicted)})", **look)
         if not everything:
             axes.text(0.5, 0.5, "no band was measured", transform=axes.transAxes, ha="center")
         figure.legend(loc="outside right upper", alignment="left")
         return save(
             figure,
-            "svg",
             alt=f"Recovered against predicted SNR of {len(everything)} measurements, with the line of equality.",
             caption=f"Each symbol is one planet in one band: the mean of up to {result.realisations} realisations, "
             "each with a drift of the wavefront and a noise of its own, with the error of that mean. The dashed line "
@@ -144,14 +120,8 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandCo
         for number, name in enumerate(names):
             light, (colour, marker) = lights[name], BAND_STYLE[number % len(BAND_STYLE)]
             inside = (light.wavelength_nm >= low) & (light.wavelength_nm <= high)
-            axes.plot(
-                light.wavelength_nm[inside],
-                light.contrast[inside],
-                color=colour,
-                lw=1.0,
-                alpha=0.55,
-                label=literal(f"{name}: input"),
-            )
+            x, y = light.wavelength_nm[inside], light.contrast[inside]
+            axes.plot(x, y, color=colour, lw=1.0, alpha=0.55, label=literal(f"{name}: input"))
             own = [item for item in seen if item.planet == name]
             centre = np.array([instrument.bands[item.band].center_nm for item in own])
             half = np.array([0.5 * instrument.bands[item.band].width_nm for item in own])
@@ -159,37 +129,18 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandCo
                 np.array([getattr(item, key) or 0.0 for item in own])
                 for key in ("true_contrast", "recovered_contrast", "contrast_error", "contrast_mean_error")
             )
-            axes.hlines(
-                true,
-                centre - half,
-                centre + half,
-                color="#222222",
-                lw=2.0,
-                zorder=3,
-                label="input in the band" if number == 0 else "",
-            )
+            label = "input in the band" if number == 0 else ""
+            axes.hlines(true, centre - half, centre + half, color="#222222", lw=2.0, zorder=3, label=label)
             place = centre + _SHIFT_NM * (number - 0.5 * (len(names) - 1))
             axes.errorbar(place, value, yerr=error, fmt="none", ecolor=colour, elinewidth=1.1, capsize=4.0, zorder=4)
-            axes.errorbar(
-                place,
-                value,
-                yerr=mean,
-                fmt=marker,
-                color=colour,
-                ms=7,
-                mec="white",
-                mew=0.6,
-                elinewidth=3.2,
-                zorder=5,
-                label=literal(f"{name}: recovered"),
-            )
+            look = _POINT | {"fmt": marker, "color": colour, "elinewidth": 3.2, "zorder": 5}
+            axes.errorbar(place, value, yerr=mean, label=literal(f"{name}: recovered"), **look)
             heights += [*(value + error), *(value - error), *true]
         if min(heights) > 0 and max(heights) > _CONTRAST_SPAN * min(heights):
             axes.set_yscale("log")
         figure.legend(loc="outside right upper", alignment="left")
         return save(
             figure,
-            "svg",
             alt=f"Recovered contrasts of {', '.join(names)} in {len(seen)} measurements, on the spectrum of the scene.",
             caption="Points: mean contrast over the realisations, the thick bar its error, the thin bar that of one "
             "observation. Curve: the contrast of the scene; black dashes: its mean over each band, weighted with the "
@@ -216,6 +167,10 @@ def outcome(band: BandConfirmation) -> doc.Mark:
 
 def _of(count: int | None, n: int | None) -> str:
     return MISSING if count is None else f"{count} of {n}"
+
+
+def _predicted_error(band: BandConfirmation) -> str:
+    return error_text(band.modelled.predicted_error) if band.modelled else MISSING
 
 
 def _contrast_error(band: BandConfirmation) -> doc.Inline:
@@ -256,12 +211,7 @@ def _quantities() -> list[doc.Column[BandConfirmation]]:
         realisations=lambda band: doc.lines(
             count_text(band.realisations), doc.small(DRAWN_AS[band.drawn_as] if band.drawn_as else "")
         ),
-        predicted_error=Cells(
-            "",
-            lambda band: error_text(band.modelled.predicted_error) if band.modelled else MISSING,
-            label="predicted error of the images",
-            unit="beside the reference",
-        ),
+        predicted_error=Cells("", _predicted_error, label="predicted error of the images", unit="beside the reference"),
         n_detected=lambda band: _of(band.n_detected, band.realisations),
         n_significant=lambda band: _of(band.n_significant, band.realisations),
         found=Cells("", _found_at, label="found at", unit="first realisation that finds it"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cpic_core import FloatArray
-from cpic_planner.report.drawing import BAND_STYLE, STACK_COLOURS, Picture, literal, new_figure, save, style
+from cpic_planner.report.drawing import BAND_STYLE, STACK_COLOURS, Look, Picture, literal, new_figure, save, style
 from cpic_planner.validation import CompletenessMap, ContrastCurve, RocCurve
 
 if TYPE_CHECKING:
@@ -37,14 +37,8 @@ def contrast_curve_figure(
         defined = np.isfinite(measured.contrast)
         colour, marker = BAND_STYLE[0]
         label = f"measured, {measured.sigma:g}-sigma equivalent"
-        axes.plot(
-            measured.separation_arcsec[defined],
-            measured.contrast[defined],
-            color=colour,
-            marker=marker,
-            ms=4,
-            label=label,
-        )
+        x, y = measured.separation_arcsec[defined], measured.contrast[defined]
+        axes.plot(x, y, color=colour, marker=marker, ms=4, label=label)
         if predicted is not None:
             axes.plot(*predicted, color=BAND_STYLE[5][0], ls="--", lw=2.0, label="predicted by the ETC")
         axes.set(yscale="log", xlabel="separation (arcsec)", ylabel="contrast limit (planet-to-star flux ratio)")
@@ -53,7 +47,6 @@ def contrast_curve_figure(
         axes.legend()
         return save(
             figure,
-            "svg",
             alt=f"Contrast limit against separation, {int(defined.sum())} separations.",
             caption="Faintest planet of known place that the residual would show: scatter of apertures in an annulus, "
             "threshold of few samples, losses of mask, aperture and subtraction divided out.",
@@ -76,35 +69,19 @@ def roc_figure(curves: Mapping[str, RocCurve], *, title: str) -> Picture:
         floor = min(0.5 / curve.n_elements for curve in curves.values())
         for index, (name, curve) in enumerate(curves.items()):
             colour, marker = BAND_STYLE[index % len(BAND_STYLE)]
-            rate = np.maximum(curve.false_alarm_rate, floor)
-            axes.plot(
-                rate, curve.detection_probability, color=colour, ls=_LINES[index % len(_LINES)], label=literal(name)
-            )
+            rate, odds = np.maximum(curve.false_alarm_rate, floor), curve.detection_probability
+            axes.plot(rate, odds, color=colour, ls=_LINES[index % len(_LINES)], label=literal(name))
             some = np.flatnonzero(curve.n_false > 0)[::6]
-            axes.errorbar(
-                rate[some],
-                curve.detection_probability[some],
-                xerr=curve.false_alarm_error[some],
-                yerr=curve.detection_error[some],
-                color=colour,
-                marker=marker,
-                ms=4,
-                ls="none",
-                lw=0.8,
-            )
+            look: Look = {"xerr": curve.false_alarm_error[some], "yerr": curve.detection_error[some]}
+            axes.errorbar(rate[some], odds[some], **look, color=colour, marker=marker, ms=4, ls="none", lw=0.8)
         _mark_levels(axes, floor)
-        axes.set(
-            xscale="log",
-            ylim=(-0.03, 1.03),
-            xlabel="false alarms per resolution element",
-            ylabel="detection probability",
-        )
+        axes.set(xscale="log", ylim=(-0.03, 1.03))
+        axes.set(xlabel="false alarms per resolution element", ylabel="detection probability")
         axes.set_title(literal(title))
         axes.grid(visible=True)
         axes.legend(loc="lower right")
         return save(
             figure,
-            "svg",
             alt=f"Detection probability against false alarms for {', '.join(curves)}.",
             caption="Planets found by the blind detector against peaks of noise that pass for one, as the threshold "
             "moves. Left edge: no false alarm in these residuals. Dotted: levels of a normal law.",
@@ -128,29 +105,14 @@ def completeness_figure(
     with style():
         figure = new_figure(4.6)
         axes = figure.add_subplot()
-        mesh = axes.pcolormesh(
-            found.separation_arcsec,
-            found.contrast,
-            found.fraction.T,
-            cmap=STACK_COLOURS,
-            vmin=0.0,
-            vmax=1.0,
-            shading="nearest",
-        )
+        look: Look = {"cmap": STACK_COLOURS, "vmin": 0.0, "vmax": 1.0, "shading": "nearest"}
+        mesh = axes.pcolormesh(found.separation_arcsec, found.contrast, found.fraction.T, **look)
         figure.colorbar(mesh, ax=axes, label=f"recovered at {found.sigma:g} sigma ({found.n_injected} a cell)")
         sides = axes.get_xlim()
         half = found.contrast_at(0.5)
         there = np.isfinite(half)
-        axes.plot(
-            found.separation_arcsec[there],
-            half[there],
-            color="white",
-            lw=2.6,
-            marker="o",
-            ms=5,
-            markeredgecolor="black",
-            label="half recovered",
-        )
+        look = {"color": "white", "lw": 2.6, "marker": "o", "ms": 5, "markeredgecolor": "black"}
+        axes.plot(found.separation_arcsec[there], half[there], label="half recovered", **look)
         if predicted is not None:
             axes.plot(*predicted, color="#D55E00", ls="--", lw=2.2, label="limit of the ETC")
         axes.set(yscale="log", xlabel="separation (arcsec)", ylabel="contrast (planet-to-star flux ratio)")
@@ -161,7 +123,6 @@ def completeness_figure(
         legend.get_frame().set_edgecolor("none")
         return save(
             figure,
-            "svg",
             alt=f"Fraction of recovered planets for {found.separation_arcsec.size} separations and "
             f"{found.contrast.size} contrasts.",
             caption="Planets added one at a time to planet-free residuals, searched for blind anywhere in the hole.",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import FloatArray
-from cpic_planner.report.drawing import BAND_STYLE, literal, new_figure, style
+from cpic_planner.report.drawing import BAND_STYLE, Look, date_axis, literal, new_figure, style
 from cpic_planner.report.numbers import full_name, pretty_name
 from cpic_planner.report.summary import day_text
 from cpic_planner.report.words import BLOCK_WORDS
@@ -68,13 +68,8 @@ def _holes(axes: Axes, result: KnownResult) -> None:
         axes.axhspan(inner, outer, color="#8C8C8C", alpha=0.10, lw=0)
         for edge in (inner, outer):
             axes.axhline(edge, color="#8C8C8C", lw=0.7, ls=_LINES[number % len(_LINES)])
-        axes.axhline(
-            inner,
-            color="#8C8C8C",
-            lw=0.7,
-            ls=_LINES[number % len(_LINES)],
-            label=f"dark hole {', '.join(bands)}: {inner:.2f} to {outer:.2f}″",
-        )
+        label = f"dark hole {', '.join(bands)}: {inner:.2f} to {outer:.2f}″"
+        axes.axhline(inner, color="#8C8C8C", lw=0.7, ls=_LINES[number % len(_LINES)], label=label)
 
 
 def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:
@@ -109,7 +104,7 @@ _BLOCK_STYLE: dict[str, tuple[str, str]] = {
 }
 _VISIBLE, _WINDOW, _SUN, _MOON = "#0072B2", "#111111", "#D55E00", "#666666"
 _MINUTES = "Blues"
-_BELOW: dict[str, Any] = {"loc": "upper center", "fontsize": 9}
+_BELOW: Look = {"loc": "upper center", "fontsize": 9}
 # Day 0 of matplotlib's dates is 1970-01-01.
 _MJD_OF_DATES = 40587.0
 
@@ -141,16 +136,12 @@ def _year(result: VisibilityResult) -> Figure:
     blocks = _shade((top, bottom), edges, target.days)
     _times(top, edges, target, result.period_s, blocks)
     _angles(bottom, edges, result)
-    _dates(bottom, edges)
+    bottom.set_xlim(edges[0], edges[-1])
+    date_axis(bottom)
     name = full_name(target.name, target.hip)
     where = f"ecliptic latitude {target.ecliptic_latitude_deg:.1f}°".replace("-", "−")
-    figure.suptitle(
-        literal(
-            f"{name}, {where}: seen on {target.observable_days:g} of {result.n_days} days from "
-            f"{day_text(result.start_utc)}"
-        ),
-        fontsize=11,
-    )
+    title = f"{name}, {where}: seen on {target.observable_days:g} of {result.n_days} days from "
+    figure.suptitle(literal(title + day_text(result.start_utc)), fontsize=11)
     return figure
 
 
@@ -188,9 +179,8 @@ def _times(axes: Axes, edges: FloatArray, target: VisibleTarget, period_s: float
     seen = np.array(target.days.blocked_by) == ""
     axes.stairs(np.where(seen, target.days.visible_s, 0.0) / 60.0, edges, fill=True, color=_VISIBLE, alpha=0.55, lw=0.0)
     line = _steps(axes, edges, target.days.visible_s, seen, color=_VISIBLE, lw=1.4, label="usable, less the anomaly")
-    window = _steps(
-        axes, edges, target.days.window_s, seen, color=_WINDOW, lw=1.1, ls=(0, (3, 1.5)), label="longest window"
-    )
+    look: Look = {"color": _WINDOW, "lw": 1.1, "ls": (0, (3, 1.5)), "label": "longest window"}
+    window = _steps(axes, edges, target.days.window_s, seen, **look)
     whole = axes.axhline(period_s / 60.0, color="#8C8C8C", lw=1.0, ls=":", label="one orbit")
     axes.set(ylim=(0.0, 1.06 * period_s / 60.0), ylabel="minutes per orbit")
     axes.grid(visible=True, axis="y")
@@ -218,15 +208,6 @@ def _angles(axes: Axes, edges: FloatArray, result: VisibilityResult) -> None:
     axes.legend(handles=[sun, moon, *handles], ncols=6, columnspacing=1.2, bbox_to_anchor=(0.5, -0.19), **_BELOW)
 
 
-def _dates(axes: Axes, edges: FloatArray) -> None:
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
-    axes.set_xlim(edges[0], edges[-1])
-    locator = AutoDateLocator(minticks=4, maxticks=13)
-    axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-
-
 def _calendar(result: VisibilityResult) -> Figure:
     import matplotlib as mpl
     from matplotlib.cm import ScalarMappable
@@ -245,12 +226,11 @@ def _calendar(result: VisibilityResult) -> Figure:
     scale = Normalize(low, high)
     figure = new_figure(min(12.0, 2.1 + 0.3 * n))
     axes = figure.subplots()
-    axes.imshow(
-        colours(scale(minutes)), aspect="auto", interpolation="nearest", extent=(edges[0], edges[-1], n - 0.5, -0.5)
-    )
+    extent = (edges[0], edges[-1], n - 0.5, -0.5)
+    axes.imshow(colours(scale(minutes)), aspect="auto", interpolation="nearest", extent=extent)
     used: list[Patch] = []
     for cause, (colour, hatch) in _BLOCK_STYLE.items():
-        look: dict[str, Any] = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "lw": 0.0}
+        look: Look = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "lw": 0.0}
         for row in range(n):
             bars = [(edges[begin], edges[end] - edges[begin]) for begin, end in _runs(causes[row] == cause)]
             axes.broken_barh(bars, (row - 0.5, 1.0), **look)
@@ -261,7 +241,8 @@ def _calendar(result: VisibilityResult) -> Figure:
         axes.axhline(row - 0.5, color="white", lw=1.6)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(n - 0.5, -0.5)
-    _dates(axes, edges)
+    axes.set_xlim(edges[0], edges[-1])
+    date_axis(axes)
     figure.colorbar(ScalarMappable(scale, colours), ax=axes, label="minutes per orbit", pad=0.015, aspect=max(8, 3 * n))
     if used:
         figure.legend(handles=used, loc="outside lower center", ncols=len(used), fontsize=9)
