@@ -168,6 +168,14 @@ def plain_ticks(axis: Axis, *steps: float, **limits: int) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def plain_log_axis(axes: Axes) -> None:
+    """Make the x axis logarithmic, with few ticks that are written as everyday numbers."""
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    steps = (1.0,) if high > 40.0 * low else (1.0, 2.0, 5.0)
+    plain_ticks(axes.xaxis, *steps, numticks=12)
+
+
 def date_axis(axes: Axes) -> None:
     """Write dates at the x axis, whose values are days since 1970."""
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter

@@ -6,11 +6,11 @@ All figures of the reports, each drawn by a module of its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from cpic_planner.report import drawing, whatif_maps
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve, contrast_diagram
 from cpic_planner.report.drawing import Look, Picture, new_figure, save, style
 from cpic_planner.report.image_figures import snr_figure
@@ -19,16 +19,7 @@ from cpic_planner.report.panel_figure import PanelSheet
 from cpic_planner.report.panels import Panels
 from cpic_planner.report.sky_figures import margin_figure, sky_map
 from cpic_planner.report.whatif_curves import convergence_figure, curves_figure, sweep_figure
-from cpic_planner.report.whatif_maps import (
-    FEW,
-    calendar_figure,
-    left_out,
-    looks_of,
-    plain_log_axis,
-    row_label,
-    shown_rows,
-    stars_figure,
-)
+from cpic_planner.report.whatif_maps import FEW, left_out, looks_of, row_label, shown_rows
 from cpic_planner.results import DifferenceRecord, EstimateRecord, PlanResult, RankResult, WhatIfResult
 
 if TYPE_CHECKING:
@@ -104,7 +95,7 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
             for place, (name, i) in enumerate(places.items()):
                 item = found.get((name, quantity))
                 if item is not None:
-                    sure = _sure(item)
+                    sure = item.low > 0.0 or item.high < 0.0
                     look = looks[i] if sure else ("#8C8C8C", looks[i][1])
                     _mean(axes, place, item, look, sure=sure)
             axes.axvline(0.0, color="#111111", lw=1.1, ls="--", zorder=1)
@@ -118,10 +109,6 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
             "its 90 % interval. Open and grey: the interval holds zero, so the difference may be chance."
             + left_out(result.strategies),
         )
-
-
-def _sure(item: DifferenceRecord) -> bool:
-    return item.low > 0.0 or item.high < 0.0
 
 
 def time_figure(result: WhatIfResult) -> Picture:
@@ -184,7 +171,7 @@ def detections_figure(result: WhatIfResult) -> Picture | None:
                 if levels is not None:
                     _box(axes, place, [scale * level for level in levels], looks[i][0])
             if log:
-                plain_log_axis(axes)
+                drawing.plain_log_axis(axes)
             axes.set_xlabel(title)
         empty = len(result.strategies) - len([item for item in result.strategies if item.quantiles])
         return save(
@@ -228,31 +215,13 @@ def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Fig
     return figure, panels
 
 
-@dataclass(frozen=True)
-class PlanFigureData:
-    """What the figures of a plan are drawn from; see `plan_figures`."""
-
-    plan: PlanResult
-    rank: RankResult
-    limits: Sequence[LimitCurve] = ()
-    holes: Sequence[HoleEdges] = ()
-
-    @property
-    def confirmed(self) -> tuple[str, ...]:
-        """Names of the confirmed targets."""
-        return tuple(target.name for target in self.plan.targets)
-
-
-PLAN_FIGURES: dict[str, tuple[str, Callable[[PlanFigureData], Picture]]] = {
-    "sky": ("Ranked stars on the sky", lambda data: sky_map(data.rank, confirmed=data.confirmed)),
-    "contrast": (
-        "Reference planets and contrast limits",
-        lambda data: contrast_diagram(data.rank, limits=data.limits, holes=data.holes, confirmed=data.confirmed),
-    ),
-    "calibration": ("Does the prediction hold?", lambda data: snr_figure(data.plan)),
-    "margin": ("The sample at a glance", lambda data: margin_figure(data.rank)),
+PLAN_FIGURES = {
+    "sky": "Ranked stars on the sky",
+    "contrast": "Reference planets and contrast limits",
+    "calibration": "Does the prediction hold?",
+    "margin": "The sample at a glance",
 }
-"""Title of each figure, and what draws it."""
+"""Title of each figure of a plan, in their order."""
 
 
 def plan_figures(
@@ -269,8 +238,13 @@ def plan_figures(
     holes : sequence of HoleEdges
         Corners of each band's dark hole on the diagonal.
     """
-    data = PlanFigureData(plan, rank, limits, holes)
-    return {key: draw(data) for key, (_, draw) in PLAN_FIGURES.items()}
+    confirmed = tuple(target.name for target in plan.targets)
+    return {
+        "sky": sky_map(rank, confirmed=confirmed),
+        "contrast": contrast_diagram(rank, limits=limits, holes=holes, confirmed=confirmed),
+        "calibration": snr_figure(plan),
+        "margin": margin_figure(rank),
+    }
 
 
 def panel_pictures(plan: PlanResult, panels: Mapping[str, Panels]) -> dict[str, Picture]:
@@ -290,8 +264,8 @@ WHATIF_FIGURES: dict[str, tuple[str, Callable[[WhatIfResult], Picture | None]]] 
     "differences": ("Is the difference real?", differences_figure),
     "curves": ("Yield against telescope time", curves_figure),
     "time": ("Where the time goes", time_figure),
-    "calendar": ("Who is visited when", calendar_figure),
-    "sky": ("Where the stars are", stars_figure),
+    "calendar": ("Who is visited when", whatif_maps.calendar_figure),
+    "sky": ("Where the stars are", whatif_maps.stars_figure),
     "detections": ("What is detected", detections_figure),
     "convergence": ("Are there enough universes?", convergence_figure),
 }

@@ -7,56 +7,45 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.numbers import count_text, duration_text, pretty_name, significant
 from cpic_planner.report.words import LIMITED_BY, overrides_text, sentence
-from cpic_planner.results import (
-    KNOWN_PLANETS,
-    BandConfirmation,
-    ConfirmedTarget,
-    ConfirmResult,
-    EffectRecord,
-    ModellingRecord,
-    PlanResult,
-    PointingRecord,
-    PopulationRecord,
-    RankResult,
-)
 from simulator.knobs import Quantity
 
 
-def chosen(target: ConfirmedTarget) -> BandConfirmation | None:
+def chosen(target: results.ConfirmedTarget) -> results.BandConfirmation | None:
     """Return the confirmation of the chosen band, if any."""
     return next((band for band in target.bands if band.band == target.chosen_band), None)
 
 
-def planet_text(result: PlanResult | RankResult) -> str:
+def planet_text(result: results.PlanResult | results.RankResult) -> str:
     """Return the reference planet in words."""
     planet = result.reference_planet
     albedo = planet.albedo[:1].upper() + planet.albedo[1:]
     return f"{planet.radius_rjup:g} Jupiter radius, phase {planet.phase_deg:g}°, {albedo} albedo, {planet.position}"
 
 
-def population_text(population: PopulationRecord) -> str:
+def population_text(population: results.PopulationRecord) -> str:
     """Return the population in words."""
     often = "" if population.planets_per_star is None else f"{population.planets_per_star:g} planets per star"
     said = ", ".join(filter(None, (population.description, often)))
     name = f"{population.name} ({said})" if said else population.name
     meaning = "fraction of it that one observation detects"
-    if population.name == KNOWN_PLANETS:
+    if population.name == results.KNOWN_PLANETS:
         meaning = "probability that at least one of the star's own planets is detected"
     drawn = f"{count_text(population.n_planets)} drawn with seed {population.seed}"
     return f"{name}, {drawn}; completeness is the {meaning}"
 
 
-def calibration_sentence(result: PlanResult | ConfirmResult) -> str:
+def calibration_sentence(result: results.PlanResult | results.ConfirmResult) -> str:
     """Return how recovered and predicted SNR compare; a bias is named only beyond two standard errors."""
     if result.calibration.get("ratio") is None:
         return "No band was measured, so prediction and measurement could not be compared."
     return sentence(result.calibration_text)
 
 
-def overrides_sentence(result: PlanResult | ConfirmResult) -> str:
+def overrides_sentence(result: results.PlanResult | results.ConfirmResult) -> str:
     """Return what is altered in the images; empty if nothing is."""
     altered = overrides_text(result.simulator_overrides)
     return f"Images altered: {altered}. Predictions are nominal." if altered else ""
@@ -69,7 +58,7 @@ def limits_text(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count_text(counts[name])} {words[name]}" for name in order)
 
 
-def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
+def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> list[str]:
     """Return the summary of the plan, one sentence an item.
 
     Parameters
@@ -108,7 +97,7 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     return sentences
 
 
-def confirm_sentences(result: ConfirmResult) -> list[str]:
+def confirm_sentences(result: results.ConfirmResult) -> list[str]:
     """Return the summary of a confirmed scene, one sentence an item."""
     planets = list(dict.fromkeys(band.planet for band in result.bands))
     bands = list(dict.fromkeys([*(search.band for search in result.searches), *(band.band for band in result.bands)]))
@@ -130,10 +119,10 @@ def confirm_sentences(result: ConfirmResult) -> list[str]:
     return sentences
 
 
-def _score_words(rank: RankResult) -> str:
+def _score_words(rank: results.RankResult) -> str:
     """What the ranking is by, for the middle of a sentence."""
     share, hourly = f"the fraction of the population {rank.population.name} that one observation detects", "per hour"
-    if rank.population.name == KNOWN_PLANETS:
+    if rank.population.name == results.KNOWN_PLANETS:
         share = "the probability that one observation detects at least one of the star's own planets"
         hourly = "divided by its hours"
     return SCORES[rank.score_name].aim.format(share=share, hourly=hourly)
@@ -148,7 +137,7 @@ def day_text(utc: str) -> str:
     return utc[:10]
 
 
-def pointing_sentence(pointing: PointingRecord) -> str:
+def pointing_sentence(pointing: results.PointingRecord) -> str:
     """Return the limits of pointing in one sentence."""
     turned = f"turning by up to {pointing.panel_turn_deg:g}" if pointing.panel == "one_axis" else "fixed"
     return (
@@ -183,7 +172,7 @@ class ModelledRow:
         What became of it.
     """
 
-    effect: EffectRecord
+    effect: results.EffectRecord
     where: str
     size: str
     word: str
@@ -212,7 +201,7 @@ class ModelledGroup:
     rows: tuple[ModelledRow, ...]
 
 
-def dial_text(result: PlanResult | ConfirmResult) -> str:
+def dial_text(result: results.PlanResult | results.ConfirmResult) -> str:
     """Return the setting of the dial in words: ``fidelity standard``, ``tolerance 2 %``."""
     if result.fidelity == "custom" and result.tolerance:
         return f"tolerance {_percent(max(result.tolerance.values()))}"
@@ -224,7 +213,7 @@ def error_text(errors: Mapping[Quantity, float | None]) -> str:
     return ", ".join(f"{QUANTITIES[name]} {_percent(value)}" for name, value in errors.items())
 
 
-def modelled_sentence(bands: Iterable[BandConfirmation]) -> str:
+def modelled_sentence(bands: Iterable[results.BandConfirmation]) -> str:
     """Return how images were drawn and the largest error that is predicted of them; empty without images."""
     made = [band.modelled for band in bands if band.modelled is not None and band.status != "invalid"]
     if not made:
@@ -233,7 +222,7 @@ def modelled_sentence(bands: Iterable[BandConfirmation]) -> str:
     return f"Images: {ways}; predicted error beside the reference: {error_text(_largest(made))}."
 
 
-def modelled_groups(named: Sequence[tuple[str, ModellingRecord]]) -> list[ModelledGroup]:
+def modelled_groups(named: Sequence[tuple[str, results.ModellingRecord]]) -> list[ModelledGroup]:
     """Return one table for every distinct way to make images.
 
     Parameters
@@ -242,7 +231,7 @@ def modelled_groups(named: Sequence[tuple[str, ModellingRecord]]) -> list[Modell
         Name of each image set, and how it was made. Sets that differ in nothing but sizes share a table, which shows
         the largest.
     """
-    groups: dict[tuple[object, ...], list[tuple[str, ModellingRecord]]] = {}
+    groups: dict[tuple[object, ...], list[tuple[str, results.ModellingRecord]]] = {}
     for name, record in named:
         kept = tuple((row.effect, row.decision) for row in record.effects)
         content = (record.draw, record.region, record.epochs, record.knobs.content_hash, kept)
@@ -250,7 +239,7 @@ def modelled_groups(named: Sequence[tuple[str, ModellingRecord]]) -> list[Modell
     return [_group(members) for members in groups.values()]
 
 
-def _group(members: list[tuple[str, ModellingRecord]]) -> ModelledGroup:
+def _group(members: list[tuple[str, results.ModellingRecord]]) -> ModelledGroup:
     record = members[0][1]
     found = _largest([item for _, item in members])
     asked = f" (asked: at most {error_text(record.tolerance)})" if any(record.tolerance.values()) else ""
@@ -268,7 +257,7 @@ def _group(members: list[tuple[str, ModellingRecord]]) -> ModelledGroup:
     )
 
 
-def _row(index: int, members: list[tuple[str, ModellingRecord]]) -> ModelledRow:
+def _row(index: int, members: list[tuple[str, results.ModellingRecord]]) -> ModelledRow:
     name, record = max(members, key=lambda member: _order(member[1].effects[index]))
     sizes = {item.effects[index].size for _, item in members}
     row = record.effects[index]
@@ -276,7 +265,7 @@ def _row(index: int, members: list[tuple[str, ModellingRecord]]) -> ModelledRow:
     return ModelledRow(row, name if len(sizes) > 1 else "", size, _word(row))
 
 
-def _word(row: EffectRecord) -> str:
+def _word(row: results.EffectRecord) -> str:
     if row.decision == "kept":
         return "kept"
     if row.key in _COARSER:
@@ -284,12 +273,12 @@ def _word(row: EffectRecord) -> str:
     return "as sums" if row.key == "summed_frames" else "left out"
 
 
-def _order(row: EffectRecord) -> float:
+def _order(row: results.EffectRecord) -> float:
     """Rows without a size are kept whatever happens: they stand behind those with one, before what is not there."""
     return row.size if row.size else 0.5 * _LEAST * _LEAST if row.size is None else 0.0
 
 
-def _largest(records: Iterable[ModellingRecord]) -> dict[Quantity, float | None]:
+def _largest(records: Iterable[results.ModellingRecord]) -> dict[Quantity, float | None]:
     largest: dict[Quantity, float | None] = {}
     for record in records:
         for name, value in record.predicted_error.items():

@@ -8,18 +8,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cpic_core import FloatArray
+from cpic_planner.report import drawing
 from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, literal, new_figure, save, style
 from cpic_planner.report.numbers import significant
-from cpic_planner.report.whatif_maps import (
-    FEW,
-    Sweep,
-    left_out,
-    looks_of,
-    plain_log_axis,
-    row_label,
-    shown_rows,
-    sweep_of,
-)
+from cpic_planner.report.whatif_maps import FEW, Sweep, left_out, looks_of, row_label, shown_rows, sweep_of
 from cpic_planner.results import CurvePoint, StrategyOutcome, WhatIfResult
 
 if TYPE_CHECKING:
@@ -79,7 +71,7 @@ def convergence_figure(result: WhatIfResult) -> Picture:
     with style():
         figure, shown = _panels(result, "convergence")
         for axes in figure.axes:
-            plain_log_axis(axes)
+            drawing.plain_log_axis(axes)
         figure.supxlabel("universes", fontsize=10.5)
         figure.supylabel("planets found, new and known", fontsize=10.5)
         widest = max(item.planets.high - item.planets.low for item in result.strategies)

@@ -111,14 +111,6 @@ def _number(value: Any) -> float | None:
     return float(value) if plain else None
 
 
-def plain_log_axis(axes: Axes) -> None:
-    """Make the x axis logarithmic, with few ticks that are written as everyday numbers."""
-    axes.set_xscale("log")
-    low, high = axes.get_xlim()
-    steps = (1.0,) if high > 40.0 * low else (1.0, 2.0, 5.0)
-    drawing.plain_ticks(axes.xaxis, *steps, numticks=12)
-
-
 def row_label(name: str) -> str:
     """Return the name of a strategy for an axis: cut in its middle if long, for names differ at both ends."""
     if len(name) > _LABEL_LENGTH:

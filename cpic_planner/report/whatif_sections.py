@@ -6,21 +6,12 @@ from functools import cached_property
 
 from catalogs import PLANET_CREDITS, data_credits, split_source
 from cpic_core import Registry
-from cpic_planner.report import document as doc
+from cpic_planner.report import document as doc, whatif_words as words
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import WHATIF_FIGURES
 from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, share_text, significant
 from cpic_planner.report.whatif_blocks import difference_table, image_table, pairs_of, source_table, strategy_blocks
 from cpic_planner.report.whatif_maps import shown_rows
-from cpic_planner.report.whatif_words import (
-    extent_text,
-    hanging_text,
-    interval_text,
-    lead_sentences,
-    planets_text,
-    shared_facts,
-    universe_facts,
-)
 from cpic_planner.report.words import method_credits, reading, terms, whatif_terms
 from cpic_planner.results import RankChange, StrategyOutcome, WhatIfResult
 
@@ -70,7 +61,7 @@ WHATIF_SECTIONS: Registry[doc.Section[WhatIfReport]] = Registry("section")
 def whatif_document(report: WhatIfReport) -> doc.Document:
     """Return the report of a comparison."""
     result = report.result
-    first, *others = lead_sentences(result)
+    first, *others = words.lead_sentences(result)
     named = f": {result.name}" if result.name else ""
     told = f"{result.description}. " if result.description else ""
     return doc.document_of(
@@ -78,7 +69,7 @@ def whatif_document(report: WhatIfReport) -> doc.Document:
         report,
         title=f"CPI-C survey strategies{named}, configuration {result.config_hash}",
         heading=result.name or "Survey strategies",
-        about=f"{told}Survey strategies for CPI-C: {extent_text(result)}, played in the same "
+        about=f"{told}Survey strategies for CPI-C: {words.extent_text(result)}, played in the same "
         f"{count_text(result.n_universes)} synthetic universes with real stars.",
         summary=[doc.Paragraph(doc.strong(first), "lead"), *(doc.Paragraph(text, "lead") for text in others)],
     )
@@ -96,8 +87,8 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
     def counted(name: str) -> Callable[[StrategyOutcome], doc.Inline]:
         def cell(item: StrategyOutcome) -> doc.Inline:
             found = getattr(item, name)
-            one = hanging_text(item) if name == "planets" else ""
-            interval = doc.small(interval_text(found.low, found.high))
+            one = words.hanging_text(item) if name == "planets" else ""
+            interval = doc.small(words.interval_text(found.low, found.high))
             return doc.lines(decimals(found.mean, 2), interval, doc.small(one) if one else "")
 
         return cell
@@ -153,7 +144,7 @@ def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
             "Telescope time",
             lambda item: doc.lines(
                 decimals(item.hours.mean, 0),
-                doc.small(f"({interval_text(item.hours.survey_low, item.hours.survey_high, 0)})"),
+                doc.small(f"({words.interval_text(item.hours.survey_low, item.hours.survey_high, 0)})"),
             ),
             "h",
         ),
@@ -165,7 +156,9 @@ def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("From the bound", lambda item: decimals(100 * item.schedule.distance, 1), "%"),
         doc.Column(
             "False alarms",
-            lambda item: f"{planets_text(item.noise_alarms.mean)}; {planets_text(item.background_alarms.mean)}",
+            lambda item: (
+                f"{words.planets_text(item.noise_alarms.mean)}; {words.planets_text(item.background_alarms.mean)}"
+            ),
             "noise; background",
         ),
     )
@@ -254,10 +247,10 @@ def _reading(report: WhatIfReport) -> Iterator[doc.Block]:
 def _assumptions(report: WhatIfReport) -> Iterator[doc.Block]:
     result, reference = report.result, report.reference
     yield doc.Heading("Of all strategies")
-    yield doc.Facts(universe_facts(result))
+    yield doc.Facts(words.universe_facts(result))
     others: doc.Inline = ["; the others differ as told under ", doc.link("details", "Each strategy")]
     yield doc.Heading([f"Of {reference.name}", others if len(result.strategies) > 1 else ""])
-    yield doc.Facts(shared_facts(reference.settings, reference.instrument))
+    yield doc.Facts(words.shared_facts(reference.settings, reference.instrument))
     if not result.sources:
         return
     rows = source_table(result.sources, len(result.strategies))
