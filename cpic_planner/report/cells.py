@@ -280,9 +280,8 @@ def ranking_csv(rank: results.RankResult) -> str:
 
     Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``.
     """
-    return results.csv_text(
-        results.names_of(results.RankedTarget), map(results.values_of, rank.targets), joined=FLAG_SEPARATOR
-    )
+    names = results.names_of(results.RankedTarget)
+    return results.csv_text(names, map(results.values_of, rank.targets), joined=FLAG_SEPARATOR)
 
 
 def ranking_ecsv(rank: results.RankResult) -> str:
@@ -330,9 +329,9 @@ def _measured(band: results.BandConfirmation) -> dict[str, Any]:
 
 def targets_csv(result: results.WhatIfResult) -> str:
     """Return one line for each strategy and star; units stand in the names, lists are joined with semicolons."""
-    rows = (
-        {"strategy": item.name} | results.values_of(target) for item in result.strategies for target in item.targets
-    )
+    rows = []
+    for item in result.strategies:
+        rows += [{"strategy": item.name} | results.values_of(target) for target in item.targets]
     return results.csv_text(("strategy", *results.names_of(results.SurveyTarget)), rows)
 
 

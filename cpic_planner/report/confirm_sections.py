@@ -83,10 +83,8 @@ def confirm_document(report: ConfirmReport) -> doc.Document:
 @doc.section_of(CONFIRM_SECTIONS, "planets", "Planets")
 def _planets(report: ConfirmReport) -> Iterator[doc.Block]:
     for number, (name, bands) in enumerate(report.planets.items(), 1):
-        blocks = [
-            image_figures.measure_table(name, bands, f"{name} by band."),
-            *image_figures.audit_blocks(name, bands),
-        ]
+        table = image_figures.measure_table(name, bands, f"{name} by band.")
+        blocks = [table, *image_figures.audit_blocks(name, bands)]
         yield doc.Group(f"planet-{number}", name, blocks)
 
 
@@ -102,29 +100,29 @@ def _named(text: Callable[[results.CandidateRecord], doc.Inline]) -> Callable[[_
     return lambda row: MISSING if row[1] is None else text(row[1])
 
 
+def _detected(item: results.CandidateRecord) -> doc.Inline:
+    return doc.badge("ok", "detected") if item.detected else doc.badge("unreachable", "below")
+
+
+def _elsewhere(search: results.SearchRecord) -> str:
+    return f"{search.false_detections} of {search.realisations}"
+
+
+def _separation(row: _Candidate) -> doc.Inline | doc.Span:
+    return doc.Span("nothing is named", 6) if row[1] is None else decimals(row[1].separation_arcsec, 3)
+
+
 _SEARCHED: tuple[doc.Column[_Candidate], ...] = (
     doc.Column("Band", lambda row: row[0].band, look="row left"),
     doc.Column("Frames × exposure", _first(frames_text), "s"),
     doc.Column("EM gain", _first(lambda search: significant(search.em_gain))),
     doc.Column("Resolution elements", _first(lambda search: count_text(round(search.resolution_elements)))),
-    doc.Column(
-        "Detections elsewhere",
-        _first(lambda search: f"{search.false_detections} of {search.realisations}"),
-        "of searches",
-    ),
-    doc.Column(
-        "Separation",
-        lambda row: doc.Span("nothing is named", 6) if row[1] is None else decimals(row[1].separation_arcsec, 3),
-        "arcsec",
-    ),
+    doc.Column("Detections elsewhere", _first(_elsewhere), "of searches"),
+    doc.Column("Separation", _separation, "arcsec"),
     doc.Column("PA", _named(lambda item: decimals(item.pa_deg, 1)), "deg"),
     doc.Column("SNR", _named(lambda item: significant(item.snr)), "matched filter"),
     doc.Column("Threshold", _named(lambda item: significant(item.threshold))),
-    doc.Column(
-        "Detected",
-        _named(lambda item: doc.badge("ok", "detected") if item.detected else doc.badge("unreachable", "below")),
-        look="left",
-    ),
+    doc.Column("Detected", _named(_detected), look="left"),
     doc.Column("Planet", _named(lambda item: item.planet or MISSING), look="left"),
 )
 
@@ -202,9 +200,8 @@ def _images(report: ConfirmReport) -> Iterator[doc.Block]:
 @doc.section_of(CONFIRM_SECTIONS, "figures", "Figures")
 def _figures(report: ConfirmReport) -> Iterator[doc.Block]:
     for key, picture in report.figures.items():
-        yield doc.Figure(
-            picture, CONFIRM_FIGURES.get(key, key), more=report.calibration if key == "calibration" else ""
-        )
+        more = report.calibration if key == "calibration" else ""
+        yield doc.Figure(picture, CONFIRM_FIGURES.get(key, key), more=more)
 
 
 @doc.section_of(CONFIRM_SECTIONS, "assumptions", "Assumptions")

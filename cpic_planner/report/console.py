@@ -7,23 +7,15 @@ Tables of simulated sequences and of what a check of products found.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES
-from cpic_planner.report import numbers, summary
-from cpic_planner.report.cells import (
-    Cells,
-    explain_symbols,
-    print_note,
-    print_plain,
-    print_table,
-    row_cells,
-    status_cell,
-)
+from cpic_planner.report import cells as tables, numbers, summary
+from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, shortened, significant
 from cpic_planner.report.words import ALBEDO_STATUS, STATUS_SYMBOLS, plus_minus
 
@@ -45,30 +37,22 @@ def print_plan(plan: results.PlanResult, console: Console) -> None:
     plan : PlanResult
     console : Console
     """
-    rows = [
-        (
-            numbers.short_name(target.name) if number == 0 else "",
-            ("→ " if item.band == target.chosen_band else "  ") + item.band,
-            item,
-        )
-        for target in plan.targets
-        for number, item in enumerate(target.bands)
-    ]
+    rows = []
+    for target in plan.targets:
+        for number, item in enumerate(target.bands):
+            arrow = "→ " if item.band == target.chosen_band else "  "
+            rows.append((numbers.short_name(target.name) if number == 0 else "", arrow + item.band, item))
     cells = [
         Cells("target", itemgetter(0), right=False),
         Cells("band", itemgetter(1), right=False),
-        *row_cells(
-            results.BandConfirmation,
-            MEASURED.format(more=""),
-            of=itemgetter(2),
-            n_detected=lambda row: found_cell(row[2]),
-            outcome=Cells("outcome", lambda row: outcome_cell(row[2]), right=False),
-        ),
+        *_measured_cells(MEASURED.format(more=""), itemgetter(2)),
     ]
     count = len(plan.targets)
     title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
     print_table(console, title, cells, rows)
-    explain_symbols(console, [item.status for target in plan.targets for item in target.bands if item.status != "ok"])
+    tables.explain_symbols(
+        console, [item.status for target in plan.targets for item in target.bands if item.status != "ok"]
+    )
     for target in plan.targets:
         print_plain(console, f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}")
     print_comparison(plan, console)
@@ -81,6 +65,17 @@ def print_plan(plan: results.PlanResult, console: Console) -> None:
         f"the error of its mean; found: realisations in which {found}; seen at its place: "
         "significant at the known place, but not found blind.",
         f"{count_text(plan.n_ranked)} stars ranked. {_made(plan)}",
+    )
+
+
+def _measured_cells(layout: str, of: Callable[[Any], results.BandConfirmation]) -> list[Cells]:
+    return row_cells(
+        results.BandConfirmation,
+        layout,
+        of=of,
+        n_detected=lambda row: found_cell(of(row)),
+        recovered_contrast=lambda row: _recovered(of(row)),
+        outcome=Cells("outcome", lambda row: outcome_cell(of(row)), right=False),
     )
 
 
@@ -122,7 +117,7 @@ def print_modelled(bands: Sequence[results.BandConfirmation], console: Console) 
 def outcome_cell(item: results.BandConfirmation) -> str:
     """Return what the images say of a planet, with the symbol of its status."""
     if item.status != "ok":
-        return status_cell(item.status, item.reason)
+        return tables.status_cell(item.status, item.reason)
     if item.detected:
         return f"{STATUS_SYMBOLS['ok']} confirmed"
     at_place = 2 * (item.n_significant or 0) >= (item.realisations or 1)
@@ -141,13 +136,8 @@ def print_confirm(result: results.ConfirmResult, console: Console) -> None:
     console : Console
     """
     several = len({item.planet for item in result.bands}) > 1
-    cells = row_cells(
-        results.BandConfirmation,
-        ("planet " if several else "") + "band " + MEASURED.format(more=" true_contrast/7 recovered_contrast/2"),
-        n_detected=found_cell,
-        recovered_contrast=_recovered,
-        outcome=Cells("outcome", outcome_cell, right=False),
-    )
+    measured = MEASURED.format(more=" true_contrast/7 recovered_contrast/2")
+    cells = _measured_cells(f"{'planet ' if several else ''}band {measured}", lambda item: item)
     rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
     count = result.realisations
     title = f"{result.scene}: confirmed by simulated images, {count} realisation{'s' * (count != 1)} a band"
@@ -157,13 +147,10 @@ def print_confirm(result: results.ConfirmResult, console: Console) -> None:
         print_table(console, title, cells, rows, explained=True)
     for item in result.bands:
         if item.audit is not None:
-            print_plain(
-                console,
-                f"{item.planet}, {item.band}, frame by frame with every effect: SNR "
-                f"{significant(item.audit.recovered_snr)} ({significant(item.audit.predicted_snr)} predicted), "
-                f"contrast off by {decimals(item.audit.deviation_sigma, 1)} of its errors, "
-                f"{'found' if item.audit.detected else 'not found'}",
-            )
+            audit, where = item.audit, f"{item.planet}, {item.band}, frame by frame with every effect"
+            snr = f"SNR {significant(audit.recovered_snr)} ({significant(audit.predicted_snr)} predicted)"
+            off = f"contrast off by {decimals(audit.deviation_sigma, 1)} of its errors"
+            print_plain(console, f"{where}: {snr}, {off}, {'found' if audit.detected else 'not found'}")
     if result.searches:
         _print_searches(result.searches, console)
     print_plain(console, *map(position_text, result.positions), *map(albedo_text, result.albedos))
@@ -243,9 +230,8 @@ def print_simulation(result: results.SimulationResult, out: Path, console: Conso
     print_table(console, _title(result.name, len(result.sequences)), cells, result.sequences[:limit])
     if len(result.sequences) > limit:
         print_note(console, f"... and {len(result.sequences) - limit} more: see {out / 'simulation.json'}")
-    print_note(
-        console, "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
-    )
+    note = "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
+    print_note(console, note)
     _print_left_out(result.sequences, console)
     for line in _places(result.sequences, out):
         console.print(line, markup=False, soft_wrap=True)
@@ -253,9 +239,8 @@ def print_simulation(result: results.SimulationResult, out: Path, console: Conso
 
 def _print_left_out(sequences: Sequence[results.PlannedSequenceRow], console: Console) -> None:
     """Print what tolerances leave out, one table for each distinct content, with the largest sizes."""
-    for group in summary.modelled_groups(
-        [(f"{shortened(item.target)} {item.band}", item.modelled) for item in sequences if item.modelled is not None]
-    ):
+    modelled = [(f"{shortened(item.target)} {item.band}", item.modelled) for item in sequences if item.modelled]
+    for group in summary.modelled_groups(modelled):
         gone = [row for row in group.rows if row.effect.decision == "skipped" and row.effect.size]
         cells = [
             Cells("left out", lambda row: row.effect.effect, right=False),

@@ -28,10 +28,9 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
     band = result.holes[0].band
     counted = [row for row in result.planets if row.status not in _LISTED]
     listed = [row for row in result.planets if row.status in _LISTED]
-    shown = counted
-    if result.years is None:
-        shown = sorted(counted, key=lambda row: -row.bands[0].hole_share)
-    shown = [*shown[:limit], *listed] if result.years is not None else shown[:limit]
+    shown = sorted(counted, key=lambda row: -row.bands[0].hole_share)[:limit]
+    if result.years is not None:
+        shown = [*counted[:limit], *listed]
     stars = len({row.star for row in counted})
     title = (
         f"Known planets: {len(counted[:limit])} of {count_text(len(counted))} around {count_text(stars)} "
@@ -45,21 +44,13 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
             _print_standing(row, console)
     for row in listed:
         _print_standing(row, console)
+    flags = dict.fromkeys(flag for row in shown for flag in row.flags) if result.years is not None else {}
     print_note(
         console,
         "Numbers: median +- half of the width that holds 68 % of the draws. in hole: share of the draws between inner "
-        f"and outer corner of the dark hole of {band}"
-        + (
-            f" ({result.holes[0].inner_arcsec:.2f} to {result.holes[0].outer_arcsec:.2f} arcsec); at a given roll the "
-            "position angle decides as well."
-        ),
-    )
-    if result.years is not None:
-        words = dict.fromkeys(flag for row in shown for flag in row.flags)
-        for flag in words:
-            print_note(console, f"{flag}: {FLAGS[flag]}.")
-    print_note(
-        console,
+        f"and outer corner of the dark hole of {band} ({result.holes[0].inner_arcsec:.2f} to "
+        f"{result.holes[0].outer_arcsec:.2f} arcsec); at a given roll the position angle decides as well.",
+        *(f"{flag}: {FLAGS[flag]}." for flag in flags),
         f"{result.planets_table}; {count_text(result.n_draws)} draws of each planet with seed {result.seed}, "
         f"{result.albedo} albedo.",
     )
@@ -127,7 +118,8 @@ def print_visibility(result: VisibilityResult, console: Console) -> None:
     several = len(result.targets) > 1
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
-        print_table(console, _title(result), _visibility_cells(years), result.targets, last_width=_LAST_COLUMN)
+        title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {day_text(result.start_utc)}"
+        print_table(console, title, _visibility_cells(years), result.targets, last_width=_LAST_COLUMN)
     else:
         _print_star(result, console)
     step = "day" if result.step_days == 1 else f"step of {result.step_days:g} days"
@@ -138,10 +130,6 @@ def print_visibility(result: VisibilityResult, console: Console) -> None:
         "the Earth, the anomaly not cut out. A season goes on behind a passage of the Moon.",
     )
     print_note(console, pointing_sentence(result.pointing))
-
-
-def _title(result: VisibilityResult) -> str:
-    return f"Visibility of {len(result.targets)} stars, {result.n_days} days from {day_text(result.start_utc)}"
 
 
 def _print_star(result: VisibilityResult, console: Console) -> None:

@@ -68,6 +68,11 @@ def _score(name: str) -> Cells:
     return Cells(SCORES[name].label, lambda row: score_number(row.score, name))
 
 
+def _fall(row: results.SensitivityRow) -> str:
+    ranks = row.largest_fall_ranks
+    return f"{short_name(row.largest_fall)} −{ranks}" if ranks > 0 else MISSING
+
+
 def print_sensitivity(result: results.SensitivityResult, console: Console) -> None:
     """Print how the ranking depends on what is assumed.
 
@@ -80,9 +85,7 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
         results.SensitivityRow,
         "n_ok kendall_tau_b n_compared/1 kept/2 best/3 largest_fall/4 text",
         kept=lambda row: f"{row.kept}/{result.top}",
-        largest_fall=lambda row: (
-            f"{short_name(row.largest_fall)} −{row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING
-        ),
+        largest_fall=_fall,
     )
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
     print_table(console, title, cells, result.rows, last_width=44)
@@ -246,17 +249,14 @@ def _print_images(strategies: list[results.StrategyOutcome], console: Console) -
         if sample is None:
             continue
         if sample.images == 0:
-            print_plain(
-                console, f"{item.name}: no detection was simulated as images: {sample.note or 'none asked for'}"
-            )
+            why = sample.note or "none asked for"
+            print_plain(console, f"{item.name}: no detection was simulated as images: {why}")
             continue
         remark = f"; {sample.note}" if sample.note else ""
         ends = "" if sample.low is None or sample.high is None else f" ({interval_text(sample.low, sample.high)})"
-        print_plain(
-            console,
-            f"{item.name}: of {sample.detections} detections simulated as images {sample.found} are found, "
-            f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}{remark}",
-        )
+        counts = f"of {sample.detections} detections simulated as images {sample.found} are found"
+        expected = f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}"
+        print_plain(console, f"{item.name}: {counts}, {expected}{remark}")
 
 
 def print_tradeoff(result: results.TradeoffResult, console: Console) -> None:

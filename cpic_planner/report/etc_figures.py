@@ -115,9 +115,8 @@ def etc_curves(
         if answer.time_s is not None and answer.snr is not None and answer.significance is not None:
             point = (answer.time_s, answer.snr, answer.significance)
         label = answer.band + (f", {answer.separation_arcsec:.3f}″" if several else "")
-        snrs, significances = (
-            np.where(choice.n_frames[0] >= 1, values[0], np.nan) for values in (noise.snr, noise.significance)
-        )
+        framed = choice.n_frames[0] >= 1
+        snrs, significances = (np.where(framed, line[0], np.nan) for line in (noise.snr, noise.significance))
         return TimeCurve(label, grid, snrs, significances, float(cases.threshold[0]), point)
 
     def against_separation(band: str) -> SeparationCurve:
@@ -262,11 +261,12 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
                 lows.append(good.max())
     if highs:
         axes.set_ylim(min(lows, default=1.0) / 30.0, 1.6 * max(highs))
-    keys = [
-        Line2D([], [], color="#444444", lw=1.7, label="SNR"),
-        Line2D([], [], color="#444444", lw=1.3, ls=(0, (4, 2)), label="significance"),
-        Line2D([], [], color="#444444", lw=1.0, ls=":", label="threshold"),
-    ]
+    lines: dict[str, tuple[float, Any]] = {
+        "SNR": (1.7, "-"),
+        "significance": (1.3, (0, (4, 2))),
+        "threshold": (1.0, ":"),
+    }
+    keys = [Line2D([], [], color="#444444", lw=lw, ls=ls, label=label) for label, (lw, ls) in lines.items()]
     plain_ticks(axes.yaxis, 1.0, 3.0)
     plain_ticks(axes.xaxis, 1.0)
     axes.set_title("best visit of at most this time", fontsize=10)

@@ -279,15 +279,15 @@ def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str
     yield from (doc.Figure(picture, before=name) for picture in shown)
 
 
+def _decision(row: ModelledRow) -> doc.Inline:
+    return doc.badge("ok" if row.effect.decision == "kept" else "unreachable", row.word)
+
+
 _EFFECTS: tuple[doc.Column[ModelledRow], ...] = (
     doc.Column("Effect", lambda row: row.effect.effect, look="row left"),
     doc.Column("Predicted size", lambda row: row.size or MISSING, "largest of flux and SNR"),
     doc.Column("Largest in", lambda row: row.where, look="left"),
-    doc.Column(
-        "Modelled",
-        lambda row: doc.badge("ok" if row.effect.decision == "kept" else "unreachable", row.word),
-        look="left",
-    ),
+    doc.Column("Modelled", _decision, look="left"),
     doc.Column("How, or why not", lambda row: row.effect.reason, look="left wide"),
 )
 
@@ -296,11 +296,9 @@ def modelled_blocks(named: Sequence[tuple[str, ModellingRecord]]) -> Iterator[do
     """Yield one table for every distinct way in which images were made; see `modelled_groups`."""
     groups = modelled_groups(named)
     for group in groups:
-        caption: doc.Inline = [
-            doc.strong(group.title),
-            f": {group.members}. {group.knobs[:1].upper()}{group.knobs[1:]}. Predicted error beside the reference: "
-            f"{group.errors}.",
-        ]
+        knobs = group.knobs[:1].upper() + group.knobs[1:]
+        made = f": {group.members}. {knobs}. Predicted error beside the reference: {group.errors}."
+        caption: doc.Inline = [doc.strong(group.title), made]
         yield doc.table(f"Modelled: {group.members}", caption, _EFFECTS, group.rows)
     if not groups:
         yield doc.Paragraph("No image was made.")

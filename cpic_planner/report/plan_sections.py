@@ -79,20 +79,29 @@ def _star(name: doc.Inline, hip: int | None) -> doc.Inline:
     return doc.lines(name, doc.small(f"HIP {hip}") if hip is not None else "")
 
 
+def _picked_star(pick: _Pick) -> doc.Inline:
+    return _star(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip)
+
+
 def _pick_verdict(pick: _Pick) -> doc.Inline:
     _, target, best = pick
     mark = doc.badge("unreachable", "not confirmed") if best is None else image_figures.outcome(best)
     return doc.lines(mark, words.plus_minus(target.verdict))
 
 
+def _recovered(best: results.BandConfirmation) -> doc.Inline:
+    error = best.recovered_snr_error
+    return doc.lines(significant(best.recovered_snr), "" if error is None else doc.small(f"± {significant(error, 2)}"))
+
+
+def _significance(best: results.BandConfirmation) -> str:
+    return f"{significant(best.recovered_significance)} / {significant(best.threshold)}"
+
+
 _NOWHERE = doc.Span("the images show the planet in no band; see below", 8)
 _FIRST: tuple[doc.Column[_Pick], ...] = (
     doc.Column("#", lambda pick: str(pick[1].ranked.rank)),
-    doc.Column(
-        "Star",
-        lambda pick: _star(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip),
-        look="row left",
-    ),
+    doc.Column("Star", _picked_star, look="row left"),
     doc.Column("V", lambda pick: decimals(pick[1].ranked.v_mag, 2), "mag"),
     doc.Column("Distance", lambda pick: significant(pick[1].ranked.distance_pc, 4), "pc"),
     doc.Column("Band", _of_band(lambda best: best.band), look="left"),
@@ -102,21 +111,8 @@ _FIRST: tuple[doc.Column[_Pick], ...] = (
     doc.Column("Separation", _of_band(lambda best: decimals(best.separation_arcsec, 3)), "arcsec"),
     doc.Column("Contrast", _of_band(lambda best: numbers.contrast_text(best.true_contrast))),
     doc.Column("SNR", _of_band(lambda best: significant(best.predicted_snr)), "predicted"),
-    doc.Column(
-        "SNR",
-        _of_band(
-            lambda best: doc.lines(
-                significant(best.recovered_snr),
-                "" if best.recovered_snr_error is None else doc.small(f"± {significant(best.recovered_snr_error, 2)}"),
-            )
-        ),
-        "recovered",
-    ),
-    doc.Column(
-        "Significance",
-        _of_band(lambda best: f"{significant(best.recovered_significance)} / {significant(best.threshold)}"),
-        "/ threshold",
-    ),
+    doc.Column("SNR", _of_band(_recovered), "recovered"),
+    doc.Column("Significance", _of_band(_significance), "/ threshold"),
     doc.Column("Verdict", _pick_verdict, look="left verdict"),
 )
 
@@ -147,16 +143,21 @@ def _sensitivity(report: PlanReport) -> Iterator[doc.Block]:
     found = report.sensitivity
     if found is None:
         return
+
+    def counted(row: results.SensitivityRow) -> doc.Inline:
+        badge = doc.badge("unreachable", "decides") if row.assumption in found.decides else ""
+        return doc.lines(count_text(row.n_ok), badge)
+
+    def fall(row: results.SensitivityRow) -> str:
+        ranks = row.largest_fall_ranks
+        return f"{pretty_name(row.largest_fall)}, {ranks}" if ranks > 0 else MISSING
+
     columns = doc.row_columns(
         results.SensitivityRow,
         "text:row,text n_ok kendall_tau_b n_compared kept largest_fall best",
-        n_ok=lambda row: doc.lines(
-            count_text(row.n_ok), doc.badge("unreachable", "decides") if row.assumption in found.decides else ""
-        ),
+        n_ok=counted,
         kept=Cells("", lambda row: str(row.kept), label=f"kept of first {found.top}"),
-        largest_fall=lambda row: (
-            f"{pretty_name(row.largest_fall)}, {row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING
-        ),
+        largest_fall=fall,
         best=lambda row: pretty_name(row.best),
     )
     caption = (
@@ -254,14 +255,9 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
 
 @doc.section_of(PLAN_SECTIONS, "modelled", "What was modelled")
 def _modelled(report: PlanReport) -> Iterator[doc.Block]:
-    return image_figures.modelled_blocks(
-        [
-            (f"{pretty_name(target.name)} {band.band}", band.modelled)
-            for target in report.plan.targets
-            for band in target.bands
-            if band.modelled is not None
-        ]
-    )
+    bands = ((pretty_name(target.name), band) for target in report.plan.targets for band in target.bands)
+    made = [(f"{name} {band.band}", band.modelled) for name, band in bands if band.modelled is not None]
+    return image_figures.modelled_blocks(made)
 
 
 @doc.section_of(PLAN_SECTIONS, "missing", "What is not modelled")

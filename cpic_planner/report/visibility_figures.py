@@ -153,13 +153,12 @@ def _shade(axes: tuple[Axes, Axes], edges: FloatArray, days: VisibleDays) -> lis
     causes = np.array(days.blocked_by)
     for cause, (colour, hatch) in _BLOCK_STYLE.items():
         runs = _runs(causes == cause)
+        look: Look = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "lw": 0.0}
         for begin, end in runs:
             for one in axes:
-                one.axvspan(
-                    edges[begin], edges[end], facecolor=colour, edgecolor="white", hatch=hatch, lw=0.0, zorder=0.5
-                )
+                one.axvspan(edges[begin], edges[end], zorder=0.5, **look)
         if runs:
-            handles.append(Patch(facecolor=colour, edgecolor="white", hatch=hatch, lw=0.0, label=BLOCK_WORDS[cause]))
+            handles.append(Patch(label=BLOCK_WORDS[cause], **look))
     return handles
 
 

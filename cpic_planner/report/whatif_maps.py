@@ -94,13 +94,8 @@ def sweep_of(strategies: Sequence[StrategyOutcome]) -> Sweep | None:
     if None in found or len(units) > 1:
         return Sweep(key, tuple(texts), None, "", lines)
     ordered = sorted(zip(found, texts, strict=True))
-    return Sweep(
-        key,
-        tuple(text for _, text in ordered),
-        tuple(float(value) for value, _ in ordered),  # type: ignore[arg-type]
-        units.pop(),
-        lines,
-    )
+    numbers = tuple(float(value) for value, _ in ordered)  # type: ignore[arg-type]
+    return Sweep(key, tuple(text for _, text in ordered), numbers, units.pop(), lines)
 
 
 def _number(value: Any) -> float | None:

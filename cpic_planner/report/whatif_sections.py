@@ -84,6 +84,9 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
         text = item.description if len(strategies) <= _DESCRIBED else ""
         return [report.named(item), doc.small(text) if text else ""]
 
+    def one_survey(item: StrategyOutcome) -> str:
+        return f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}"
+
     def counted(name: str) -> Callable[[StrategyOutcome], doc.Inline]:
         def cell(item: StrategyOutcome) -> doc.Inline:
             found = getattr(item, name)
@@ -96,9 +99,7 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
     columns: tuple[doc.Column[StrategyOutcome], ...] = (
         doc.Column("Strategy", described, look="row left described"),
         doc.Column("Planets found", counted("planets"), "new and known"),
-        doc.Column(
-            "One survey", lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}", "5 to 95 %"
-        ),
+        doc.Column("One survey", one_survey, "5 to 95 %"),
         doc.Column("New planets", counted("new_planets")),
         doc.Column("Known planets", counted("known_planets")),
         doc.Column("Characterised", counted("characterised_planets")),
@@ -131,6 +132,15 @@ def _hourly(item: StrategyOutcome) -> str:
     return significant(100 * item.planets.mean / item.hours.mean, 2) if item.hours.mean > 0 else MISSING
 
 
+def _hours(item: StrategyOutcome) -> doc.Inline:
+    ends = words.interval_text(item.hours.survey_low, item.hours.survey_high, 0)
+    return doc.lines(decimals(item.hours.mean, 0), doc.small(f"({ends})"))
+
+
+def _alarms(item: StrategyOutcome) -> str:
+    return f"{words.planets_text(item.noise_alarms.mean)}; {words.planets_text(item.background_alarms.mean)}"
+
+
 def _visits(item: StrategyOutcome) -> str:
     reserve = item.schedule.reserve_visits
     return count_text(item.schedule.visits) + (f" + {count_text(reserve)}" if reserve else "")
@@ -140,27 +150,14 @@ def _visits(item: StrategyOutcome) -> str:
 def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
     columns: tuple[doc.Column[StrategyOutcome], ...] = (
         doc.Column("Strategy", report.named, look="row left star"),
-        doc.Column(
-            "Telescope time",
-            lambda item: doc.lines(
-                decimals(item.hours.mean, 0),
-                doc.small(f"({words.interval_text(item.hours.survey_low, item.hours.survey_high, 0)})"),
-            ),
-            "h",
-        ),
+        doc.Column("Telescope time", _hours, "h"),
         doc.Column("Budget", lambda item: decimals(item.settings["time_budget_h"], 0), "h"),
         doc.Column("Planets", _hourly, "per 100 h"),
         doc.Column("Stars visited", lambda item: str(sum(star.planned_visits > 0 for star in item.targets))),
         doc.Column("Visits planned", _visits, "and in reserve"),
         doc.Column("Visits made", lambda item: decimals(sum(star.visits for star in item.targets), 1), "mean"),
         doc.Column("From the bound", lambda item: decimals(100 * item.schedule.distance, 1), "%"),
-        doc.Column(
-            "False alarms",
-            lambda item: (
-                f"{words.planets_text(item.noise_alarms.mean)}; {words.planets_text(item.background_alarms.mean)}"
-            ),
-            "noise; background",
-        ),
+        doc.Column("False alarms", _alarms, "noise; background"),
     )
     caption = (
         "Telescope time holds slews, settling and occultations; in brackets the range of single surveys, 5 to 95 %. "
@@ -214,16 +211,10 @@ def _detected(report: WhatIfReport) -> Iterator[doc.Block]:
 
 @doc.section_of(WHATIF_SECTIONS, "images", "Confirmed by images")
 def _images(report: WhatIfReport) -> Iterator[doc.Block]:
-    confirmed = [item for item in report.result.strategies if item.images is not None]
+    confirmed = [(item, item.images) for item in report.result.strategies if item.images is not None]
     if not confirmed:
-        yield doc.Paragraph(
-            [
-                "No images were asked for: detections are those of the analytic model with the detection law that "
-                "stands under ",
-                doc.link("assumptions", "Assumptions"),
-                ".",
-            ]
-        )
+        none = "No images were asked for: detections are those of the analytic model with the detection law that stands"
+        yield doc.Paragraph([f"{none} under ", doc.link("assumptions", "Assumptions"), "."])
         return
     yield image_table(report.named, confirmed)
 
