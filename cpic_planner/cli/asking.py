@@ -59,19 +59,19 @@ def command_of(run: Callable[..., None], model: Any) -> Any:
 
 def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
     """Arguments with the present names of options, each told once."""
-    found: list[str] = []
+    arguments: list[str] = []
     known = {name for param in params for name in param.opts}
     for arg in args:
         new = RENAMED.get(arg)
         if new is None or arg in known:
-            found.append(arg)
+            arguments.append(arg)
             continue
         if new[0] not in known:
             hint = "it is predicted, not yet measured in images"
             raise InputError(arg, "given", allowed="only with cpic etc and cpic rank", hint=hint)
         note(f"{arg} is now {' '.join(new)}")
-        found += new
-    return found
+        arguments += new
+    return arguments
 
 
 def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
@@ -145,11 +145,11 @@ def answers(
 
     tree: dict[str, Any] = {}
     parts: dict[tuple[str, ...], dict[str, Any]] = {}
-    told = {option.path: given[option.name] for option in options if given[option.name] not in (None, [], ())}
+    answered = {option.path: given[option.name] for option in options if given[option.name] not in (None, [], ())}
     for option in options:
-        if option.path not in told:
+        if option.path not in answered:
             continue
-        value = _value(told[option.path])
+        value = _value(answered[option.path])
         if option.parts is not None:
             parts.setdefault(option.path[:-1], {})[option.path[-1]] = value
         else:
@@ -161,8 +161,8 @@ def answers(
     merged = deep_merge(file, tree)
     for option in options:
         needed = option.asked.only_with
-        if option.path in told and needed is not None and not _has(merged, option.path, *needed):
-            value = _value(told[option.path])
+        if option.path in answered and needed is not None and not _has(merged, option.path, *needed):
+            value = _value(answered[option.path])
             raise InputError(option.flag, value, allowed=f"together with {names[needed[0]]} {needed[1]}")
     return merged
 

@@ -164,25 +164,25 @@ def info(as_json: JsonOption = False) -> None:
 
     Example: cpic catalog info
     """
-    found, stored = catalogs.catalogue_info(), catalogs.stored_tables()
+    facts, stored = catalogs.catalogue_info(), catalogs.stored_tables()
     refreshed = [
         {"file": str(item.path), "queried_utc": item.queried_utc.isoformat(), "size_bytes": item.path.stat().st_size}
         for item in stored
     ]
     if as_json:
         latest = refreshed[0]["file"] if stored else None
-        print_json(found | {"data_folder": str(data_dir()), "refreshed": refreshed, "latest": latest})
+        print_json(facts | {"data_folder": str(data_dir()), "refreshed": refreshed, "latest": latest})
         return
     screen = console()
-    screen.print(f"[bold]{found['vintage']}[/bold]")
-    _table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in found["counts"]))
+    screen.print(f"[bold]{facts['vintage']}[/bold]")
+    _table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in facts["counts"]))
     forms = {"star": "", "companion": "", "separation_arcsec": ".2f", "pa_deg": ".1f", "epoch_yr": "g", "reference": ""}
-    pairs = (tuple(format(row[name], form) for name, form in forms.items()) for row in found["companion_updates"])
+    pairs = (tuple(format(row[name], form) for name, form in forms.items()) for row in facts["companion_updates"])
     heads = ("star", "companion", "arcsec", "PA (deg)", "in", "orbit")
     _table(screen, "Companions that have moved (--catalog simbad_2012: as first listed)", heads, pairs)
-    files = ((row["file"], row["packages"], row["licence"]) for row in found["files"])
+    files = ((row["file"], row["packages"], row["licence"]) for row in facts["files"])
     _table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
-    planets = found["known_planets"]
+    planets = facts["known_planets"]
     screen.print(f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
     new = planets["updates"]
     screen.print(
@@ -190,7 +190,7 @@ def info(as_json: JsonOption = False) -> None:
         f"Refuted, listed and not counted: {', '.join(new['refuted'])}. "
         f"Controversial, counted: {', '.join(new['controversial'])}."
     )
-    for line in found["credits"]:
+    for line in facts["credits"]:
         screen.print(line)
     if not stored:
         screen.print(f"No refreshed table in {data_dir()} (cpic catalog refresh makes one).", soft_wrap=True)

@@ -96,9 +96,9 @@ def etc(
     answers = _checked(question, model, star, closed_forms(question, model, star))
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
     hypothetical = None if question.contrast_limit or question.contrast is not None else planet
-    told: dict[str, Any] = {"note": about, "catalogue": table.provenance, "planet": hypothetical}
+    labels: dict[str, Any] = {"note": about, "catalogue": table.provenance, "planet": hypothetical}
     seed = 1 if question.seed is None else question.seed
-    result = etc_result(model, star, answers, asked=question.hashed(), dial=question.dial, seed=seed, **told)
+    result = etc_result(model, star, answers, asked=question.hashed(), dial=question.dial, seed=seed, **labels)
     if plot is not None:
         best, allowed = report.best_row(result), question.wall_s
         if best is not None and best.time_s is not None and (question.asks_time or question.n_frames is not None):

@@ -65,8 +65,8 @@ def root(
 
 def _add(run: Callable[..., None], *more: str) -> None:
     """Add a command; its help is its docstring and ``more``, its options come late from the model of its question."""
-    told = "\n\n".join((inspect.getdoc(run) or "", *more))
-    app.command(run.__name__, help=told, cls=late(run, QUESTIONS[run.__name__]))(lambda: None)
+    help_text = "\n\n".join((inspect.getdoc(run) or "", *more))
+    app.command(run.__name__, help=help_text, cls=late(run, QUESTIONS[run.__name__]))(lambda: None)
 
 
 _add(image_commands.plan, DIAL_HELP, OVERRIDES_HELP)

@@ -70,10 +70,10 @@ def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool
     print_line_or_json(line, cost, as_json)
 
 
-def print_line_or_json(line: str, found: Mapping[str, Any], as_json: bool) -> None:
+def print_line_or_json(line: str, tree: Mapping[str, Any], as_json: bool) -> None:
     """Print one line, or the same as JSON."""
     rest()
-    sys.stdout.write(dump_json(dict(found)) if as_json else line)
+    sys.stdout.write(dump_json(dict(tree)) if as_json else line)
 
 
 def with_progress(title: str, total: int, start: Callable[..., Finished[R]], piece: str = "piece") -> Finished[R]:

@@ -24,12 +24,12 @@ app = typer.Typer(
 @app.command("info")
 def info(as_json: JsonOption = False) -> None:
     """Show folder, entries and size (example: cpic cache info)."""
-    found = cache_info()
-    size = f"{found.n_entries} entries, {found.size_bytes / 1e6:.1f} MB"
+    cache = cache_info()
+    size = f"{cache.n_entries} entries, {cache.size_bytes / 1e6:.1f} MB"
     if as_json:
-        print_json({"folder": str(found.folder), "n_entries": found.n_entries, "size_bytes": found.size_bytes})
+        print_json({"folder": str(cache.folder), "n_entries": cache.n_entries, "size_bytes": cache.size_bytes})
     else:
-        typer.echo(f"{found.folder}: {size} (CPIC_CACHE_DIR moves it)")
+        typer.echo(f"{cache.folder}: {size} (CPIC_CACHE_DIR moves it)")
 
 
 @app.command("clear")
@@ -84,21 +84,21 @@ def check(
     for path in paths:
         if not path.exists():
             raise InputError("path", str(path), allowed="a file or a folder that exists")
-    found = [item for path in paths for item in check_level0(path)]
+    findings = [item for path in paths for item in check_level0(path)]
     files = {
         file.resolve()
         for path in paths
         for file in ([path] if path.is_file() else path.rglob("*.fits"))
         if path.is_file() or ProductName.parse(file.name) is not None
     }
-    errors = sum(item.severity == "error" for item in found)
+    errors = sum(item.severity == "error" for item in findings)
     result = CheckResult(
         paths=[str(path) for path in paths],
         n_files=len(files),
         n_errors=errors,
-        n_warnings=len(found) - errors,
-        findings=[FindingRecord.of(item, path=str(item.path)) for item in found],
+        n_warnings=len(findings) - errors,
+        findings=[FindingRecord.of(item, path=str(item.path)) for item in findings],
     )
     print_result(result, as_json, partial(report.print_check, result))
-    if errors or (strict and found):
+    if errors or (strict and findings):
         raise typer.Exit(1)

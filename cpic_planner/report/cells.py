@@ -88,7 +88,7 @@ def row_cells(
     list of Cells
     """
     shared = _SHARED if "verdict" in kind.model_fields else {"frames": _SHARED["frames"]}
-    found, named = [], []
+    columns, named = [], []
     for word in layout.split():
         name, _, way = word.partition("/")
         own = special.get(name)
@@ -96,11 +96,11 @@ def row_cells(
             own = replace(shared[name], text=_through(of, shared[name].text))
         if not isinstance(own, Cells):
             own = _column_cells(results.column_of(kind, name), own, of, page)
-        found.append(replace(own, gives_way=int(way or 0)))
+        columns.append(replace(own, gives_way=int(way or 0)))
         named.append(name)
     more = [column for column in results.columns_of(kind) if column.look.console and column.name not in named]
-    found[-1:-1] = [replace(_column_cells(column, None, of, page), gives_way=_SOON) for column in more]
-    return found
+    columns[-1:-1] = [replace(_column_cells(column, None, of, page), gives_way=_SOON) for column in more]
+    return columns
 
 
 def _column_cells(

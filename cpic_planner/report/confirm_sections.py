@@ -45,10 +45,10 @@ class ConfirmReport:
     @property
     def planets(self) -> dict[str, list[results.BandConfirmation]]:
         """Measurements by planet."""
-        found: dict[str, list[results.BandConfirmation]] = {}
+        by_planet: dict[str, list[results.BandConfirmation]] = {}
         for item in self.result.bands:
-            found.setdefault(item.planet, []).append(item)
-        return found
+            by_planet.setdefault(item.planet, []).append(item)
+        return by_planet
 
     @property
     def calibration(self) -> str:
@@ -91,12 +91,12 @@ def _planets(report: ConfirmReport) -> Iterator[doc.Block]:
 _Candidate = tuple[results.SearchRecord, results.CandidateRecord | None]
 
 
-def _first(text: Callable[[results.SearchRecord], str]) -> Callable[[_Candidate], str]:
+def _of_search(text: Callable[[results.SearchRecord], str]) -> Callable[[_Candidate], str]:
     """Cell of a search, in its first row alone."""
     return lambda row: text(row[0]) if row[1] is None or row[1] is row[0].candidates[0] else ""
 
 
-def _named(text: Callable[[results.CandidateRecord], doc.Inline]) -> Callable[[_Candidate], doc.Inline]:
+def _of_candidate(text: Callable[[results.CandidateRecord], doc.Inline]) -> Callable[[_Candidate], doc.Inline]:
     return lambda row: MISSING if row[1] is None else text(row[1])
 
 
@@ -114,16 +114,16 @@ def _separation(row: _Candidate) -> doc.Inline | doc.Span:
 
 _SEARCHED: tuple[doc.Column[_Candidate], ...] = (
     doc.Column("Band", lambda row: row[0].band, look="row left"),
-    doc.Column("Frames × exposure", _first(frames_text), "s"),
-    doc.Column("EM gain", _first(lambda search: significant(search.em_gain))),
-    doc.Column("Resolution elements", _first(lambda search: count_text(round(search.resolution_elements)))),
-    doc.Column("Detections elsewhere", _first(_elsewhere), "of searches"),
+    doc.Column("Frames × exposure", _of_search(frames_text), "s"),
+    doc.Column("EM gain", _of_search(lambda search: significant(search.em_gain))),
+    doc.Column("Resolution elements", _of_search(lambda search: count_text(round(search.resolution_elements)))),
+    doc.Column("Detections elsewhere", _of_search(_elsewhere), "of searches"),
     doc.Column("Separation", _separation, "arcsec"),
-    doc.Column("PA", _named(lambda item: decimals(item.pa_deg, 1)), "deg"),
-    doc.Column("SNR", _named(lambda item: significant(item.snr)), "matched filter"),
-    doc.Column("Threshold", _named(lambda item: significant(item.threshold))),
-    doc.Column("Detected", _named(_detected), look="left"),
-    doc.Column("Planet", _named(lambda item: item.planet or MISSING), look="left"),
+    doc.Column("PA", _of_candidate(lambda item: decimals(item.pa_deg, 1)), "deg"),
+    doc.Column("SNR", _of_candidate(lambda item: significant(item.snr)), "matched filter"),
+    doc.Column("Threshold", _of_candidate(lambda item: significant(item.threshold))),
+    doc.Column("Detected", _of_candidate(_detected), look="left"),
+    doc.Column("Planet", _of_candidate(lambda item: item.planet or MISSING), look="left"),
 )
 
 
@@ -147,16 +147,18 @@ def _search(report: ConfirmReport) -> Iterator[doc.Block]:
     yield doc.table("Blind search", caption, _SEARCHED, rows)
 
 
-def _either(value: float, error: float, places: int) -> str:
+def _with_error(value: float, error: float, places: int) -> str:
     return f"{decimals(value, places)} ± {decimals(error, places)}"
 
 
 _POSITIONS: tuple[doc.Column[results.PositionRecord], ...] = (
     doc.Column("Planet", lambda item: item.planet, look="row left"),
     doc.Column("Bands", lambda item: ", ".join(item.bands), look="left"),
-    doc.Column("Separation", lambda item: _either(item.separation_arcsec, item.separation_error_arcsec, 4), "arcsec"),
+    doc.Column(
+        "Separation", lambda item: _with_error(item.separation_arcsec, item.separation_error_arcsec, 4), "arcsec"
+    ),
     doc.Column("true", lambda item: decimals(item.true_separation_arcsec, 4)),
-    doc.Column("PA", lambda item: _either(item.pa_deg, item.pa_error_deg, 2), "deg"),
+    doc.Column("PA", lambda item: _with_error(item.pa_deg, item.pa_error_deg, 2), "deg"),
     doc.Column("true", lambda item: decimals(item.true_pa_deg, 2)),
 )
 
@@ -177,7 +179,7 @@ _ALBEDOS: tuple[doc.Column[results.AlbedoRecord], ...] = (
 
 
 @doc.section_of(CONFIRM_SECTIONS, "found", "Positions and albedos")
-def _found(report: ConfirmReport) -> Iterator[doc.Block]:
+def _positions_and_albedos(report: ConfirmReport) -> Iterator[doc.Block]:
     result = report.result
     if result.positions:
         caption = "Fitted positions, first realisation that shows the planet in each band, mean of the bands."

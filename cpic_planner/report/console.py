@@ -57,14 +57,14 @@ def print_plan(plan: results.PlanResult, console: Console) -> None:
         print_plain(console, f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}")
     print_comparison(plan, console)
     print_modelled([band for target in plan.targets for band in target.bands], console)
-    found = LIBRARIES[plan.reference_library].found
+    criterion = LIBRARIES[plan.reference_library].found
 
     print_note(
         console,
         "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
-        f"the error of its mean; found: realisations in which {found}; seen at its place: "
+        f"the error of its mean; found: realisations in which {criterion}; seen at its place: "
         "significant at the known place, but not found blind.",
-        f"{count_text(plan.n_ranked)} stars ranked. {_made(plan)}",
+        f"{count_text(plan.n_ranked)} stars ranked. {_setup_text(plan)}",
     )
 
 
@@ -73,17 +73,17 @@ def _measured_cells(layout: str, of: Callable[[Any], results.BandConfirmation]) 
         results.BandConfirmation,
         layout,
         of=of,
-        n_detected=lambda row: found_cell(of(row)),
+        n_detected=lambda row: detections_cell(of(row)),
         recovered_contrast=lambda row: _recovered(of(row)),
         outcome=Cells("outcome", lambda row: outcome_cell(of(row)), right=False),
     )
 
 
-def _made(result: results.PlanResult | results.ConfirmResult) -> str:
+def _setup_text(result: results.PlanResult | results.ConfirmResult) -> str:
     return f"Seed {result.seed}, {summary.dial_text(result)}, configuration {result.config_hash}."
 
 
-def found_cell(item: results.BandConfirmation) -> str:
+def detections_cell(item: results.BandConfirmation) -> str:
     """Return in how many of the realisations the planet is found."""
     return MISSING if item.n_detected is None else f"{item.n_detected}/{item.realisations}"
 
@@ -156,7 +156,7 @@ def print_confirm(result: results.ConfirmResult, console: Console) -> None:
     print_plain(console, *map(position_text, result.positions), *map(albedo_text, result.albedos))
     print_comparison(result, console, measured=bool(rows))
     print_modelled(result.bands, console)
-    print_note(console, _made(result))
+    print_note(console, _setup_text(result))
 
 
 def _recovered(item: results.BandConfirmation) -> str:
@@ -174,7 +174,7 @@ def _print_searches(searches: list[results.SearchRecord], console: Console) -> N
     cells = [
         *row_cells(results.SearchRecord, "band frames/2 em_gain/2", of=lambda row: row[0]),
         *row_cells(results.CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=lambda row: row[1]),
-        Cells("is", lambda row: _kind(row[1]), right=False),
+        Cells("is", lambda row: _candidate_text(row[1]), right=False),
     ]
     elsewhere = sum(search.false_detections for search in searches)
     total = sum(search.realisations for search in searches)
@@ -183,7 +183,7 @@ def _print_searches(searches: list[results.SearchRecord], console: Console) -> N
     print_note(console, f"{elsewhere} {word} no planet of the scene, in {total} searches.")
 
 
-def _kind(item: results.CandidateRecord | None) -> str:
+def _candidate_text(item: results.CandidateRecord | None) -> str:
     if item is None:
         return "nothing"
     return item.planet or ("no planet of the scene" if item.detected else "below the threshold")
@@ -233,7 +233,7 @@ def print_simulation(result: results.SimulationResult, out: Path, console: Conso
     note = "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
     print_note(console, note)
     _print_left_out(result.sequences, console)
-    for line in _places(result.sequences, out):
+    for line in _files_text(result.sequences, out):
         console.print(line, markup=False, soft_wrap=True)
 
 
@@ -264,7 +264,7 @@ def _title(name: str, count: int) -> str:
     return f"{name}: {count_text(count)} sequence{'s' * (count != 1)}"
 
 
-def _places(sequences: Sequence[results.SimulatedSequence], out: Path) -> list[str]:
+def _files_text(sequences: Sequence[results.SimulatedSequence], out: Path) -> list[str]:
     """Files where there are few, folders where there are many."""
     if len(sequences) <= _FEW:
         return [str(out / item.file) for item in sequences]

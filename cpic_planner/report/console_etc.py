@@ -61,8 +61,8 @@ def print_etc(
     best = best_row(result)
     _print_answers(result, console, best, asked)
     _print_verdicts(result, console, best, placed)
-    told = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
-    for row in told:
+    budgeted = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
+    for row in budgeted:
         console.print()
         _print_budget(row, console)
         _print_binding(row, console, explain)
@@ -77,7 +77,7 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
         "status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
         value=Cells("answer", _answer),
-        held=Cells("held by", _held, right=False),
+        held=Cells("held by", _limits_cell, right=False),
     )
     question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
     star = f"{full_name(result.target, result.hip)}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc"
@@ -89,34 +89,34 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
 
 def _print_verdicts(result: EtcResult, console: Console, best: EtcAnswer | None, placed: bool) -> None:
     """Say what of the answers is a detection, how likely it is, and what is missing."""
-    told = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
-    if not told:
+    rated = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
+    if not rated:
         return
-    many = len({row.band for row in told}) < len(told)
+    many = len({row.band for row in rated}) < len(rated)
     if best is not None and best.verdict == "measured_not_detected":
         levels = f"{significant(best.significance)} and the threshold {significant(best.threshold)}"
-        text = f"The answer in {_name(best, many)} is not a detection: the significance is {levels}."
+        text = f"The answer in {_answer_name(best, many)} is not a detection: the significance is {levels}."
         if best.question == "exposure_time" and not placed:
             text += (
                 " The planet was put where the level takes the least time, often at the inner edge of the dark "
                 "hole, where the threshold is highest; --detect asks for a detection."
             )
         print_note(console, text)
-    missed = [row for row in told if row.verdict == "measured_not_detected"]
+    missed = [row for row in rated if row.verdict == "measured_not_detected"]
     causes = []
     for limit in dict.fromkeys(row.limited_by for row in missed if row.limited_by is not None):
-        where = ", ".join(_name(row, many) for row in missed if row.limited_by == limit)
+        where = ", ".join(_answer_name(row, many) for row in missed if row.limited_by == limit)
         causes.append(f"{where} by {words.LIMITED_BY[limit][1]}")
     if causes:
         print_note(console, f"Not detected in this time; limited: {'; '.join(causes)}.")
     odds = []
-    for row in told:
+    for row in rated:
         blind, known_place = row.detection_probability, row.detection_probability_known_place
         if blind is not None and known_place is not None:
-            odds.append(f"{_name(row, many)} {share_text(blind)} and {share_text(known_place)} %")
+            odds.append(f"{_answer_name(row, many)} {share_text(blind)} and {share_text(known_place)} %")
     if odds:
         print_note(console, f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
-    if any(row.verdict == "detected" for row in told):
+    if any(row.verdict == "detected" for row in rated):
         law = default_law()
         print_note(
             console,
@@ -125,7 +125,7 @@ def _print_verdicts(result: EtcResult, console: Console, best: EtcAnswer | None,
         )
 
 
-def _held(row: EtcAnswer) -> str:
+def _limits_cell(row: EtcAnswer) -> str:
     """What binds exposure and gain, in few words."""
     limits = ("t", row.exposure_limited_by), ("g", row.gain_limited_by)
     parts = [f"{name}: {words.short_limit(limit)}" for name, limit in limits if limit]
@@ -149,7 +149,7 @@ def _print_budget(row: EtcAnswer, console: Console) -> None:
     if room >= _FEWEST_CELLS:
         cells.append(Cells("", lambda name: _bar(terms[name] / largest, room, console), right=False))
     signal = significant(row.budget.get("signal_e"))
-    title = f"Noise in {_name(row)}: {significant(total**0.5)} e- rms under a signal of {signal} e-"
+    title = f"Noise in {_answer_name(row)}: {significant(total**0.5)} e- rms under a signal of {signal} e-"
     print_table(console, title, cells, shown, last_width=_BAR_CELLS)
 
 
@@ -225,9 +225,9 @@ def print_fidelity(result: EtcResult, console: Console) -> None:
         _print_checks(record, asked, console)
     for item, row in alone:
         error = error_text(item.predicted_error or {})
-        print_note(console, f"{_name(row)}: closed forms are enough; their stated error is at most {error}.")
+        print_note(console, f"{_answer_name(row)}: closed forms are enough; their stated error is at most {error}.")
     for text in dict.fromkeys(item.message for item, _ in rows if item.message):
-        names = ", ".join(_name(row) for item, row in rows if item.message == text)
+        names = ", ".join(_answer_name(row) for item, row in rows if item.message == text)
         print_note(console, f"{names}: {text}.")
     if not rows:
         print_note(console, "No answer has frames that could be checked in images.")
@@ -241,7 +241,7 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswe
             "predicted_snr snr snr_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",
             of=lambda pair: pair[0].images,
             predicted_snr=lambda pair: significant(pair[0].images.predicted_snr if pair[0].images else pair[1].snr),
-            n_found=_found,
+            n_found=_detections,
             agrees=Cells("", _agreement, right=False),
         ),
     ]
@@ -259,7 +259,7 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswe
     )
 
 
-def _found(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
+def _detections(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
     images = pair[0].images
     return MISSING if images is None else f"{images.n_found} of {images.realisations}"
 
@@ -271,5 +271,5 @@ def _agreement(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
     return "agrees" if item.images.agrees else "differs"
 
 
-def _name(row: EtcAnswer, placed: bool = True) -> str:
+def _answer_name(row: EtcAnswer, placed: bool = True) -> str:
     return f"{row.band} at {row.separation_arcsec:.3f}″" if placed else row.band

@@ -61,7 +61,7 @@ def _cells() -> list[Cells]:
         KnownPlanetRow,
         "planet distance_pc/5 period_days/4 semi_major_axis_au/3 eccentricity/6 mass_mjup/7 radius_rjup/8 "
         "separation_arcsec phase_deg/1 contrast in_hole/2 phase_known/2 status",
-        planet=_name,
+        planet=_planet_name,
         separation_arcsec=lambda row: _with_width(row.separation_arcsec, 3),
         phase_deg=lambda row: _with_width(row.phase_deg, 0),
         contrast=Cells("contrast", lambda row: ratio_text(row.bands[0].contrast.median)),
@@ -70,17 +70,17 @@ def _cells() -> list[Cells]:
     )
 
 
-def _name(row: KnownPlanetRow) -> str:
+def _planet_name(row: KnownPlanetRow) -> str:
     return f"{pretty_name(row.star)} {row.planet.rpartition(' ')[2]}"
 
 
 def _print_standing(row: KnownPlanetRow, console: Console) -> None:
     """Print how sure a planet is, who says so, and where its orbit was published."""
-    said = [f"{_name(row)}: {row.status}" + (", not counted" if row.status in _LISTED else "")]
-    said += [f"Status from {row.status_reference}"] if row.status_reference else []
-    said += [row.note[0].upper() + row.note[1:]] if row.note else []
-    said += [f"Orbit from {row.reference}"] if row.reference else []
-    print_plain(console, ". ".join(said) + ".")
+    sentences = [f"{_planet_name(row)}: {row.status}" + (", not counted" if row.status in _LISTED else "")]
+    sentences += [f"Status from {row.status_reference}"] if row.status_reference else []
+    sentences += [row.note[0].upper() + row.note[1:]] if row.note else []
+    sentences += [f"Orbit from {row.reference}"] if row.reference else []
+    print_plain(console, ". ".join(sentences) + ".")
 
 
 def _with_width(value: Quantiles, digits: int) -> str:
@@ -91,14 +91,14 @@ def _print_windows(row: KnownPlanetRow, result: KnownResult, console: Console) -
     """Print the days on which the dark hole covers a planet, band by band."""
     years = f"{result.years:g} years from {result.date_utc[:10]}"
     if not row.windows:
-        print_plain(console, f"{_name(row)}: in no band more likely than not in the dark hole within {years}")
+        print_plain(console, f"{_planet_name(row)}: in no band more likely than not in the dark hole within {years}")
         return
     for hole in result.holes:
         mine = [window for window in row.windows if window.band == hole.band]
         spans = ", ".join(f"{w.start_utc} to {w.end_utc} (best {w.best_utc}: {w.best_share:.0%})" for w in mine[:6])
         more = f" and {len(mine) - 6} more" if len(mine) > 6 else ""
         if mine:
-            print_plain(console, f"{_name(row)}, {hole.band}: in the dark hole {spans}{more}")
+            print_plain(console, f"{_planet_name(row)}, {hole.band}: in the dark hole {spans}{more}")
 
 
 _SEASONS = 6

@@ -34,7 +34,7 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> N
         results.RankedTarget,
         f"rank name v_mag/3 distance_pc/2 {own}completeness completeness_band/7 band/1 separation_arcsec/4 contrast/5 "
         "frames/9 em_gain/10 time_s/8 snr/2 detection_margin detection_probability status",
-        score=_score(rank.score_name),
+        score=_score_cells(rank.score_name),
     )
     print_table(console, title, cells, shown, explained=True)
     planet = rank.reference_planet
@@ -64,7 +64,7 @@ def _zeros(rank: results.RankResult) -> str:
     return f" {stars} above zero; the others follow by the margin of the reference planet, not by the score."
 
 
-def _score(name: str) -> Cells:
+def _score_cells(name: str) -> Cells:
     return Cells(SCORES[name].label, lambda row: score_number(row.score, name))
 
 
@@ -123,7 +123,7 @@ def _print_neighbours(explanation: results.Explanation, console: Console) -> Non
     cells = row_cells(
         results.RankedTarget,
         "rank name score completeness/1 completeness_band/5 v_mag/3 distance_pc/4 detection_margin/2 status",
-        score=_score(explanation.score_name),
+        score=_score_cells(explanation.score_name),
     )
     rows = [row for row in (explanation.better, explanation.star, explanation.worse) if row is not None]
     print_table(console, "Between its neighbours", cells, rows)
@@ -216,8 +216,8 @@ def _print_differences(result: results.WhatIfResult, names: set[str], console: C
     """Paired differences with the first strategy."""
     reference = result.strategies[0].name
     by = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
-    found = [(item.name, by.get((item.name, "planets"))) for item in result.strategies[1:] if item.name in names]
-    rows = [(name, item) for name, item in found if item is not None]
+    pairs = [(item.name, by.get((item.name, "planets"))) for item in result.strategies[1:] if item.name in names]
+    rows = [(name, item) for name, item in pairs if item is not None]
 
     def mean(name: str, quantity: Any, places: int) -> str:
         item = by.get((name, quantity))

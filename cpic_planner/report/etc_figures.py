@@ -122,9 +122,9 @@ def etc_curves(
     def against_separation(band: str) -> SeparationCurve:
         grid = separation_grid(model, band)
         places = grid.tolist()
-        found = contrast_limit(model, star, time_s=time_s, separation_arcsec=places, bands=[band], **settings)
+        limit_answers = contrast_limit(model, star, time_s=time_s, separation_arcsec=places, bands=[band], **settings)
         planets = ((row.separation_arcsec, row.contrast) for row in answers if row.band == band and row.contrast)
-        limits = np.array([np.nan if one.value is None else one.value for one in found])
+        limits = np.array([np.nan if one.value is None else one.value for one in limit_answers])
         return SeparationCurve(band, grid, limits, tuple(planets))
 
     drawn = [answer for answer in answers if answer.band == best_band or not several]

@@ -57,10 +57,10 @@ def yields_figure(result: WhatIfResult) -> Picture:
         figure, (left, right) = _rowed(result, rows, 2)
         for axes, quantity in ((left, "planets"), (right, "new_planets")):
             for place, i in enumerate(rows):
-                found: EstimateRecord = getattr(result.strategies[i], quantity)
-                ends = [found.survey_low, found.survey_high]
+                estimate: EstimateRecord = getattr(result.strategies[i], quantity)
+                ends = [estimate.survey_low, estimate.survey_high]
                 axes.plot(ends, [place, place], color=looks[i][0], lw=1.2, marker="|", ms=6)
-                _mean(axes, place, found, looks[i])
+                _draw_mean(axes, place, estimate, looks[i])
             axes.set_xlim(left=-0.02 * axes.get_xlim()[1])
         left.set_xlabel("planets found, new and known")
         right.set_xlabel("new planets found")
@@ -87,20 +87,20 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
     reference = result.strategies[0].name
     places = {result.strategies[i].name: i for i in shown_rows(result.strategies) if i > 0}
     looks = looks_of(result.strategies)
-    found = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
+    by_pair = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
     rows = list(places.values())
     with style():
         figure, panels = _rowed(result, rows, 2)
         for axes, quantity in zip(panels, _DIFFERENCES, strict=True):
             for place, (name, i) in enumerate(places.items()):
-                item = found.get((name, quantity))
+                item = by_pair.get((name, quantity))
                 if item is not None:
                     sure = item.low > 0.0 or item.high < 0.0
                     look = looks[i] if sure else ("#8C8C8C", looks[i][1])
-                    _mean(axes, place, item, look, sure=sure)
+                    _draw_mean(axes, place, item, look, sure=sure)
             axes.axvline(0.0, color="#111111", lw=1.1, ls="--", zorder=1)
             axes.set_xlabel(f"{quantity.replace('_', ' ')}, difference a survey")
-        better = [name for name in places if (item := found.get((name, "planets"))) is not None and item.low > 0]
+        better = [name for name in places if (item := by_pair.get((name, "planets"))) is not None and item.low > 0]
         return save(
             figure,
             alt=f"Differences with {reference} in planets found; surely more: {', '.join(better[:FEW]) or 'none'}"
@@ -140,10 +140,10 @@ def time_figure(result: WhatIfResult) -> Picture:
         axes.set_xlabel("telescope time a survey (h)")
         figure.legend(loc="outside upper center", ncols=5, fontsize=9, handlelength=1.6, columnspacing=1.4)
         cut = bool((used + unused).max() > end)
-        told = [f"{result.strategies[i].name} {significant(hours)} h" for i, hours in zip(rows, used, strict=True)]
+        totals = [f"{result.strategies[i].name} {significant(hours)} h" for i, hours in zip(rows, used, strict=True)]
         return save(
             figure,
-            alt=f"Stacked bars of telescope time by what it is used for; in all {', '.join(told[:FEW])}.",
+            alt=f"Stacked bars of telescope time by what it is used for; in all {', '.join(totals[:FEW])}.",
             caption="Where the telescope time goes, mean over universes. Exposing: science and reference frames with "
             "readouts. Target out of sight: behind the Earth, in the South Atlantic Anomaly, or too little of an orbit "
             "left for a frame."
@@ -169,7 +169,7 @@ def detections_figure(result: WhatIfResult) -> Picture | None:
             for place, i in enumerate(rows):
                 levels = result.strategies[i].quantiles.get(name)
                 if levels is not None:
-                    _box(axes, place, [scale * level for level in levels], looks[i][0])
+                    _draw_quantiles(axes, place, [scale * level for level in levels], looks[i][0])
             if log:
                 drawing.plain_log_axis(axes)
             axes.set_xlabel(title)
@@ -184,14 +184,14 @@ def detections_figure(result: WhatIfResult) -> Picture | None:
         )
 
 
-def _box(axes: Axes, place: int, levels: Sequence[float], colour: str) -> None:
+def _draw_quantiles(axes: Axes, place: int, levels: Sequence[float], colour: str) -> None:
     lowest, low, middle, high, highest = levels
     axes.plot([lowest, highest], [place, place], color=colour, lw=1.2, solid_capstyle="butt")
     axes.barh(place, high - low, left=low, height=0.46, color=colour, alpha=0.35, edgecolor=colour, lw=1.0)
     axes.plot([middle, middle], [place - 0.23, place + 0.23], color="#111111", lw=1.6, solid_capstyle="butt")
 
 
-def _mean(
+def _draw_mean(
     axes: Axes, place: int, item: EstimateRecord | DifferenceRecord, look: tuple[str, str], *, sure: bool = True
 ) -> None:
     colour, marker = look

@@ -103,12 +103,12 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandCo
     Picture or None
         None where nothing was measured.
     """
-    seen = [item for item in bands if item.recovered_contrast is not None]
+    measured = [item for item in bands if item.recovered_contrast is not None]
     lights = {row.name: row.light for row in spectrum_generator(scene) if isinstance(row.light, LitPlanet)}
-    names = [planet.name for planet in scene.planets if any(item.planet == planet.name for item in seen)]
+    names = [planet.name for planet in scene.planets if any(item.planet == planet.name for item in measured)]
     if not names:
         return None
-    edges = [instrument.bands[item.band] for item in seen]
+    edges = [instrument.bands[item.band] for item in measured]
     low = min(band.center_nm - 0.5 * band.width_nm for band in edges) - _MARGIN_NM
     high = max(band.center_nm + 0.5 * band.width_nm for band in edges) + _MARGIN_NM
     with style():
@@ -122,7 +122,7 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandCo
             inside = (light.wavelength_nm >= low) & (light.wavelength_nm <= high)
             x, y = light.wavelength_nm[inside], light.contrast[inside]
             axes.plot(x, y, color=colour, lw=1.0, alpha=0.55, label=literal(f"{name}: input"))
-            own = [item for item in seen if item.planet == name]
+            own = [item for item in measured if item.planet == name]
             centre = np.array([instrument.bands[item.band].center_nm for item in own])
             half = np.array([0.5 * instrument.bands[item.band].width_nm for item in own])
             true, value, error, mean = (
@@ -139,9 +139,10 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandCo
         if min(heights) > 0 and max(heights) > _CONTRAST_SPAN * min(heights):
             axes.set_yscale("log")
         figure.legend(loc="outside right upper", alignment="left")
+        drawn = f"{', '.join(names)} in {len(measured)} measurements"
         return save(
             figure,
-            alt=f"Recovered contrasts of {', '.join(names)} in {len(seen)} measurements, on the spectrum of the scene.",
+            alt=f"Recovered contrasts of {drawn}, on the spectrum of the scene.",
             caption="Points: mean contrast over the realisations, the thick bar its error, the thin bar that of one "
             "observation. Curve: the contrast of the scene; black dashes: its mean over each band, weighted with the "
             "star's detected light, which is what a measurement should give.",
@@ -179,7 +180,7 @@ def _contrast_error(band: BandConfirmation) -> doc.Inline:
     return doc.lines(f"± {contrast_text(band.contrast_error, 2)}", f"± {contrast_text(band.contrast_mean_error, 2)}")
 
 
-def _found_at(band: BandConfirmation) -> doc.Inline:
+def _position(band: BandConfirmation) -> doc.Inline:
     if band.found_separation_arcsec is None:
         return MISSING
     return doc.lines(
@@ -214,7 +215,7 @@ def _quantities() -> list[doc.Column[BandConfirmation]]:
         predicted_error=Cells("", _predicted_error, label="predicted error of the images", unit="beside the reference"),
         n_detected=lambda band: _of(band.n_detected, band.realisations),
         n_significant=lambda band: _of(band.n_significant, band.realisations),
-        found=Cells("", _found_at, label="found at", unit="first realisation that finds it"),
+        found=Cells("", _position, label="found at", unit="first realisation that finds it"),
         contrast_error=Cells("", _contrast_error, label="its error", unit="one observation; mean"),
         star_flux=_star_flux,
         verdict=_verdict,

@@ -111,7 +111,7 @@ class PanelSheet:
                 self._figure,
                 "png",
                 alt=f"{pretty_name(name)} in {panels.band}: summed science frames, summed reference frames, and the "
-                f"residual after subtraction{_places(panels)}.",
+                f"residual after subtraction{_planets_text(panels)}.",
                 caption=f"{panels.band}; aperture radius {panels.aperture_radius_arcsec:.3f} arcsec.",
             )
         for column in self._columns:
@@ -130,13 +130,13 @@ class _Column:
         self.ink = "black" if self.searched else "white"
         colours = drawing.RESIDUAL_COLOURS if self.searched else drawing.STACK_COLOURS
         palette = mpl.colormaps[colours].with_extremes(bad="#D8D8D8")
-        self.axes = figure.add_axes(_box(place, 0.0, _BOTTOM, _PANEL))
+        self.axes = figure.add_axes(_column_box(place, 0.0, _BOTTOM, _PANEL))
         self.image = self.axes.imshow(np.zeros((1, 1)), origin="lower", cmap=palette, interpolation="nearest")
         for axis in (self.axes.xaxis, self.axes.yaxis):
             axis.set_major_locator(MaxNLocator(5, symmetric=True))
         self.axes.set(title=_TITLES[place], xlabel="x offset (arcsec)", ylabel="" if place else "y offset (arcsec)")
         self.axes.tick_params(labelleft=place == 0)
-        self.bar = _bar(figure.add_axes(_box(place, _BAR_INSET, _BAR_BOTTOM, _BAR)), palette)
+        self.bar = _bar(figure.add_axes(_column_box(place, _BAR_INSET, _BAR_BOTTOM, _BAR)), palette)
         self.kept = set(self.axes.get_children())
 
     def fill(self, panels: Panels, image: FloatArray, norm: Normalize, ticks: Sequence[float]) -> None:
@@ -159,7 +159,7 @@ class _Column:
             artist.remove()
 
 
-def _box(place: int, inset: float, bottom: float, height: float) -> tuple[float, float, float, float]:
+def _column_box(place: int, inset: float, bottom: float, height: float) -> tuple[float, float, float, float]:
     """Left, bottom, width and height of what stands in a column, as fractions of the figure."""
     left = _LEFT + place * (_PANEL + _GAP) + inset
     return left / WIDTH_INCHES, bottom / _HEIGHT, (_PANEL - 2.0 * inset) / WIDTH_INCHES, height / _HEIGHT
@@ -181,7 +181,7 @@ def _bar(axes: Axes, palette: Colormap) -> Axes:
     return axes
 
 
-def _places(panels: Panels) -> str:
+def _planets_text(panels: Panels) -> str:
     """Where planets are, for those who cannot see it."""
     at = [
         f"{mark.label or 'the planet'} is at x {decimals(mark.x_arcsec, 2)}, y {decimals(mark.y_arcsec, 2)} arcsec"

@@ -118,7 +118,7 @@ _FIRST: tuple[doc.Column[_Pick], ...] = (
 
 
 @doc.section_of(PLAN_SECTIONS, "first", "What to observe first")
-def _first(report: PlanReport) -> Iterator[doc.Block]:
+def _observe_first(report: PlanReport) -> Iterator[doc.Block]:
     plan = report.plan
     if plan.targets:
         caption = (
@@ -140,12 +140,12 @@ def _first(report: PlanReport) -> Iterator[doc.Block]:
 
 @doc.section_of(PLAN_SECTIONS, "sensitivity", "What the ranking depends on")
 def _sensitivity(report: PlanReport) -> Iterator[doc.Block]:
-    found = report.sensitivity
-    if found is None:
+    sensitivity = report.sensitivity
+    if sensitivity is None:
         return
 
     def counted(row: results.SensitivityRow) -> doc.Inline:
-        badge = doc.badge("unreachable", "decides") if row.assumption in found.decides else ""
+        badge = doc.badge("unreachable", "decides") if row.assumption in sensitivity.decides else ""
         return doc.lines(count_text(row.n_ok), badge)
 
     def fall(row: results.SensitivityRow) -> str:
@@ -156,19 +156,19 @@ def _sensitivity(report: PlanReport) -> Iterator[doc.Block]:
         results.SensitivityRow,
         "text:row,text n_ok kendall_tau_b n_compared kept largest_fall best",
         n_ok=counted,
-        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {found.top}"),
+        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {sensitivity.top}"),
         largest_fall=fall,
         best=lambda row: pretty_name(row.best),
     )
     caption = (
-        f"The same {count_text(found.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
-        f"{count_text(found.n_ok)} reference planets are detected. Tau: {words.tau_text(found.top)}. An assumption "
-        "decides the ranking if it changes the number of detected reference planets by "
-        f"{100 * found.deciding_share:g} % or more, or if tau is below {found.deciding_tau:g}. "
-        f"Kept: how many of the nominal first {found.top} stay there."
+        f"The same {count_text(sensitivity.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
+        f"{count_text(sensitivity.n_ok)} reference planets are detected. Tau: {words.tau_text(sensitivity.top)}. An "
+        "assumption decides the ranking if it changes the number of detected reference planets by "
+        f"{100 * sensitivity.deciding_share:g} % or more, or if tau is below {sensitivity.deciding_tau:g}. "
+        f"Kept: how many of the nominal first {sensitivity.top} stay there."
     )
-    yield doc.Paragraph(found.statement, "lead" if found.decides else "")
-    yield doc.table("Sensitivity of the ranking", caption, columns, found.rows)
+    yield doc.Paragraph(sensitivity.statement, "lead" if sensitivity.decides else "")
+    yield doc.table("Sensitivity of the ranking", caption, columns, sensitivity.rows)
 
 
 @doc.section_of(PLAN_SECTIONS, "figures", "Figures")

@@ -70,15 +70,15 @@ def _completeness(axes: Axes, rows: list[RankedTarget], looks: dict[str, tuple[s
 
 
 def _margins(axes: Axes, rows: list[RankedTarget]) -> None:
-    seen = [(i, row) for i, row in enumerate(rows) if row.detection_margin > 0]
+    with_margin = [(i, row) for i, row in enumerate(rows) if row.detection_margin > 0]
     for status, (colour, marker) in STATUS_STYLE.items():
-        own = [(row.detection_margin, i) for i, row in seen if row.status == status]
+        own = [(row.detection_margin, i) for i, row in with_margin if row.status == status]
         if own:
             axes.plot(*zip(*own, strict=True), marker=marker, ms=6, ls="none", color=colour, label=status_text(status))
     axes.axvline(1.0, color="#111111", lw=1.2, ls="--", zorder=1)
-    if seen:
+    if with_margin:
         axes.set_xscale("log")
-        margins = [row.detection_margin for _, row in seen]
+        margins = [row.detection_margin for _, row in with_margin]
         axes.set_xlim(min(0.5, 0.7 * min(margins)), max(2.0, 1.4 * max(margins)))
         drawing.plain_ticks(axes.xaxis, 1.0, 3.0)
         axes.legend(**_LEGEND)
@@ -102,11 +102,11 @@ def margin_figure(rank: RankResult) -> Picture:
             low, high = min(low, -0.05), max(high, 0.05)
             step = (high - low) / _N_BINS  # bins start at 1, so that no bin mixes detections with the rest
             edges = 10.0 ** (step * np.arange(np.floor(low / step), np.ceil(high / step) + 1))
-            shown = {
-                s: [max(row.detection_margin, edges[0]) for row in rows if row.status == s and row.detection_margin > 0]
-                for s in STATUS_STYLE
-            }
-            groups = {s: margins for s, margins in shown.items() if margins}
+            groups: dict[str, list[float]] = {}
+            for row in rows:
+                if row.detection_margin > 0:
+                    groups.setdefault(row.status, []).append(max(row.detection_margin, edges[0]))
+            groups = {status: groups[status] for status in STATUS_STYLE if status in groups}
             colours = [STATUS_STYLE[s][0] for s in groups]
             labels = [f"{status_text(s)} ({len(margins)})" for s, margins in groups.items()]
             bins = edges.tolist()
@@ -131,9 +131,8 @@ def margin_figure(rank: RankResult) -> Picture:
 
 def _outcomes(axes: Axes, rank: RankResult) -> None:
     """Horizontal bars, most frequent on top."""
-    found = {row.limited_by or row.reason or "none": row.status for row in rank.targets}
+    status_of = {row.limited_by or row.reason or "none": row.status for row in rank.targets} | {"ok": "ok"}
     items = sorted((rank.counts_limited_by or rank.counts).items(), key=lambda item: (item[1], item[0]))
-    status_of = found | {"ok": "ok"}
     names = [LIMITED_BY[key][0] if key in LIMITED_BY else _wrapped(reason_text(key) or "detected") for key, _ in items]
     counts = [count for _, count in items]
     colours = [STATUS_STYLE.get(status_of.get(key, "unreachable"), STATUS_STYLE["unreachable"])[0] for key, _ in items]
@@ -165,7 +164,7 @@ def marker_area(v_mag: ArrayLike) -> NDArray[np.float64]:
     return np.clip(8.0 * 10.0 ** (0.15 * (7.0 - np.asarray(v_mag, float))), 7.0, 110.0)
 
 
-def _places(rows: Sequence[RankedTarget]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _map_positions(rows: Sequence[RankedTarget]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Map longitudes and latitudes (rad) of stars that have a position."""
     latitude = np.deg2rad(np.array([row.dec_deg for row in rows], np.float64))
     return map_longitude(np.array([row.ra_deg for row in rows], np.float64)), latitude
@@ -224,19 +223,19 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
             for step in sorted({round(2.0 * row.v_mag) for row in chosen}, key=lambda step: abs(step - 8)):
                 group = [row for row in chosen if round(2.0 * row.v_mag) == step]
                 look = drawing.status_look(status, faint=0.5)
-                axes.scatter(*_places(group), s=float(marker_area(step / 2.0)), label=label, **look)
+                axes.scatter(*_map_positions(group), s=float(marker_area(step / 2.0)), label=label, **look)
                 label = "_nolegend_"
         ringed = [row for row in rows if row.name in confirmed]
         if ringed:
             areas = marker_area([row.v_mag for row in ringed]) + RING_AREA
-            axes.scatter(*_places(ringed), s=areas, label=f"simulated as images ({len(ringed)})", **drawing.RING)
+            axes.scatter(*_map_positions(ringed), s=areas, label=f"simulated as images ({len(ringed)})", **drawing.RING)
         handles, texts = axes.get_legend_handles_labels()
         for v_mag in (1, 4, 7):
             handles.append(axes.scatter([], [], s=marker_area(v_mag), c="#555555", linewidths=0))
             texts.append(f"V = {v_mag}")
         figure.legend(handles, texts, loc="outside lower center", ncols=4, handletextpad=0.4, columnspacing=1.6)
         chosen = ringed + [row for row in rows[:labelled] if row.name not in confirmed]
-        longitude, latitude = _places(chosen)
+        longitude, latitude = _map_positions(chosen)
         names = [literal(pretty_name(row.name)) for row in chosen]
         reach = [_radius_px(row.v_mag, row.name in confirmed) for row in chosen]
         place_labels(

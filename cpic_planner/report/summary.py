@@ -29,8 +29,8 @@ def planet_text(result: results.PlanResult | results.RankResult) -> str:
 def population_text(population: results.PopulationRecord) -> str:
     """Return the population in words."""
     often = "" if population.planets_per_star is None else f"{population.planets_per_star:g} planets per star"
-    said = ", ".join(filter(None, (population.description, often)))
-    name = f"{population.name} ({said})" if said else population.name
+    details = ", ".join(filter(None, (population.description, often)))
+    name = f"{population.name} ({details})" if details else population.name
     meaning = "fraction of it that one observation detects"
     if population.name == results.KNOWN_PLANETS:
         meaning = "probability that at least one of the star's own planets is detected"
@@ -76,22 +76,22 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
     if not plan.targets:
         return [*sentences, "No target was confirmed with simulated images."]
     picks = [(target, chosen(target)) for target in plan.targets]
-    found = [(target, band) for target, band in picks if band is not None and band.detected]
+    confirmed = [(target, band) for target, band in picks if band is not None and band.detected]
     measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]
     detections = sum(bool(band.detected) for band in measured)
     searched = LIBRARIES[plan.reference_library].searched
     sentences.append(
         f"The first {_plural(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
         f"times in every band in reach, reduced, {searched}: the planet is found around "
-        f"{len(found)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
+        f"{len(confirmed)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
     )
-    if found:
-        target, band = found[0]
+    if confirmed:
+        target, band = confirmed[0]
         sentences.append(
             f"Highest ranked and confirmed is {pretty_name(target.name)} in {band.band}: SNR "
             f"{significant(band.recovered_snr)} recovered, {significant(band.predicted_snr)} predicted."
         )
-        counts = Counter(band.band for _, band in found)
+        counts = Counter(band.band for _, band in confirmed)
         picked = ", ".join(f"{band} ({count})" for band, count in counts.most_common())
         sentences.append(f"Chosen bands, with number of targets: {picked}.")
     return sentences
@@ -108,12 +108,14 @@ def confirm_sentences(result: results.ConfirmResult) -> list[str]:
     ]
     for planet in planets:
         own = [band for band in result.bands if band.planet == planet]
-        seen = [band for band in own if band.recovered_snr is not None]
-        if not seen:
+        measured = [band for band in own if band.recovered_snr is not None]
+        if not measured:
             sentences.append(f"{planet} was not observed: {', '.join(sorted({band.message for band in own}))}.")
             continue
-        found = ", ".join(f"{band.band} ({band.n_detected} of {band.realisations})" for band in seen if band.detected)
-        sentences.append(f"{planet} is found in {found}." if found else f"{planet} is found in no band.")
+        bands_found = ", ".join(
+            f"{band.band} ({band.n_detected} of {band.realisations})" for band in measured if band.detected
+        )
+        sentences.append(f"{planet} is found in {bands_found}." if bands_found else f"{planet} is found in no band.")
     if not planets:
         sentences.append("The scene has no planet in the field: there is nothing to compare with a prediction.")
     return sentences
@@ -241,7 +243,7 @@ def modelled_groups(named: Sequence[tuple[str, results.ModellingRecord]]) -> lis
 
 def _group(members: list[tuple[str, results.ModellingRecord]]) -> ModelledGroup:
     record = members[0][1]
-    found = _largest([item for _, item in members])
+    largest = _largest([item for _, item in members])
     asked = f" (asked: at most {error_text(record.tolerance)})" if any(record.tolerance.values()) else ""
     knobs = record.knobs
     rows = [_row(index, members) for index in range(len(record.effects))]
@@ -252,20 +254,20 @@ def _group(members: list[tuple[str, results.ModellingRecord]]) -> ModelledGroup:
         knobs=f"{_REGIONS[record.region]}; {knobs.pupil_samples} samples across the pupil, {knobs.wavelength_nodes} "
         f"wavelength{'s' * (knobs.wavelength_nodes != 1)} a band, {knobs.pixel_nodes} × {knobs.pixel_nodes} nodes a "
         f"pixel, {knobs.precision} precision; wavefront at {record.epochs} epoch{'s' * (record.epochs != 1)} a visit",
-        errors=f"{error_text(found)}{asked}",
-        rows=tuple(sorted(rows, key=lambda row: -_order(row.effect))),
+        errors=f"{error_text(largest)}{asked}",
+        rows=tuple(sorted(rows, key=lambda row: -_size_order(row.effect))),
     )
 
 
 def _row(index: int, members: list[tuple[str, results.ModellingRecord]]) -> ModelledRow:
-    name, record = max(members, key=lambda member: _order(member[1].effects[index]))
+    name, record = max(members, key=lambda member: _size_order(member[1].effects[index]))
     sizes = {item.effects[index].size for _, item in members}
     row = record.effects[index]
     size = "" if row.size is None else _percent(row.size)
-    return ModelledRow(row, name if len(sizes) > 1 else "", size, _word(row))
+    return ModelledRow(row, name if len(sizes) > 1 else "", size, _decision_text(row))
 
 
-def _word(row: results.EffectRecord) -> str:
+def _decision_text(row: results.EffectRecord) -> str:
     if row.decision == "kept":
         return "kept"
     if row.key in _COARSER:
@@ -273,7 +275,7 @@ def _word(row: results.EffectRecord) -> str:
     return "as sums" if row.key == "summed_frames" else "left out"
 
 
-def _order(row: results.EffectRecord) -> float:
+def _size_order(row: results.EffectRecord) -> float:
     """Rows without a size are kept whatever happens: they stand behind those with one, before what is not there."""
     return row.size if row.size else 0.5 * _LEAST * _LEAST if row.size is None else 0.0
 

@@ -96,13 +96,13 @@ def roc_figure(curves: Mapping[str, RocCurve], *, title: str) -> Picture:
 
 
 def completeness_figure(
-    found: CompletenessMap, *, title: str, predicted: tuple[FloatArray, FloatArray] | None = None
+    completeness: CompletenessMap, *, title: str, predicted: tuple[FloatArray, FloatArray] | None = None
 ) -> Picture:
     """Draw the fraction of injected planets that were recovered, with the contour of one half.
 
     Parameters
     ----------
-    found : CompletenessMap
+    completeness : CompletenessMap
         At least 2 separations and 2 contrasts.
     title : str
         Star and band.
@@ -113,25 +113,30 @@ def completeness_figure(
         figure = new_figure(4.6)
         axes = figure.add_subplot()
         look: Look = {"cmap": drawing.STACK_COLOURS, "vmin": 0.0, "vmax": 1.0, "shading": "nearest"}
-        mesh = axes.pcolormesh(found.separation_arcsec, found.contrast, found.fraction.T, **look)
-        figure.colorbar(mesh, ax=axes, label=f"recovered at {found.sigma:g} sigma ({found.n_injected} a cell)")
+        mesh = axes.pcolormesh(completeness.separation_arcsec, completeness.contrast, completeness.fraction.T, **look)
+        figure.colorbar(
+            mesh, ax=axes, label=f"recovered at {completeness.sigma:g} sigma ({completeness.n_injected} a cell)"
+        )
         sides = axes.get_xlim()
-        half = found.contrast_at(0.5)
+        half = completeness.contrast_at(0.5)
         there = np.isfinite(half)
         look = {"color": "white", "lw": 2.6, "marker": "o", "ms": 5, "markeredgecolor": "black"}
-        axes.plot(found.separation_arcsec[there], half[there], label="half recovered", **look)
+        axes.plot(completeness.separation_arcsec[there], half[there], label="half recovered", **look)
         if predicted is not None:
             axes.plot(*predicted, color="#D55E00", ls="--", lw=2.2, label="limit of the ETC")
         axes.set(yscale="log", xlabel="separation (arcsec)", ylabel="contrast (planet-to-star flux ratio)")
         axes.set_xlim(sides)
-        axes.set_ylim(found.contrast[0] / _half_step(found.contrast), found.contrast[-1] * _half_step(found.contrast))
+        axes.set_ylim(
+            completeness.contrast[0] / _half_step(completeness.contrast),
+            completeness.contrast[-1] * _half_step(completeness.contrast),
+        )
         axes.set_title(literal(title))
         legend = axes.legend(loc="upper right", frameon=True, facecolor="#555555", labelcolor="white", framealpha=0.9)
         legend.get_frame().set_edgecolor("none")
         return save(
             figure,
-            alt=f"Fraction of recovered planets for {found.separation_arcsec.size} separations and "
-            f"{found.contrast.size} contrasts.",
+            alt=f"Fraction of recovered planets for {completeness.separation_arcsec.size} separations and "
+            f"{completeness.contrast.size} contrasts.",
             caption="Planets added one at a time to planet-free residuals, searched for blind anywhere in the hole.",
         )
 

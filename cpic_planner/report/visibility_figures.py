@@ -168,18 +168,19 @@ def _runs(chosen: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(begin), int(end)) for begin, end in zip(change[::2], change[1::2], strict=True)]
 
 
-def _steps(axes: Axes, edges: FloatArray, values: list[float], seen: NDArray[np.bool_], **look: Any) -> Any:
+def _steps(axes: Axes, edges: FloatArray, values: list[float], visible: NDArray[np.bool_], **look: Any) -> Any:
     """A line of steps where something is seen."""
-    shown = np.where(seen, values, np.nan)
+    shown = np.where(visible, values, np.nan)
     return axes.stairs(shown / 60.0, edges, baseline=None, **look)
 
 
 def _times(axes: Axes, edges: FloatArray, target: VisibleTarget, period_s: float, blocks: list[Patch]) -> None:
-    seen = np.array(target.days.blocked_by) == ""
-    axes.stairs(np.where(seen, target.days.visible_s, 0.0) / 60.0, edges, fill=True, color=_VISIBLE, alpha=0.55, lw=0.0)
-    line = _steps(axes, edges, target.days.visible_s, seen, color=_VISIBLE, lw=1.4, label="usable, less the anomaly")
+    visible = np.array(target.days.blocked_by) == ""
+    minutes = np.where(visible, target.days.visible_s, 0.0) / 60.0
+    axes.stairs(minutes, edges, fill=True, color=_VISIBLE, alpha=0.55, lw=0.0)
+    line = _steps(axes, edges, target.days.visible_s, visible, color=_VISIBLE, lw=1.4, label="usable, less the anomaly")
     look: Look = {"color": _WINDOW, "lw": 1.1, "ls": (0, (3, 1.5)), "label": "longest window"}
-    window = _steps(axes, edges, target.days.window_s, seen, **look)
+    window = _steps(axes, edges, target.days.window_s, visible, **look)
     whole = axes.axhline(period_s / 60.0, color="#8C8C8C", lw=1.0, ls=":", label="one orbit")
     axes.set(ylim=(0.0, 1.06 * period_s / 60.0), ylabel="minutes per orbit")
     axes.grid(visible=True, axis="y")
@@ -217,9 +218,9 @@ def _calendar(result: VisibilityResult) -> Figure:
     edges = _edges(result)
     minutes = np.array([target.days.visible_s for target in result.targets]) / 60.0
     causes = np.array([target.days.blocked_by for target in result.targets])
-    seen = minutes[causes == ""]
-    low = 5.0 * np.floor(seen.min() / 5.0) if seen.size else 0.0
-    high = max(5.0 * np.ceil(seen.max() / 5.0), low + 5.0) if seen.size else 1.0
+    visible = minutes[causes == ""]
+    low = 5.0 * np.floor(visible.min() / 5.0) if visible.size else 0.0
+    high = max(5.0 * np.ceil(visible.max() / 5.0), low + 5.0) if visible.size else 1.0
     # The lightest blues are left out: they would look like nothing.
     colours = mpl.colors.ListedColormap(mpl.colormaps[_MINUTES](np.linspace(0.25, 1.0, 256)))
     scale = Normalize(low, high)

@@ -43,10 +43,10 @@ class Pair:
 
 def pairs_of(differences: Iterable[DifferenceRecord]) -> list[Pair]:
     """Return the pairs of strategies that differences are of, in their order."""
-    found: dict[tuple[str, str], Pair] = {}
+    pairs: dict[tuple[str, str], Pair] = {}
     for item in differences:
-        found.setdefault((item.first, item.second), Pair(item.first, item.second, {})).by[item.quantity] = item
-    return list(found.values())
+        pairs.setdefault((item.first, item.second), Pair(item.first, item.second, {})).by[item.quantity] = item
+    return list(pairs.values())
 
 
 _DIFFERENCES: tuple[doc.Column[Pair], ...] = (
@@ -126,12 +126,12 @@ def strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Iterat
     if item.description:
         yield doc.Paragraph(f"{item.description}.")
     if item.name != reference.name:
-        said: list[doc.Inline] = [f"Set as {reference.name} is."]
+        differences: list[doc.Inline] = [f"Set as {reference.name} is."]
         if changed := changed_settings(item.settings, reference.settings):
-            said = [f"Set otherwise than in {reference.name}: "]
+            differences = [f"Set otherwise than in {reference.name}: "]
             for number, (key, own, other) in enumerate(changed, 1):
-                said += [doc.code(key), f" {own} (there {other})", "; " if number < len(changed) else "."]
-        yield doc.Paragraph(said, "note")
+                differences += [doc.code(key), f" {own} (there {other})", "; " if number < len(changed) else "."]
+        yield doc.Paragraph(differences, "note")
     if not item.targets:
         yield doc.Paragraph("No star is visited.")
         return

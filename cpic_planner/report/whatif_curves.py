@@ -48,7 +48,7 @@ def curves_figure(result: WhatIfResult) -> Picture:
             axes.set(xlim=(0.0, end), ylim=(0.0, None))
         figure.supxlabel("telescope time used (h)", fontsize=10.5)
         figure.supylabel("planets found, new and known", fontsize=10.5)
-        told = _listed([f"{significant(budget, 4)} h" for budget in budgets])
+        budgets_text = _listed([f"{significant(budget, 4)} h" for budget in budgets])
         where = "dashed" if len(drawn) == len(budgets) else "dashed where on the axis" if drawn else "beyond the axis"
         best = max(strategies, key=lambda item: item.planets.mean)
         return save(
@@ -57,7 +57,7 @@ def curves_figure(result: WhatIfResult) -> Picture:
             f"{significant(best.planets.mean)} planets after {significant(best.hours.mean)} hours.",
             caption="Planets found by the time that so many hours of telescope time were used, mean over universes"
             f"{shown} A line ends, at its marker, where 95 % of the surveys of the strategy "
-            f"have ended. Budget: {told} ({where}).",
+            f"have ended. Budget: {budgets_text} ({where}).",
         )
 
 
@@ -166,9 +166,9 @@ def sweep_figure(result: WhatIfResult) -> Picture | None:
             for line, (colour, marker) in zip(lines, BAND_STYLE, strict=False):
                 members = sweep.lines[line]
                 at = [i for i, value in enumerate(sweep.values) if value in members]
-                found = [getattr(strategies[members[sweep.values[i]]], quantity) for i in at]
-                means = [item.mean for item in found]
-                errors = [[item.mean - item.low for item in found], [item.high - item.mean for item in found]]
+                estimates = [getattr(strategies[members[sweep.values[i]]], quantity) for i in at]
+                means = [item.mean for item in estimates]
+                errors = [[item.mean - item.low for item in estimates], [item.high - item.mean for item in estimates]]
                 look: Look = {"color": colour, "marker": marker, "lw": 1.5, "ms": 6, "elinewidth": 1.1, "capsize": 2.5}
                 axes.errorbar(places[at], means, yerr=np.maximum(errors, 0.0), label=row_label(line), **look)
             axes.grid(visible=True)

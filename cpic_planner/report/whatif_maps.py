@@ -80,20 +80,20 @@ def sweep_of(strategies: Sequence[StrategyOutcome]) -> Sweep | None:
     keys = list(parsed[0][1]) if parsed else []
     if not keys or any(list(values) != keys for _, values in parsed):
         return None
-    seen = {key: {values[key].text: values[key] for _, values in parsed} for key in keys}
-    key = max(keys, key=lambda name: len(seen[name]))
-    if len(seen[key]) < 2:
+    settings_by_key = {key: {values[key].text: values[key] for _, values in parsed} for key in keys}
+    key = max(keys, key=lambda name: len(settings_by_key[name]))
+    if len(settings_by_key[key]) < 2:
         return None
     lines: dict[str, dict[str, int]] = {}
     for index, (base, values) in enumerate(parsed):
-        rest = " ".join(values[name].label for name in keys if name != key and len(seen[name]) > 1)
+        rest = " ".join(values[name].label for name in keys if name != key and len(settings_by_key[name]) > 1)
         lines.setdefault(f"{base} {rest}".strip(), {})[values[key].text] = index
-    texts, settings = list(seen[key]), list(seen[key].values())
+    texts, settings = list(settings_by_key[key]), list(settings_by_key[key].values())
     units = {"x" if item.text.startswith("x") and not item.unit else item.unit for item in settings}
-    found = [_number(item.value) for item in settings]
-    if None in found or len(units) > 1:
+    amounts = [_number(item.value) for item in settings]
+    if None in amounts or len(units) > 1:
         return Sweep(key, tuple(texts), None, "", lines)
-    ordered = sorted(zip(found, texts, strict=True))
+    ordered = sorted(zip(amounts, texts, strict=True))
     numbers = tuple(float(value) for value, _ in ordered)  # type: ignore[arg-type]
     return Sweep(key, tuple(text for _, text in ordered), numbers, units.pop(), lines)
 
@@ -138,13 +138,13 @@ def visited(result: WhatIfResult) -> dict[str, list[tuple[int, SurveyTarget]]]:
 
     Stars stand by the best rank that any strategy gives them.
     """
-    found: dict[str, list[tuple[int, SurveyTarget]]] = {}
+    visits: dict[str, list[tuple[int, SurveyTarget]]] = {}
     for i, strategy in enumerate(result.strategies):
         for target in strategy.targets:
             if target.slots:
-                found.setdefault(target.name, []).append((i, target))
-    order = sorted(found, key=lambda name: (min(target.rank for _, target in found[name]), name))
-    return {name: found[name] for name in order}
+                visits.setdefault(target.name, []).append((i, target))
+    order = sorted(visits, key=lambda name: (min(target.rank for _, target in visits[name]), name))
+    return {name: visits[name] for name in order}
 
 
 def calendar_figure(result: WhatIfResult) -> Picture | None:
@@ -245,17 +245,17 @@ def stars_figure(result: WhatIfResult) -> Picture | None:
     x, y = map_longitude([row.ra_deg for row in rows]), np.deg2rad([row.dec_deg for row in rows])
     areas = 2.0 * marker_area([row.v_mag for row in rows])
     hosts = np.array([any(target.known_planets for _, target in stars[row.name]) for row in rows])
-    found = values > 0
+    fruitful = values > 0
     with style():
         figure = new_figure(4.8)
         axes = sky_axes(figure)
-        if (~found).any():
+        if (~fruitful).any():
             look: Look = {"facecolors": "white", "lw": 0.9, "edgecolors": "#777777", "zorder": 3}
-            label = f"nothing found ({(~found).sum()})"
-            axes.scatter(x[~found], y[~found], s=areas[~found], label=label, **look)
-        if found.any():
-            ends = values[found].min(), max(values[found].max(), 1.001 * values[found].min())
-            order = np.flatnonzero(found)[::-1]
+            label = f"nothing found ({(~fruitful).sum()})"
+            axes.scatter(x[~fruitful], y[~fruitful], s=areas[~fruitful], label=label, **look)
+        if fruitful.any():
+            ends = values[fruitful].min(), max(values[fruitful].max(), 1.001 * values[fruitful].min())
+            order = np.flatnonzero(fruitful)[::-1]
             look = {"cmap": "viridis_r", "norm": LogNorm(*ends), "edgecolors": "#333333", "linewidths": 0.4}
             dots = axes.scatter(x[order], y[order], s=areas[order], c=values[order], zorder=4, **look)
             bar = figure.colorbar(dots, ax=axes, label="planets found per 100 h", shrink=0.8, pad=0.03)

@@ -63,13 +63,13 @@ def whatif_document(report: WhatIfReport) -> doc.Document:
     result = report.result
     first, *others = words.lead_sentences(result)
     named = f": {result.name}" if result.name else ""
-    told = f"{result.description}. " if result.description else ""
+    description = f"{result.description}. " if result.description else ""
     return doc.document_of(
         WHATIF_SECTIONS,
         report,
         title=f"CPI-C survey strategies{named}, configuration {result.config_hash}",
         heading=result.name or "Survey strategies",
-        about=f"{told}Survey strategies for CPI-C: {words.extent_text(result)}, played in the same "
+        about=f"{description}Survey strategies for CPI-C: {words.extent_text(result)}, played in the same "
         f"{count_text(result.n_universes)} synthetic universes with real stars.",
         summary=[doc.Paragraph(doc.strong(first), "lead"), *(doc.Paragraph(text, "lead") for text in others)],
     )
@@ -89,10 +89,10 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
 
     def counted(name: str) -> Callable[[StrategyOutcome], doc.Inline]:
         def cell(item: StrategyOutcome) -> doc.Inline:
-            found = getattr(item, name)
+            estimate = getattr(item, name)
             one = words.hanging_text(item) if name == "planets" else ""
-            interval = doc.small(words.interval_text(found.low, found.high))
-            return doc.lines(decimals(found.mean, 2), interval, doc.small(one) if one else "")
+            interval = doc.small(words.interval_text(estimate.low, estimate.high))
+            return doc.lines(decimals(estimate.mean, 2), interval, doc.small(one) if one else "")
 
         return cell
 

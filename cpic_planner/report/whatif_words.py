@@ -102,35 +102,38 @@ def between(
 
 def lead_sentences(result: WhatIfResult) -> list[str]:
     """Return the summary, one sentence an item: the statement, the runner-up, and whether the budget binds."""
-    said = [result.statement]
+    sentences = [result.statement]
     empty = [text for item in result.strategies if (text := empty_text(item))]
-    said += empty[:_MOST_EMPTY]
+    sentences += empty[:_MOST_EMPTY]
     if len(empty) > _MOST_EMPTY:
-        said.append(f"Of {len(empty) - _MOST_EMPTY} other strategies, too, the calendar is empty or nearly so.")
+        sentences.append(f"Of {len(empty) - _MOST_EMPTY} other strategies, too, the calendar is empty or nearly so.")
     order = sorted(result.strategies, key=lambda item: -item.planets.mean)
-    told = {item.name for item in best_by_value(result.strategies).values()}  # the statement says it of these
-    others = [item for item in order if hanging_text(item) and item.name not in told]
+    in_statement = {item.name for item in best_by_value(result.strategies).values()}  # the statement says it of these
+    others = [item for item in order if hanging_text(item) and item.name not in in_statement]
     if others:
         listed = "; ".join(f"{item.name}: {hanging_text(item)}" for item in others[:_MOST_LISTED])
         more = f"; and so on for {len(others) - _MOST_LISTED} others" if len(others) > _MOST_LISTED else ""
-        said.append(f"Other yields hang on one planet, too. {listed}{more}.")
+        sentences.append(f"Other yields hang on one planet, too. {listed}{more}.")
     if len(order) > 1 and order[0].planets.mean > 0:
-        said += _runner_up(result, order[0], order[1])
+        sentences += _runner_up(result, order[0], order[1])
     budgets = sorted({float(item.settings["time_budget_h"]) for item in result.strategies})
     share = max(item.hours.mean / float(item.settings["time_budget_h"]) for item in result.strategies)
     if share < _SPENT:
         budget = f"its budget of {budgets[0]:g} h" if len(budgets) == 1 else "its budget"
         who = "The strategy uses" if len(order) == 1 else "No strategy uses more than"
         used = f"{who} {percent_text(share)} of {budget} on average"
-        said.append(f"{used}: its rules on stars and visits end it before the time does.")
-    return said
+        sentences.append(f"{used}: its rules on stars and visits end it before the time does.")
+    return sentences
 
 
 def _runner_up(result: WhatIfResult, best: StrategyOutcome, other: StrategyOutcome) -> list[str]:
-    found, hours = between(result, best.name, other.name, "planets"), between(result, best.name, other.name, "hours")
-    if found is None or hours is None:
+    difference, hours = (
+        between(result, best.name, other.name, "planets"),
+        between(result, best.name, other.name, "hours"),
+    )
+    if difference is None or hours is None:
         return []
-    mean, low, high = found
+    mean, low, high = difference
     more = f"{decimals(abs(hours[0]), 0)} h {'more' if hours[0] >= 0 else 'less'}"
     planets, interval = f"{decimals(mean, 2)} planets", f"({interval_text(low, high)}), in {more}."
     if low > 0:
@@ -193,8 +196,10 @@ def _population(population: Mapping[str, Any] | None) -> str:
     if population is None:
         return "none: only known planets are looked for"
     often = population.get("planets_per_star")
-    told = [str(population.get("description") or "")] + ([f"{often:g} planets per star"] if often is not None else [])
-    return f"{population.get('name') or 'own'}: {', '.join(filter(None, told))}"
+    details = [str(population.get("description") or "")] + (
+        [f"{often:g} planets per star"] if often is not None else []
+    )
+    return f"{population.get('name') or 'own'}: {', '.join(filter(None, details))}"
 
 
 def _targets(cuts: Mapping[str, Any]) -> str:
@@ -262,8 +267,12 @@ def _assumed(assumed: Mapping[str, Any], used: AssumedInstrument | None) -> str:
         if used is not None:
             parts[-1] += f" ({used.visit_drift_nm:g} nm visit offset, {used.walk_nm_per_sqrt_hour:g} nm/√h walk)"
     if assumed["throughput"] != 1.0:
-        told = "" if used is None else ", ".join(f"{value:g} in {band}" for band, value in used.throughput.items())
-        parts.append(f"throughput of the optics × {assumed['throughput']:g}{f' ({told})' if told else ''}")
+        throughputs = (
+            "" if used is None else ", ".join(f"{value:g} in {band}" for band, value in used.throughput.items())
+        )
+        parts.append(
+            f"throughput of the optics × {assumed['throughput']:g}{f' ({throughputs})' if throughputs else ''}"
+        )
     if assumed["exozodi"] is not None:
         parts.append(f"dust of {assumed['exozodi']:g} solar systems (zodi)")
     return ", ".join(parts) or "none"
@@ -296,11 +305,11 @@ def changed_settings(settings: Mapping[str, Any], reference: Mapping[str, Any]) 
 
 
 def _leaves(tree: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
-    found: list[tuple[str, Any]] = []
+    leaves: list[tuple[str, Any]] = []
     for key, value in tree.items():
         inside = isinstance(value, Mapping) and value
-        found += _leaves(value, f"{above}{key}.") if inside else [(f"{above}{key}", value)]
-    return found
+        leaves += _leaves(value, f"{above}{key}.") if inside else [(f"{above}{key}", value)]
+    return leaves
 
 
 def setting_text(value: Any, key: str = "") -> str:
