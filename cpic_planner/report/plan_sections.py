@@ -138,7 +138,7 @@ def _observe_first(report: PlanReport) -> Iterator[doc.Block]:
     )
 
 
-_REQUEST: tuple[doc.Column[tuple[ConfirmedTarget, BandConfirmation]], ...] = (
+_REQUEST: tuple[doc.Column[tuple[results.ConfirmedTarget, results.BandConfirmation]], ...] = (
     doc.Column("Star", lambda row: _star(pretty_name(row[0].name), row[0].hip), look="row left"),
     doc.Column("RA", lambda row: words.ra_text(row[0].ranked.ra_deg), "ICRS"),
     doc.Column("Dec", lambda row: words.dec_text(row[0].ranked.dec_deg), "ICRS"),

@@ -41,7 +41,7 @@ def test_the_request_has_a_line_for_each_target_with_a_chosen_band(plan, rank, p
     for target in chosen:
         assert ra_text(target.ranked.ra_deg) in request
     without = plan.model_copy(update={"targets": []})
-    assert "nothing to ask for" in render_plan(without, rank, {}, {})
+    assert "nothing to ask for" in page_html(plan_document(PlanReport(without, rank, {}, {})))
 
 
 def test_hostile_name_is_text(page, words):
