@@ -154,9 +154,7 @@ def _with_error(value: float, error: float, places: int) -> str:
 _POSITIONS: tuple[doc.Column[results.PositionRecord], ...] = (
     doc.Column("Planet", lambda item: item.planet, look="row left"),
     doc.Column("Bands", lambda item: ", ".join(item.bands), look="left"),
-    doc.Column(
-        "Separation", lambda item: _with_error(item.separation_arcsec, item.separation_error_arcsec, 4), "arcsec"
-    ),
+    doc.Column("Separation", lambda one: _with_error(one.separation_arcsec, one.separation_error_arcsec, 4), "arcsec"),
     doc.Column("true", lambda item: decimals(item.true_separation_arcsec, 4)),
     doc.Column("PA", lambda item: _with_error(item.pa_deg, item.pa_error_deg, 2), "deg"),
     doc.Column("true", lambda item: decimals(item.true_pa_deg, 2)),

@@ -50,11 +50,9 @@ def print_plan(plan: results.PlanResult, console: Console) -> None:
     count = len(plan.targets)
     title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
     print_table(console, title, cells, rows)
-    tables.explain_symbols(
-        console, [item.status for target in plan.targets for item in target.bands if item.status != "ok"]
-    )
-    for target in plan.targets:
-        print_plain(console, f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}")
+    tables.explain_symbols(console, [item.status for _, _, item in rows if item.status != "ok"])
+    verdicts = (f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}" for target in plan.targets)
+    print_plain(console, *verdicts)
     print_comparison(plan, console)
     print_modelled([band for target in plan.targets for band in target.bands], console)
     criterion = LIBRARIES[plan.reference_library].found

@@ -176,11 +176,11 @@ def plain_log_axis(axes: Axes) -> None:
     plain_ticks(axes.xaxis, *steps, numticks=12)
 
 
-def date_axis(axes: Axes) -> None:
+def date_axis(axes: Axes, *, minticks: int = 4, maxticks: int | None = 13) -> None:
     """Write dates at the x axis, whose values are days since 1970."""
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-    locator = AutoDateLocator(minticks=4, maxticks=13)
+    locator = AutoDateLocator(minticks=minticks, maxticks=maxticks)
     axes.xaxis.set_major_locator(locator)
     axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
 

@@ -249,7 +249,7 @@ def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, ch
     return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _quantities(), look="bands")
 
 
-def _audited() -> list[doc.Column[tuple[BandConfirmation, AuditRecord]]]:
+def _audit_columns() -> list[doc.Column[tuple[BandConfirmation, AuditRecord]]]:
     return doc.row_columns(
         AuditRecord,
         "band:row n_frames predicted_snr recovered_snr true_contrast contrast deviation_sigma detected "
@@ -269,7 +269,7 @@ def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.B
             "Audited: one more realisation, run frame by frame with every effect of the camera, calibrated and cleaned "
             "of particles. Deviation: measured less true contrast, in units of its error."
         )
-        yield doc.table(f"Frame by frame, {name}", caption, _audited(), audited)
+        yield doc.table(f"Frame by frame, {name}", caption, _audit_columns(), audited)
 
 
 def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str) -> Iterator[doc.Block]:

@@ -238,9 +238,8 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
         longitude, latitude = _map_positions(chosen)
         names = [literal(pretty_name(row.name)) for row in chosen]
         reach = [_radius_px(row.v_mag, row.name in confirmed) for row in chosen]
-        place_labels(
-            axes, longitude.tolist(), latitude.tolist(), names, fontsize=9, avoid=axes.get_xticklabels(), reach_px=reach
-        )
+        hours, px, py = axes.get_xticklabels(), longitude.tolist(), latitude.tolist()
+        place_labels(axes, px, py, names, fontsize=9, avoid=hours, reach_px=reach)
         best = ", ".join(pretty_name(row.name) for row in rows[:5]) or "none"
         return save(
             figure,

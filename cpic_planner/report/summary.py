@@ -112,10 +112,8 @@ def confirm_sentences(result: results.ConfirmResult) -> list[str]:
         if not measured:
             sentences.append(f"{planet} was not observed: {', '.join(sorted({band.message for band in own}))}.")
             continue
-        bands_found = ", ".join(
-            f"{band.band} ({band.n_detected} of {band.realisations})" for band in measured if band.detected
-        )
-        sentences.append(f"{planet} is found in {bands_found}." if bands_found else f"{planet} is found in no band.")
+        detected = [f"{one.band} ({one.n_detected} of {one.realisations})" for one in measured if one.detected]
+        sentences.append(f"{planet} is found in {', '.join(detected) or 'no band'}.")
     if not planets:
         sentences.append("The scene has no planet in the field: there is nothing to compare with a prediction.")
     return sentences

@@ -114,9 +114,8 @@ def completeness_figure(
         axes = figure.add_subplot()
         look: Look = {"cmap": drawing.STACK_COLOURS, "vmin": 0.0, "vmax": 1.0, "shading": "nearest"}
         mesh = axes.pcolormesh(completeness.separation_arcsec, completeness.contrast, completeness.fraction.T, **look)
-        figure.colorbar(
-            mesh, ax=axes, label=f"recovered at {completeness.sigma:g} sigma ({completeness.n_injected} a cell)"
-        )
+        label = f"recovered at {completeness.sigma:g} sigma ({completeness.n_injected} a cell)"
+        figure.colorbar(mesh, ax=axes, label=label)
         sides = axes.get_xlim()
         half = completeness.contrast_at(0.5)
         there = np.isfinite(half)

@@ -35,11 +35,8 @@ def known_figure(result: KnownResult) -> Figure:
     result : KnownResult
         With tracks.
     """
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
     rows = [row for row in result.planets if row.track is not None]
     with style():
-        ticks = AutoDateLocator()
         figure = new_figure(4.6)
         axes = figure.subplots()
         _holes(axes, result)
@@ -49,8 +46,7 @@ def known_figure(result: KnownResult) -> Figure:
         top = max([max(row.track.separation_high_arcsec) for row in rows if row.track is not None], default=1.0)
         highest = max(1.12 * top, 1.25 * max(hole.inner_arcsec for hole in result.holes))
         axes.set(ylim=(0.0, highest), ylabel="projected separation (arcsec)", xlim=_ends(rows))
-        axes.xaxis.set_major_locator(ticks)
-        axes.xaxis.set_major_formatter(ConciseDateFormatter(ticks))
+        date_axis(axes, minticks=5, maxticks=None)
         axes.grid(visible=True)
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=9)
         stars = ", ".join(dict.fromkeys(pretty_name(row.star) for row in rows))
@@ -105,8 +101,6 @@ _BLOCK_STYLE: dict[str, tuple[str, str]] = {
 _VISIBLE, _WINDOW, _SUN, _MOON = "#0072B2", "#111111", "#D55E00", "#666666"
 _MINUTES = "Blues"
 _BELOW: Look = {"loc": "upper center", "fontsize": 9}
-# Day 0 of matplotlib's dates is 1970-01-01.
-_MJD_OF_DATES = 40587.0
 
 
 def visibility_figure(result: VisibilityResult) -> Figure:
@@ -124,7 +118,7 @@ def visibility_figure(result: VisibilityResult) -> Figure:
 
 def _edges(result: VisibilityResult) -> FloatArray:
     """Begin of every step and end of the last, dates of matplotlib."""
-    middle = np.asarray(result.mjd) - _MJD_OF_DATES
+    middle = _days(result.mjd)
     return np.concatenate([middle, middle[-1:] + result.step_days]) - 0.5 * result.step_days
 
 

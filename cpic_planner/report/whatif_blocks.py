@@ -73,7 +73,7 @@ def difference_table(pairs: Sequence[Pair]) -> doc.Table:
 
 def _correction(images: ImageSample) -> doc.Inline:
     ends = "" if images.low is None or images.high is None else interval_text(images.low, images.high)
-    return doc.lines(decimals(images.correction, 2), doc.small(ends)) if ends else decimals(images.correction, 2)
+    return doc.lines(decimals(images.correction, 2), doc.small(ends))
 
 
 def image_table(

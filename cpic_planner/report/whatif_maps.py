@@ -269,10 +269,8 @@ def stars_figure(result: WhatIfResult) -> Picture | None:
         first = slice(_LABELLED)
         reach = np.sqrt((areas + _RING_AREA * hosts) / np.pi)[first] * drawing.SCREEN_DPI / 72.0
         names = [literal(pretty_name(row.name)) for row in rows[first]]
-        hours = axes.get_xticklabels()
-        place_labels(
-            axes, x[first].tolist(), y[first].tolist(), names, fontsize=9, avoid=hours, reach_px=reach.tolist()
-        )
+        hours, px, py = axes.get_xticklabels(), x[first].tolist(), y[first].tolist()
+        place_labels(axes, px, py, names, fontsize=9, avoid=hours, reach_px=reach.tolist())
         return save(
             figure,
             alt=f"Map of the sky with {len(rows)} visited stars; most planets for the time: "

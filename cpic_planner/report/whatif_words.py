@@ -270,9 +270,8 @@ def _assumed(assumed: Mapping[str, Any], used: AssumedInstrument | None) -> str:
         throughputs = (
             "" if used is None else ", ".join(f"{value:g} in {band}" for band, value in used.throughput.items())
         )
-        parts.append(
-            f"throughput of the optics × {assumed['throughput']:g}{f' ({throughputs})' if throughputs else ''}"
-        )
+        by_band = f" ({throughputs})" if throughputs else ""
+        parts.append(f"throughput of the optics × {assumed['throughput']:g}{by_band}")
     if assumed["exozodi"] is not None:
         parts.append(f"dust of {assumed['exozodi']:g} solar systems (zodi)")
     return ", ".join(parts) or "none"
