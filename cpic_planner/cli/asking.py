@@ -1,5 +1,6 @@
 """Commands whose options are the fields of a question; built when a command is called, not when help lists it."""
 
+import functools
 import inspect
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
@@ -58,23 +59,19 @@ def command_of(run: Callable[..., None], model: Any) -> Any:
 
 def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
     """Arguments with the present names of options, each told once."""
-    found: list[str] = []
+    arguments: list[str] = []
     known = {name for param in params for name in param.opts}
     for arg in args:
         new = RENAMED.get(arg)
         if new is None or arg in known:
-            found.append(arg)
+            arguments.append(arg)
             continue
         if new[0] not in known:
-            raise InputError(
-                arg,
-                "given",
-                allowed="only with cpic etc and cpic rank",
-                hint="it is predicted, not yet measured in images",
-            )
+            hint = "it is predicted, not yet measured in images"
+            raise InputError(arg, "given", allowed="only with cpic etc and cpic rank", hint=hint)
         note(f"{arg} is now {' '.join(new)}")
-        found += new
-    return found
+        arguments += new
+    return arguments
 
 
 def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
@@ -91,24 +88,16 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
             tree = answers(options, given, {} if file is None else model.load(file), names)
             run(model.of(tree), **shown)
 
+    parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY, default=None)
     parameters = [
-        inspect.Parameter(
-            option.name,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=inspect.Parameter.empty if option.required and option.asked.argument else None,
-            annotation=_annotation(option, spelled(option.text, names)),
-        )
-        for option in options
+        parameter(option.name, annotation=_annotation(option, spelled(option.text, names))) for option in options
     ]
-    parameters.append(
-        inspect.Parameter(
-            _FILE,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=None,
-            annotation=Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)],
-        )
-    )
-    parameters += [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own]
+    for i, option in enumerate(options):
+        if option.required and option.asked.argument:
+            parameters[i] = parameters[i].replace(default=inspect.Parameter.empty)
+    file = Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)]
+    parameters.append(parameter(_FILE, annotation=file))
+    parameters += [given.replace(kind=inspect.Parameter.KEYWORD_ONLY) for given in own]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     command.__doc__ = run.__doc__
@@ -127,9 +116,8 @@ def _annotation(option: Any, text: str) -> Any:
         shown = typer.Argument(metavar=own.metavar or option.flag, help=text, show_default=False)
         return Annotated[kind if option.required else kind | None, shown]
     flag = f"{option.flag}/--no-{option.flag[2:]}" if option.switchable else option.flag
-    return Annotated[
-        kind | None, typer.Option(flag, help=text, metavar=own.metavar or None, hidden=own.hidden, show_default=False)
-    ]
+    metavar = own.metavar or None
+    return Annotated[kind | None, typer.Option(flag, help=text, metavar=metavar, hidden=own.hidden, show_default=False)]
 
 
 def answers(
@@ -157,11 +145,11 @@ def answers(
 
     tree: dict[str, Any] = {}
     parts: dict[tuple[str, ...], dict[str, Any]] = {}
-    told = {option.path: given[option.name] for option in options if given[option.name] not in (None, [], ())}
+    answered = {option.path: given[option.name] for option in options if given[option.name] not in (None, [], ())}
     for option in options:
-        if option.path not in told:
+        if option.path not in answered:
             continue
-        value = _value(told[option.path])
+        value = _value(answered[option.path])
         if option.parts is not None:
             parts.setdefault(option.path[:-1], {})[option.path[-1]] = value
         else:
@@ -173,8 +161,8 @@ def answers(
     merged = deep_merge(file, tree)
     for option in options:
         needed = option.asked.only_with
-        if option.path in told and needed is not None and not _has(merged, option.path, *needed):
-            value = _value(told[option.path])
+        if option.path in answered and needed is not None and not _has(merged, option.path, *needed):
+            value = _value(answered[option.path])
             raise InputError(option.flag, value, allowed=f"together with {names[needed[0]]} {needed[1]}")
     return merged
 

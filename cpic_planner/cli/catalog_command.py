@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import metadata
@@ -20,7 +19,7 @@ import catalogs
 from catalogs import Cuts, Refreshed, RefreshError, TapService, data_dir, ecsv_text, file_name, parse_refreshed
 from catalogs.refresh import refresh
 from cpic_core import InputError, write_text
-from cpic_planner.cli.options import JsonOption, console, error_line, note
+from cpic_planner.cli.options import JsonOption, console, error_line, note, print_json
 from cpic_planner.cli.progress import progress
 from cpic_planner.version import DISTRIBUTION, __version__
 
@@ -147,30 +146,11 @@ def _versions() -> dict[str, str]:
     return {DISTRIBUTION: __version__} | {name: metadata.version(name) for name in _SOFTWARE}
 
 
-app = typer.Typer(
-    help="The star tables: what ships with the package, and a fresh one from SIMBAD.", no_args_is_help=True
-)
+HELP = "The star tables: what ships with the package, and a fresh one from SIMBAD."
+app = typer.Typer(help=HELP, no_args_is_help=True)
 
 _NAMES_SHOWN = 8
 _WORTH_A_REMARK = 0.1
-
-REFRESH_HELP = """Ask SIMBAD for the nearby F, G and K stars and keep the answer beside the embedded snapshot.
-
-This is the only command that uses the network. It writes one dated ECSV file into the data folder (CPIC_DATA_DIR moves
-it), or --out, whole or not at all; the snapshot and earlier files stay as they are. Use it with --catalog latest, or
---catalog FILE.
-
-Companions are not part of the answer: they are taken over from the snapshot for the stars that it has.
-
-Examples:
-
-  cpic catalog refresh
-
-  cpic catalog refresh --dry-run
-
-  cpic catalog refresh --out stars.ecsv --v-mag-max 6 --json
-
-  cpic catalog refresh --url https://simbad.harvard.edu/simbad/sim-tap --timeout-s 600"""
 
 
 @app.callback()
@@ -184,42 +164,25 @@ def info(as_json: JsonOption = False) -> None:
 
     Example: cpic catalog info
     """
-    from catalogs import catalogue_info, data_dir, stored_tables
-    from cpic_core import dump_json
-
-    found = catalogue_info()
-    stored = stored_tables()
+    facts, stored = catalogs.catalogue_info(), catalogs.stored_tables()
     refreshed = [
         {"file": str(item.path), "queried_utc": item.queried_utc.isoformat(), "size_bytes": item.path.stat().st_size}
         for item in stored
     ]
     if as_json:
-        tables = {
-            "data_folder": str(data_dir()),
-            "refreshed": refreshed,
-            "latest": refreshed[0]["file"] if stored else None,
-        }
-        sys.stdout.write(dump_json(found | tables))
+        latest = refreshed[0]["file"] if stored else None
+        print_json(facts | {"data_folder": str(data_dir()), "refreshed": refreshed, "latest": latest})
         return
     screen = console()
-    screen.print(f"[bold]{found['vintage']}[/bold]")
-    _table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in found["counts"]))
-    pairs = (
-        (
-            row["star"],
-            row["companion"],
-            f"{row['separation_arcsec']:.2f}",
-            f"{row['pa_deg']:.1f}",
-            f"{row['epoch_yr']:g}",
-            row["reference"],
-        )
-        for row in found["companion_updates"]
-    )
+    screen.print(f"[bold]{facts['vintage']}[/bold]")
+    _table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in facts["counts"]))
+    forms = {"star": "", "companion": "", "separation_arcsec": ".2f", "pa_deg": ".1f", "epoch_yr": "g", "reference": ""}
+    pairs = (tuple(format(row[name], form) for name, form in forms.items()) for row in facts["companion_updates"])
     heads = ("star", "companion", "arcsec", "PA (deg)", "in", "orbit")
     _table(screen, "Companions that have moved (--catalog simbad_2012: as first listed)", heads, pairs)
-    files = ((row["file"], row["packages"], row["licence"]) for row in found["files"])
+    files = ((row["file"], row["packages"], row["licence"]) for row in facts["files"])
     _table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
-    planets = found["known_planets"]
+    planets = facts["known_planets"]
     screen.print(f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
     new = planets["updates"]
     screen.print(
@@ -227,7 +190,7 @@ def info(as_json: JsonOption = False) -> None:
         f"Refuted, listed and not counted: {', '.join(new['refuted'])}. "
         f"Controversial, counted: {', '.join(new['controversial'])}."
     )
-    for line in found["credits"]:
+    for line in facts["credits"]:
         screen.print(line)
     if not stored:
         screen.print(f"No refreshed table in {data_dir()} (cpic catalog refresh makes one).", soft_wrap=True)
@@ -245,18 +208,16 @@ def columns(as_json: JsonOption = False) -> None:
 
     Example: cpic catalog columns
     """
-    from catalogs import QUANTITIES
     from catalogs.known_planet_columns import COLUMNS
-    from cpic_core import dump_json
 
     needed = {"name": "yes", "v_mag": "yes", "distance_pc": "one of two", "parallax_mas": "one of two"}
     needed |= {"sp_type": "one of two", "teff_k": "one of two"}
     of_planets = {"star": "yes", "planet": "yes", "period_days": "one of two", "semi_major_axis_au": "one of two"}
     of_planets |= dict.fromkeys(("mass_mjup", "msini_mjup", "best_mass_mjup", "radius_rjup"), "one of four")
     of_planets["status"] = "or this alone"
-    rows, planets = _column_rows(QUANTITIES, needed), _column_rows(COLUMNS, of_planets)
+    rows, planets = _column_rows(catalogs.QUANTITIES, needed), _column_rows(COLUMNS, of_planets)
     if as_json:
-        sys.stdout.write(dump_json({"columns": rows, "planet_columns": planets}))
+        print_json({"columns": rows, "planet_columns": planets})
         return
     screen = console()
     for title, listed in (("stars", rows), ("known planets", planets)):
@@ -285,7 +246,7 @@ def _column_rows(columns: Mapping[str, Column], needed: Mapping[str, str]) -> li
     ]
 
 
-@app.command("refresh", help=REFRESH_HELP)
+@app.command("refresh")
 def refresh_catalogue(
     out: Annotated[
         Path | None, typer.Option("--out", help="Write FILE.ecsv [default: dated, in the data folder].")
@@ -303,10 +264,24 @@ def refresh_catalogue(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the queries and the place, ask nothing.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Refresh and print."""
-    from catalogs import Cuts, RefreshError, TapService
-    from cpic_core import dump_json
+    """Ask SIMBAD for the nearby F, G and K stars and keep the answer beside the embedded snapshot.
 
+    This is the only command that uses the network. It writes one dated ECSV file into the data folder
+    (CPIC_DATA_DIR moves it), or --out, whole or not at all; the snapshot and earlier files stay as they are. Use it
+    with --catalog latest, or --catalog FILE.
+
+    Companions are not part of the answer: they are taken over from the snapshot for the stars that it has.
+
+    Examples:
+
+      cpic catalog refresh
+
+      cpic catalog refresh --dry-run
+
+      cpic catalog refresh --out stars.ecsv --v-mag-max 6 --json
+
+      cpic catalog refresh --url https://simbad.harvard.edu/simbad/sim-tap --timeout-s 600
+    """
     service = TapService(url=url, timeout_s=timeout_s, retries=retries, maxrec=maxrec)
     cuts = Cuts(v_mag_max=v_mag_max, parallax_min_mas=parallax_min_mas)
     if dry_run:
@@ -319,24 +294,20 @@ def refresh_catalogue(
         raise typer.Exit(error_line(str(error), 1)) from None
     lost, before = len(done.made.changes.removed), done.made.changes.before
     if lost > _WORTH_A_REMARK * before:
-        note(
-            f"{lost} of {before} stars of the snapshot within the cuts are not in the new table: is the service whole?"
-        )
+        missing = f"{lost} of {before} stars of the snapshot within the cuts are not in the new table"
+        note(f"{missing}: is the service whole?")
     if as_json:
-        sys.stdout.write(dump_json(done.summary()))
+        print_json(done.summary())
         return
     _show_result(done, console())
 
 
 def _show_plan(out: Path | None, service: Any, cuts: Any, *, as_json: bool) -> None:
-    from catalogs import queries, service_url
-    from cpic_core import dump_json
-
     place = target_path(out)
     where = str(place) if out is not None else f"{place}, dated file"
-    plan = {"service": service_url(service), "queries": list(queries(cuts)), "out": where}
+    plan = {"service": catalogs.service_url(service), "queries": list(catalogs.queries(cuts)), "out": where}
     if as_json:
-        sys.stdout.write(dump_json(plan))
+        print_json(plan)
         return
     typer.echo(f"would ask {plan['service']}:")
     for query in plan["queries"]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cpic_planner import report
 from cpic_planner.cli.options import JsonOption, check_plot, console, note, print_json, refuse_together, write_plot
 from cpic_planner.cli.progress import progress
 
@@ -15,55 +16,8 @@ if TYPE_CHECKING:
 
     from cpic_planner.etc import EtcModel
     from cpic_planner.queries import EtcQuestion
-    from cpic_planner.results import EtcAnswer, EtcResult
+    from cpic_planner.results import EtcAnswer
     from cpic_planner.targets import Targets
-
-HELP = """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
-
---snr, --sigma or --detect ask for the least wall time that reaches it; with --contrast-limit they are the level of the
-limit (--detect if none is given). Without any of these the answer is the SNR in --time-s. Without a separation the
-planet stands where the answer is best in each band: least time, clearest detection, or faintest limit. A given time is
-an upper bound: the walk of the wavefront can make a shorter visit better.
-
-Status ok says that there is a number, not that the planet is detected: the verdict says that. Detected: at least half
-of such visits show the planet at its known place (verdict_mode known_place); the probability that a search finds it
-which does not know the place stands beside it. An answer that is not a detection says what limits it (limited_by), the
-single change that would make it one in the same time: speckles (no drift of the wavefront), background (no light and
-noise but the planet's own and the speckles), else photons: the planet is too faint.
-
-The answers are closed forms, in milliseconds (--fidelity quick). --fidelity standard observes each of them in images,
-drawn as sums of frames until their SNR is known to 5 %, and states flux and SNR of images over closed form; reference
-draws every frame with every effect of the camera, in minutes. --tolerance 0.05 makes images only where the stated error
-of the closed forms is larger than that, and says so where none of the two is that good. Answers stay those of the
-closed forms: what images say stands beside them.
-
-Examples:
-
-  cpic etc "tau Cet" --detect --separation-arcsec 0.45
-
-  cpic etc "tau Cet"
-
-  cpic etc "tau Cet" --snr 8
-
-  cpic etc "tau Cet" --detect --budget
-
-  cpic etc "alpha Cen B" --time-s 7200 --separation-arcsec 0.65 --band F520 --band F662 --explain
-
-  cpic etc "HD 10700" --semi-major-axis-au 1.5 --contrast-limit
-
-  cpic etc "eps Eri" --contrast-limit --sigma 5 --separation-arcsec 0.4 --separation-arcsec 0.6 --plot limit.png
-
-  cpic etc "alpha Cen B" --distance-pc 1.35 --separation-arcsec 0.65 --log10-mh 1 --log10-fsed 1 --insolation-au 2
-
-  cpic etc "eps Eri" --contrast 5e-9 --separation-arcsec 0.6 --snr 5 --json
-
-  cpic etc "eps Eri" --library reference_star --reference-v-mag 2.5 --exozodi 3 --mode photon_counting
-
-  cpic etc "my star" --catalog my_stars.csv --snr 10
-
-  cpic etc "tau Cet" --band F520 --time-s 7200 --fidelity standard
-
-  cpic etc "eps Eri" --band F662 --detect --tolerance 0.05"""
 
 
 def etc(
@@ -77,7 +31,54 @@ def etc(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Answer and print."""
+    """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
+
+    --snr, --sigma or --detect ask for the least wall time that reaches it; with --contrast-limit they are the level
+    of the limit (--detect if none is given). Without any of these the answer is the SNR in --time-s. Without a
+    separation the planet stands where the answer is best in each band: least time, clearest detection, or faintest
+    limit. A given time is an upper bound: the walk of the wavefront can make a shorter visit better.
+
+    Status ok says that there is a number, not that the planet is detected: the verdict says that. Detected: at
+    least half of such visits show the planet at its known place (verdict_mode known_place); the probability that a
+    search finds it which does not know the place stands beside it. An answer that is not a detection says what
+    limits it (limited_by), the single change that would make it one in the same time: speckles (no drift of the
+    wavefront), background (no light and noise but the planet's own and the speckles), else photons: the planet is
+    too faint.
+
+    The answers are closed forms, in milliseconds (--fidelity quick). --fidelity standard observes each of them in
+    images, drawn as sums of frames until their SNR is known to 5 %, and states flux and SNR of images over closed
+    form; reference draws every frame with every effect of the camera, in minutes. --tolerance 0.05 makes images
+    only where the stated error of the closed forms is larger than that, and says so where none of the two is that
+    good. Answers stay those of the closed forms: what images say stands beside them.
+
+    Examples:
+
+      cpic etc "tau Cet" --detect --separation-arcsec 0.45
+
+      cpic etc "tau Cet"
+
+      cpic etc "tau Cet" --snr 8
+
+      cpic etc "tau Cet" --detect --budget
+
+      cpic etc "alpha Cen B" --time-s 7200 --separation-arcsec 0.65 --band F520 --band F662 --explain
+
+      cpic etc "HD 10700" --semi-major-axis-au 1.5 --contrast-limit
+
+      cpic etc "eps Eri" --contrast-limit --sigma 5 --separation-arcsec 0.4 --separation-arcsec 0.6 --plot limit.png
+
+      cpic etc "alpha Cen B" --distance-pc 1.35 --separation-arcsec 0.65 --log10-mh 1 --log10-fsed 1 --insolation-au 2
+
+      cpic etc "eps Eri" --contrast 5e-9 --separation-arcsec 0.6 --snr 5 --json
+
+      cpic etc "eps Eri" --library reference_star --reference-v-mag 2.5 --exozodi 3 --mode photon_counting
+
+      cpic etc "my star" --catalog my_stars.csv --snr 10
+
+      cpic etc "tau Cet" --band F520 --time-s 7200 --fidelity standard
+
+      cpic etc "eps Eri" --band F662 --detect --tolerance 0.05
+    """
     from catalogs import open_catalogue
     from cpic_planner.api import at_distance, closed_forms, model_of
     from cpic_planner.etc import etc_result
@@ -87,48 +88,39 @@ def etc(
     refuse_together({"--explain": explain, "--json": as_json}, "JSON holds all gains")
     check_plot(plot)
     table = open_catalogue(question.catalog)
-    for remark in table.notes:
-        note(remark)
+    note(*table.notes)
     star, about = find_target(question.target[0], companions=question.companions, catalog=table)
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
     star, model = at_distance(star, question.distance_pc), model_of(question)
     answers = _checked(question, model, star, closed_forms(question, model, star))
-    limit_or_contrast = question.contrast_limit or question.contrast is not None
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
-    result = etc_result(
-        model,
-        star,
-        answers,
-        note=about,
-        catalogue=table.provenance,
-        planet=None if limit_or_contrast else planet,
-        asked=question.hashed(),
-        dial=question.dial,
-        seed=1 if question.seed is None else question.seed,
-    )
+    hypothetical = None if question.contrast_limit or question.contrast is not None else planet
+    labels: dict[str, Any] = {"note": about, "catalogue": table.provenance, "planet": hypothetical}
+    seed = 1 if question.seed is None else question.seed
+    result = etc_result(model, star, answers, asked=question.hashed(), dial=question.dial, seed=seed, **labels)
     if plot is not None:
-        _draw(question, model, star, answers, result, plot)
+        best, allowed = report.best_row(result), question.wall_s
+        if best is not None and best.time_s is not None and (question.asks_time or question.n_frames is not None):
+            allowed = best.time_s
+        settings: dict[str, Any] = {name: getattr(question, name) for name in ("snr", "sigma", "exposure_s", "em_gain")}
+        curves = report.etc_curves(model, star, answers, time_s=allowed, best_band=result.best_band, **settings)
+        write_plot(plot, report.etc_figure(result, curves))
     if as_json:
         print_json(result)
         return
-    from cpic_planner.report import print_etc, print_fidelity
-
     placed = question.separation_arcsec is not None or question.semi_major_axis_au is not None
-    print_etc(result, console(), asked=in_words(question), placed=placed, every_budget=budget, explain=explain)
-    print_fidelity(result, console())
+    words = in_words(question)
+    report.print_etc(result, console(), asked=words, placed=placed, every_budget=budget, explain=explain)
+    report.print_fidelity(result, console())
 
 
 def in_words(question: EtcQuestion) -> str:
     """Return what is asked, in words."""
-    from cpic_planner.report import duration_text
-
-    level = "a detection"
-    if question.snr is not None or question.sigma is not None:
-        level = f"SNR {question.snr:g}" if question.snr is not None else f"{question.sigma:g} sigma"
+    level = report.level_text(question.snr, question.sigma)
     if question.asks_time:
         return f"wall time for {level}"
-    time = duration_text(question.wall_s)
+    time = report.duration_text(question.wall_s)
     if question.n_frames is not None and question.exposure_s is not None:
         time = f"{question.n_frames} × {question.exposure_s:g} s"
     return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"
@@ -146,16 +138,3 @@ def _checked(
     total = 100 * sum(needs_images(answer, question.dial) for answer in answers)
     with progress("images, per cent", total=total, enabled=total > 0) as advance:
         return checked(question, model, [star], answers, advance=advance)
-
-
-def _draw(
-    question: EtcQuestion, model: EtcModel, star: Targets, answers: Sequence[EtcAnswer], result: EtcResult, plot: Path
-) -> None:
-    from cpic_planner.report import best_row, etc_curves, etc_figure
-
-    best, allowed = best_row(result), question.wall_s
-    if best is not None and best.time_s is not None and (question.asks_time or question.n_frames is not None):
-        allowed = best.time_s
-    settings: dict[str, Any] = {name: getattr(question, name) for name in ("snr", "sigma", "exposure_s", "em_gain")}
-    curves = etc_curves(model, star, answers, time_s=allowed, best_band=result.best_band, **settings)
-    write_plot(plot, etc_figure(result, curves))

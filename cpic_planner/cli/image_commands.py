@@ -7,188 +7,122 @@
 
 from __future__ import annotations
 
-import functools
-import sys
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner.cli.options import (
-    DIAL_HELP,
-    OVERRIDES_HELP,
-    DryRunOption,
-    JsonOption,
-    console,
-    note,
-    print_cost,
-    print_json,
-    shown,
-    tell_overrides,
-)
+from cpic_planner import report
+from cpic_planner.cli import options
+from cpic_planner.cli.options import DryRunOption, JsonOption, note, print_cost, print_result, with_progress
 
 if TYPE_CHECKING:
     from cpic_planner.queries import ConfirmQuestion, PlanQuestion, SimulateQuestion
 
 
-PLAN_HELP = f"""\
-The main job: rank the catalogue, confirm the best targets with simulated images, write the report.
-
-Each of the best targets is simulated in every band with the frames that the exposure-time calculator chooses,
---realisations times, the star is subtracted, and the images are searched blind and measured. In the band that promises
-most one more realisation runs frame by frame with every effect of the camera. The report compares: confirmed or not,
-ETC optimistic or pessimistic by how much.
-
-Writes plan.json, sensitivity.json, run.json, ranking.csv, ranking.ecsv, measurements.csv and report.html into --out.
-Stopped half way, it continues when started again on the same folder; the result is the same for any number of workers.
-
-Examples:
-
-  cpic plan
-
-  cpic plan --top 10 --workers 2 --out my-plan
-
-  cpic plan --top 2 --band F520 --band F662 --time-s 7200 --json > plan.json
-
-  cpic plan --top 20 --realisations 20 --dry-run
-
-  cpic plan --top 20 --fidelity quick
-
-  cpic plan --top 3 --tolerance 0.02
-
-  cpic plan --score detection_margin --population solar_system --top 3
-
-  cpic plan --catalog my_stars.ecsv --top 3
-
-  cpic plan --known-planets snapshot --date 2027-06-01 --top 3
-
-  cpic plan --library reference_star --reference-v-mag 3 --top 3
-
-{DIAL_HELP}
-
-{OVERRIDES_HELP}"""
-
-
 def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOption = False) -> None:
-    """Plan and print."""
+    """The main job: rank the catalogue, confirm the best targets with simulated images, write the report.
+
+    Each of the best targets is simulated in every band with the frames that the exposure-time calculator chooses,
+    --realisations times, the star is subtracted, and the images are searched blind and measured. In the band that
+    promises most one more realisation runs frame by frame with every effect of the camera. The report compares:
+    confirmed or not, ETC optimistic or pessimistic by how much.
+
+    Writes plan.json, sensitivity.json, run.json, ranking.csv, ranking.ecsv, measurements.csv and report.html into
+    --out. Stopped half way, it continues when started again on the same folder; the result is the same for any
+    number of workers.
+
+    Examples:
+
+      cpic plan
+
+      cpic plan --top 10 --workers 2 --out my-plan
+
+      cpic plan --top 2 --band F520 --band F662 --time-s 7200 --json > plan.json
+
+      cpic plan --top 20 --realisations 20 --dry-run
+
+      cpic plan --top 20 --fidelity quick
+
+      cpic plan --top 3 --tolerance 0.02
+
+      cpic plan --score detection_margin --population solar_system --top 3
+
+      cpic plan --catalog my_stars.ecsv --top 3
+
+      cpic plan --known-planets snapshot --date 2027-06-01 --top 3
+
+      cpic plan --library reference_star --reference-v-mag 3 --top 3
+    """
     from catalogs import open_catalogue
     from cpic_planner.confirm import make_plan, plan_job
     from cpic_planner.jobs import estimate
     from cpic_planner.ranking import KnownChoice, counted_planets
 
-    tell_overrides(question.simulator_overrides)
+    options.tell_overrides(question.simulator_overrides)
     counted = counted_planets(question)
     table = open_catalogue(question.catalog)
-    for remark in (*(counted.table.notes if isinstance(counted, KnownChoice) else ()), *table.notes):
-        note(remark)
+    note(*(counted.table.notes if isinstance(counted, KnownChoice) else ()), *table.notes)
     if dry_run:
         cost = estimate(plan_job(question, table), workers=question.workers)
         what = f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)"
         print_cost(cost, what, question.workers, as_json)
         return
-    start = functools.partial(make_plan, question, question.out, catalog=table, **question.how)
-    done = shown("confirming", question.top * len(question.band_names()), start)
-    if as_json:
-        print_json(done.result)
-        return
-    from cpic_planner.report import print_plan
-
-    print_plan(done.result, console())
-    typer.echo(f"report: {question.out / 'report.html'}")
-
-
-CONFIRM_HELP = f"""\
-Observe one scene in simulated images and measure it blind, beside what the exposure-time calculator expects.
-
-SCENE is a preset or a YAML file, with any number of planets (none: the blind search alone) and other stars. Science
-and reference visits are simulated, --realisations times a band, the star is subtracted, and the dark hole is searched
-blind; forced photometry, positions, and a fit of metallicity and clouds follow. One more realisation a band runs frame
-by frame with every effect of the camera (--no-audit leaves it out).
-
-Frames are the best ones for the first planet within --time-s, or those that --exposure-s and --frames give; a gain that
-is not given is the best one. With --out it writes confirm.json, measurements.csv, report.html, panels-BAND.png and
-run.json; stopped half way, it continues when started again on the same folder.
-
-Examples:
-
-  cpic confirm paper_example
-
-  cpic confirm my_scene.yaml --band F520 --band F662 --time-s 7200 --out my-scene
-
-  cpic confirm paper_science --exposure-s 17 --frames 30 --em-gain 20 --band F520 --no-audit
-
-  cpic confirm paper_example --realisations 40 --workers 2 --json > confirm.json
-
-  cpic confirm paper_example --library roll --roll-deg 30 --dry-run
-
-  cpic confirm paper_example --band F520 --tolerance 0.02
-
-  cpic confirm paper_example --band F520 --realisations 2 --fidelity reference --dry-run
-
-  cpic simulate --list-presets
-
-{DIAL_HELP}
-
-{OVERRIDES_HELP}"""
+    start = partial(make_plan, question, question.out, catalog=table, **question.how)
+    done = with_progress("confirming", question.top * len(question.band_names()), start)
+    print_result(done.result, as_json, partial(report.print_plan, done.result))
+    if not as_json:
+        typer.echo(f"report: {question.out / 'report.html'}")
 
 
 def confirm(question: ConfirmQuestion, dry_run: DryRunOption = False, as_json: JsonOption = False) -> None:
-    """Confirm and print."""
+    """Observe one scene in simulated images and measure it blind, beside what the exposure-time calculator expects.
+
+    SCENE is a preset or a YAML file, with any number of planets (none: the blind search alone) and other stars.
+    Science and reference visits are simulated, --realisations times a band, the star is subtracted, and the dark
+    hole is searched blind; forced photometry, positions, and a fit of metallicity and clouds follow. One more
+    realisation a band runs frame by frame with every effect of the camera (--no-audit leaves it out).
+
+    Frames are the best ones for the first planet within --time-s, or those that --exposure-s and --frames give; a
+    gain that is not given is the best one. With --out it writes confirm.json, measurements.csv, report.html,
+    panels-BAND.png and run.json; stopped half way, it continues when started again on the same folder.
+
+    Examples:
+
+      cpic confirm paper_example
+
+      cpic confirm my_scene.yaml --band F520 --band F662 --time-s 7200 --out my-scene
+
+      cpic confirm paper_science --exposure-s 17 --frames 30 --em-gain 20 --band F520 --no-audit
+
+      cpic confirm paper_example --realisations 40 --workers 2 --json > confirm.json
+
+      cpic confirm paper_example --library roll --roll-deg 30 --dry-run
+
+      cpic confirm paper_example --band F520 --tolerance 0.02
+
+      cpic confirm paper_example --band F520 --realisations 2 --fidelity reference --dry-run
+
+      cpic simulate --list-presets
+    """
     from cpic_planner.confirm import confirm_job, confirm_scene
     from cpic_planner.jobs import estimate
 
-    tell_overrides(question.simulator_overrides)
+    options.tell_overrides(question.simulator_overrides)
     if dry_run:
         cost = estimate(confirm_job(question), workers=question.workers)
         what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
         print_cost(cost, what, question.workers, as_json)
         return
-    start = functools.partial(confirm_scene, question, question.out, **question.how)
-    done = shown("confirming", len(question.band_names()), start, "band")
+    start = partial(confirm_scene, question, question.out, **question.how)
+    done = with_progress("confirming", len(question.band_names()), start, "band")
+    print_result(done.result, as_json, partial(report.print_confirm, done.result))
     if as_json:
-        print_json(done.result)
         return
-    from cpic_planner.report import print_confirm
-
-    print_confirm(done.result, console())
     if question.out is None:
         note("--out DIR writes a report with the images")
     else:
         typer.echo(f"report: {question.out / 'report.html'}")
-
-
-SIMULATE_HELP = """\
-Make Level-0 data with truth: scenes, whole simulations, every star of a table, or calibration frames.
-
-WHAT is a scene (preset or YAML file), a simulation (preset or YAML file: a list of sequences), or a table of stars
-(CSV, ECSV, VOTable, FITS; each row a scene); several may be given. Each combination of band, exposure and gain is one
-sequence of frames: one file, one number. Options that describe sequences are for scenes, tables and calibration kinds.
-A simulation has its own; --frames, --seed, --fidelity, --tolerance, --instrument, --off and --start-utc replace those.
-
---fidelity sets the optics and leaves every effect in. --tolerance 0.02 leaves out effects, sources and nodes whose
-predicted sizes add up to at most 2 % of planet flux, of SNR and of any pixel (of the spread of one frame), and never
-takes finer optics than --fidelity; what it leaves out is printed (with --dry-run before anything is made), and stands
-in header, truth and simulation.json.
-
-Writes SCI, CAL, Truth and Params, simulation.json and run.json into --out. Stopped half way, it continues when started
-again on the same folder; the files are the same for any number of workers.
-
-Examples:
-
-  cpic simulate paper_example --band F520 --exposure-s 17 --em-gain 20
-
-  cpic simulate my_scene.yaml --band F520,F662 --exposure-s 30,300
-
-  cpic simulate paper_alpha_cen_b --frames 2 --workers 2 --out paper
-
-  cpic simulate my_stars.csv --band F662 --frames 5 --dry-run
-
-  cpic simulate --kind BIAS --frames 10
-
-  cpic simulate paper_example --band F520 --off cosmic_rays --off smear
-
-  cpic simulate paper_example --band F520 --frames 20 --tolerance 0.02 --dry-run
-
-  cpic simulate --list-presets"""
 
 
 def simulate(
@@ -199,39 +133,56 @@ def simulate(
     list_presets: Annotated[bool, typer.Option("--list-presets", help="Show the presets, then stop.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Simulate and print."""
+    """Make Level-0 data with truth: scenes, whole simulations, every star of a table, or calibration frames.
+
+    WHAT is a scene (preset or YAML file), a simulation (preset or YAML file: a list of sequences), or a table of
+    stars (CSV, ECSV, VOTable, FITS; each row a scene); several may be given. Each combination of band, exposure and
+    gain is one sequence of frames: one file, one number. Options that describe sequences are for scenes, tables and
+    calibration kinds. A simulation has its own; --frames, --seed, --fidelity, --tolerance, --instrument, --off and
+    --start-utc replace those.
+
+    --fidelity sets the optics and leaves every effect in. --tolerance 0.02 leaves out effects, sources and nodes
+    whose predicted sizes add up to at most 2 % of planet flux, of SNR and of any pixel (of the spread of one
+    frame), and never takes finer optics than --fidelity; what it leaves out is printed (with --dry-run before
+    anything is made), and stands in header, truth and simulation.json.
+
+    Writes SCI, CAL, Truth and Params, simulation.json and run.json into --out. Stopped half way, it continues when
+    started again on the same folder; the files are the same for any number of workers.
+
+    Examples:
+
+      cpic simulate paper_example --band F520 --exposure-s 17 --em-gain 20
+
+      cpic simulate my_scene.yaml --band F520,F662 --exposure-s 30,300
+
+      cpic simulate paper_alpha_cen_b --frames 2 --workers 2 --out paper
+
+      cpic simulate my_stars.csv --band F662 --frames 5 --dry-run
+
+      cpic simulate --kind BIAS --frames 10
+
+      cpic simulate paper_example --band F520 --off cosmic_rays --off smear
+
+      cpic simulate paper_example --band F520 --frames 20 --tolerance 0.02 --dry-run
+
+      cpic simulate --list-presets
+    """
     if list_presets:
         _print_presets(as_json)
         return
-    from cpic_planner.simulation import simulation_from
+    from cpic_planner import simulation
 
-    simulation, remarks = simulation_from(
-        question.what, settings=question.settings, changes=question.changes, instrument=question.instrument
-    )
-    for remark in remarks:
-        note(remark)
+    changed = {"settings": question.settings, "changes": question.changes, "instrument": question.instrument}
+    made, remarks = simulation.simulation_from(question.what, **changed)
+    note(*remarks)
     if dry_run:
-        from cpic_planner.simulation import simulation_estimate
-
-        plan = simulation_estimate(simulation, truth=question.truth, workers=question.workers)
-        if as_json:
-            print_json(plan)
-        else:
-            from cpic_planner.report import print_planned
-
-            print_planned(plan, console())
+        planned = simulation.simulation_estimate(made, truth=question.truth, workers=question.workers)
+        print_result(planned, as_json, partial(report.print_planned, planned))
         return
-    from cpic_planner.simulation import simulate as run
-
-    total = sum(len(list(entry.grid())) * entry.frames for entry in simulation.sequences)
-    start = functools.partial(run, simulation, question.out, truth=question.truth, **question.how)
-    done = shown("frames", total, start, "sequence")
-    if as_json:
-        print_json(done.result)
-        return
-    from cpic_planner.report import print_simulation
-
-    print_simulation(done.result, question.out, console())
+    total = sum(len(list(entry.grid())) * entry.frames for entry in made.sequences)
+    start = partial(simulation.simulate, made, question.out, truth=question.truth, **question.how)
+    done = with_progress("frames", total, start, "sequence")
+    print_result(done.result, as_json, partial(report.print_simulation, done.result, question.out))
 
 
 def _print_presets(as_json: bool) -> None:
@@ -240,9 +191,7 @@ def _print_presets(as_json: bool) -> None:
     simulations = {name: load_simulation(name).description for name in preset_names("simulation")}
     scenes = {name: load_scene(name).name for name in preset_names("scene")}
     if as_json:
-        from cpic_core import dump_json
-
-        sys.stdout.write(dump_json({"simulations": simulations, "scenes": scenes}))
+        options.print_json({"simulations": simulations, "scenes": scenes})
         return
     width = max(map(len, (*simulations, *scenes)))
     for title, presets in (("Simulations", simulations), ("Scenes", scenes)):

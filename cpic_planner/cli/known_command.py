@@ -5,55 +5,19 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner.cli.options import (
-    JsonOption,
-    check_file,
-    check_plot,
-    console,
-    note,
-    print_json,
-    write_out,
-    write_plot,
-)
+from cpic_planner import report
+from cpic_planner.cli.options import JsonOption, check_file, check_plot, note, print_result, write_out, write_plot
 
 if TYPE_CHECKING:
     from catalogs import Catalogue
     from cpic_planner.queries import KnownQuestion, VisibilityQuestion
     from cpic_planner.ranking import KnownChoice
-
-
-HELP = """Say where the known planets are at a date, how bright, and when the dark hole covers them.
-
-Published orbits are drawn within their errors: with time the place of a planet gets less certain, and where no time of
-periastron or conjunction is published its phase is unknown. Without a star all stars with known planets are listed,
-with one also the days of the next years on which it stands in the dark hole of each band.
-
-Examples:
-
-  cpic known
-
-  cpic known "eps Eri"
-
-  cpic known "pi Men" --date 2031-05-01 --years 8 --plot separation.png
-
-  cpic known "47 UMa" --band F520 --json
-
-  cpic known "eps Eri" --date 2034-03-01 --scene eps_eri.yaml
-
-  cpic known --known-planets my_planets.csv
-
-Every planet has a status. Confirmed and controversial planets are counted by cpic rank, plan and whatif; candidates and
-refuted planets are listed here with the reference and counted nowhere.
-
-The shipped table is that of the NASA Exoplanet Archive of 2019 with the updates since that change what can be seen. A
-table of your own (cpic catalog columns lists its columns) is laid over it: a planet of the same name is replaced, the
-others stay. It may be one of the archive (default solutions, CSV). A row with a star, a planet and a status changes
-the status alone. --known-planets none+my_planets.csv takes the file alone, archive_2019 the table without updates."""
 
 
 def known(
@@ -70,7 +34,35 @@ def known(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Find out and print."""
+    """Say where the known planets are at a date, how bright, and when the dark hole covers them.
+
+    Published orbits are drawn within their errors: with time the place of a planet gets less certain, and where no
+    time of periastron or conjunction is published its phase is unknown. Without a star all stars with known planets
+    are listed, with one also the days of the next years on which it stands in the dark hole of each band.
+
+    Examples:
+
+      cpic known
+
+      cpic known "eps Eri"
+
+      cpic known "pi Men" --date 2031-05-01 --years 8 --plot separation.png
+
+      cpic known "47 UMa" --band F520 --json
+
+      cpic known "eps Eri" --date 2034-03-01 --scene eps_eri.yaml
+
+      cpic known --known-planets my_planets.csv
+
+    Every planet has a status. Confirmed and controversial planets are counted by cpic rank, plan and whatif;
+    candidates and refuted planets are listed here with the reference and counted nowhere.
+
+    The shipped table is that of the NASA Exoplanet Archive of 2019 with the updates since that change what can be
+    seen. A table of your own (cpic catalog columns lists its columns) is laid over it: a planet of the same name is
+    replaced, the others stay. It may be one of the archive (default solutions, CSV). A row with a star, a planet
+    and a status changes the status alone. --known-planets none+my_planets.csv takes the file alone, archive_2019
+    the table without updates.
+    """
     from catalogs import open_catalogue
     from cpic_core import InputError
     from cpic_planner.etc import build_model
@@ -87,46 +79,27 @@ def known(
     check_plot(plot)
     table = open_catalogue(question.catalog)
     model = build_model(question.instrument, question.bands)
-    choice = KnownChoice.at(
-        question.known_planets or "snapshot",
-        question.date_utc,
-        question.albedo,
-        question.instrument,
-        n_draws=question.n_draws,
-        seed=question.seed,
-    )
-    for remark in (*table.notes, *choice.table.notes):
-        note(remark)
+    planets, draws = question.known_planets or "snapshot", {"n_draws": question.n_draws, "seed": question.seed}
+    choice = KnownChoice.at(planets, question.date_utc, question.albedo, question.instrument, **draws)
+    note(*table.notes, *choice.table.notes)
     if star is None:
         targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max)
     else:
         targets, remark = find_target(star, catalog=table)
-        if remark:
-            note(remark)
+        note(*filter(None, [remark]))
         name = str(targets.name[0])
         if not choice.table.listed_rows_of(name):
             raise InputError("star", star, allowed="a star with known planets", hint=choice.table.provenance)
         if (plot is not None or scene is not None) and not choice.table.rows_of(name):
-            raise InputError(
-                "--plot" if scene is None else "--scene",
-                star,
-                hint="its planets are only listed",
-                allowed="a star with a confirmed or controversial planet",
-            )
+            allowed, hint = "a star with a confirmed or controversial planet", "its planets are only listed"
+            raise InputError("--plot" if scene is None else "--scene", star, hint=hint, allowed=allowed)
     span = None if star is None else DEFAULT_YEARS if question.years is None else question.years
     result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=question.bands)
     if plot is not None:
-        from cpic_planner.report import known_figure
-
-        write_plot(plot, known_figure(result))
+        write_plot(plot, report.known_figure(result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
-    if as_json:
-        print_json(result)
-        return
-    from cpic_planner.report import print_known
-
-    print_known(result, console(), limit=limit)
+    print_result(result, as_json, partial(report.print_known, result, limit=limit))
 
 
 def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:
@@ -141,28 +114,6 @@ def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -
     note(f"wrote {path}")
 
 
-VISIBILITY_HELP = """Say when stars can be seen from the orbit of the telescope, and for how long per orbit.
-
-Counts the angles from Sun and Moon, the dark and the sunlit limb of the Earth, the solar panels (which also limit the
-roll) and, as a fraction of all time, the South Atlantic Anomaly. All limits can be changed: --visibility takes a YAML
-file with what differs from the preset, for example moon_deg: 40. The orbit is that of the instrument (mission.orbit), a
-model whose node is assumed: seasons hold, but which weeks have the longest windows depends on it.
-
-Examples:
-
-  cpic visibility "tau Cet"
-
-  cpic visibility "alpha Cen B" --start 2029-06-01 --days 730 --plot visibility.png
-
-  cpic visibility "tau Cet" "eps Eri" "61 Cyg A" "eps Ind" --plot calendar.png
-
-  cpic visibility "tau Cet" --visibility my_limits.yaml --out days.csv
-
-  cpic visibility "tau Cet" --step-days 0.25 --days 30 --json
-
-  cpic visibility "my star" --catalog my_stars.csv"""
-
-
 def visibility(
     question: VisibilityQuestion,
     plot: Annotated[
@@ -172,23 +123,35 @@ def visibility(
     out: Annotated[Path | None, typer.Option("--out", help="Also write every step of every star to FILE.csv.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Find out and print."""
+    """Say when stars can be seen from the orbit of the telescope, and for how long per orbit.
+
+    Counts the angles from Sun and Moon, the dark and the sunlit limb of the Earth, the solar panels (which also
+    limit the roll) and, as a fraction of all time, the South Atlantic Anomaly. All limits can be changed:
+    --visibility takes a YAML file with what differs from the preset, for example moon_deg: 40. The orbit is that of
+    the instrument (mission.orbit), a model whose node is assumed: seasons hold, but which weeks have the longest
+    windows depends on it.
+
+    Examples:
+
+      cpic visibility "tau Cet"
+
+      cpic visibility "alpha Cen B" --start 2029-06-01 --days 730 --plot visibility.png
+
+      cpic visibility "tau Cet" "eps Eri" "61 Cyg A" "eps Ind" --plot calendar.png
+
+      cpic visibility "tau Cet" --visibility my_limits.yaml --out days.csv
+
+      cpic visibility "tau Cet" --step-days 0.25 --days 30 --json
+
+      cpic visibility "my star" --catalog my_stars.csv
+    """
     from cpic_planner.api import visibility_of
 
     check_file(out, (".csv",), "--out")
     check_plot(plot)
     result = visibility_of(question, note)
     if out is not None:
-        from cpic_planner.report import visibility_csv
-
-        write_out(out, lambda: visibility_csv(result), len(result.targets) * len(result.mjd))
+        write_out(out, lambda: report.visibility_csv(result), len(result.targets) * len(result.mjd))
     if plot is not None:
-        from cpic_planner.report import visibility_figure
-
-        write_plot(plot, visibility_figure(result))
-    if as_json:
-        print_json(result)
-        return
-    from cpic_planner.report import print_visibility
-
-    print_visibility(result, console())
+        write_plot(plot, report.visibility_figure(result))
+    print_result(result, as_json, partial(report.print_visibility, result))

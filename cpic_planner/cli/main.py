@@ -4,9 +4,11 @@ Exit status: 0 success (an unreachable target is an answer), 2 bad input with on
 130 interrupted.
 """
 
+import inspect
 import logging
 import os
 import sys
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -22,7 +24,7 @@ from cpic_planner.cli import (
     upkeep_command,
 )
 from cpic_planner.cli.asking import late
-from cpic_planner.cli.options import error_line, version_text
+from cpic_planner.cli.options import DIAL_HELP, OVERRIDES_HELP, error_line, version_text
 from cpic_planner.cli.progress import watch
 from cpic_planner.schemas import QUESTIONS
 
@@ -61,23 +63,25 @@ def root(
         context.with_resource(watch(context.invoked_subcommand or "working"))
 
 
-for _run, _help in (
-    (image_commands.plan, image_commands.PLAN_HELP),
-    (rank_command.rank, rank_command.HELP),
-    (etc_command.etc, etc_command.HELP),
-    (known_command.known, known_command.HELP),
-    (image_commands.confirm, image_commands.CONFIRM_HELP),
-    (image_commands.simulate, image_commands.SIMULATE_HELP),
-    (known_command.visibility, known_command.VISIBILITY_HELP),
-    (study_commands.whatif, study_commands.WHATIF_HELP),
-    (study_commands.tradeoff, study_commands.TRADEOFF_HELP),
-):
-    # The options of a question are those of its model, which is imported when the command is called.
-    app.command(_run.__name__, help=_help, cls=late(_run, QUESTIONS[_run.__name__]))(lambda: None)
-app.command("check", help=upkeep_command.HELP)(upkeep_command.check)
+def _add(run: Callable[..., None], *more: str) -> None:
+    """Add a command; its help is its docstring and ``more``, its options come late from the model of its question."""
+    help_text = "\n\n".join((inspect.getdoc(run) or "", *more))
+    app.command(run.__name__, help=help_text, cls=late(run, QUESTIONS[run.__name__]))(lambda: None)
+
+
+_add(image_commands.plan, DIAL_HELP, OVERRIDES_HELP)
+_add(rank_command.rank)
+_add(etc_command.etc)
+_add(known_command.known)
+_add(image_commands.confirm, DIAL_HELP, OVERRIDES_HELP)
+_add(image_commands.simulate)
+_add(known_command.visibility)
+_add(study_commands.whatif)
+_add(study_commands.tradeoff)
+app.command("check")(upkeep_command.check)
 app.add_typer(catalog_command.app, name="catalog")
 app.add_typer(upkeep_command.app, name="cache")
-app.command("schema", help=upkeep_command.SCHEMA_HELP)(upkeep_command.schema)
+app.command("schema")(upkeep_command.schema)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -9,12 +9,13 @@ import contextlib
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
 import typer
 from pydantic import BaseModel
 
-from cpic_core import InputError
+from cpic_core import InputError, dump_json, write_text
+from cpic_planner import report
 from cpic_planner.cli.progress import is_quiet, progress, rest
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 
@@ -39,34 +40,43 @@ def error_line(text: str, status: int) -> int:
     return status
 
 
-def note(text: str) -> None:
-    """Write a remark to stderr unless quiet."""
+def note(*texts: str) -> None:
+    """Write remarks to stderr, a line each, unless quiet."""
     if not is_quiet():
-        sys.stderr.write(f"cpic: {text}\n")
+        sys.stderr.writelines(f"cpic: {text}\n" for text in texts)
 
 
-def print_json(result: BaseModel) -> None:
+def print_json(result: BaseModel | Mapping[str, Any]) -> None:
     """The result as JSON on stdout and nothing else there."""
-    from cpic_core import dump_json
-
     rest()
-    sys.stdout.write(dump_json(result.model_dump(mode="json")))
+    sys.stdout.write(dump_json(result.model_dump(mode="json") if isinstance(result, BaseModel) else dict(result)))
+
+
+def print_result(result: BaseModel, as_json: bool, tables: Callable[[Console], None]) -> None:
+    """Print a result as JSON, or as ``tables`` print it."""
+    if as_json:
+        print_json(result)
+    else:
+        tables(console())
 
 
 def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool) -> None:
     """What a run of simulated images would take, as a line or as JSON."""
-    from cpic_core import dump_json
-
     line = (
         f"{what}, {cost['n_realisations']} realisations, {cost['n_frames']} frames drawn one by one, about "
         f"{cost['wall_s']:.0f} s with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, "
         f"{cost['disk_mb']:.1f} MB disk\n"
     )
+    print_line_or_json(line, cost, as_json)
+
+
+def print_line_or_json(line: str, tree: Mapping[str, Any], as_json: bool) -> None:
+    """Print one line, or the same as JSON."""
     rest()
-    sys.stdout.write(dump_json(dict(cost)) if as_json else line)
+    sys.stdout.write(dump_json(dict(tree)) if as_json else line)
 
 
-def shown(title: str, total: int, start: Callable[..., Finished[R]], piece: str = "piece") -> Finished[R]:
+def with_progress(title: str, total: int, start: Callable[..., Finished[R]], piece: str = "piece") -> Finished[R]:
     """Run a job with progress on stderr, and say how much of it was there already.
 
     Parameters
@@ -99,7 +109,6 @@ def console() -> Console:
 def version_text() -> str:
     """Version, data vintage, and whether the generic top-level packages are this distribution's own."""
     from importlib import metadata, util
-    from pathlib import Path
 
     from catalogs import snapshot_vintage
 
@@ -178,9 +187,7 @@ def refuse_together(options: dict[str, object], why: str) -> None:
 def check_plot(plot: Path | None) -> None:
     """Refuse the file of a figure before any work, where it cannot be written."""
     if plot is not None:
-        from cpic_planner.report import check_figure_name
-
-        check_figure_name(plot)
+        report.check_figure_name(plot)
 
 
 def write_plot(plot: Path, figure: Figure, remark: str = "") -> None:
@@ -193,9 +200,7 @@ def write_plot(plot: Path, figure: Figure, remark: str = "") -> None:
     remark : str
         What is said of it beside its name.
     """
-    from cpic_planner.report import write_figure
-
-    write_figure(figure, plot)
+    report.write_figure(figure, plot)
     note(f"wrote {plot}{remark}")
 
 
@@ -213,8 +218,6 @@ def write_out(path: Path, text: Callable[[], str], rows: int) -> None:
     InputError
         If it cannot be written.
     """
-    from cpic_core import write_text
-
     try:
         write_text(path, text())
     except OSError as error:

@@ -99,9 +99,9 @@ class Lines:
             return
         if work.shown_at is not None:
             since = now - work.shown_at
-            further = (
-                (work.done - work.shown_done >= TENTH * work.total) if work.total else (work.text != work.shown_text)
-            )
+            further = work.text != work.shown_text
+            if work.total:
+                further = work.done - work.shown_done >= TENTH * work.total
             if since < LINE_EVERY_S or (now - work.began > DENSE_S and since < DENSE_S and not further):
                 return
         work.shown_at, work.shown_done, work.shown_text = now, work.done, work.text
@@ -148,25 +148,16 @@ class Bar:
 
 
 def _rich_bar(*, counted: bool) -> RichProgress:
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        SpinnerColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
 
-    text = TextColumn("{task.description}", markup=False)
-    columns = (
-        (text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
-        if counted
-        else (SpinnerColumn(), text, TimeElapsedColumn())
-    )
+    text, elapsed = rich.TextColumn("{task.description}", markup=False), rich.TimeElapsedColumn()
+    columns: tuple[rich.ProgressColumn, ...] = (rich.SpinnerColumn(), text, elapsed)
+    if counted:
+        left = rich.TextColumn("left"), rich.TimeRemainingColumn()
+        columns = (text, rich.BarColumn(), rich.MofNCompleteColumn(), elapsed, *left)
     # Results go to stdout, which may be a file while the bar is on a terminal: it stays as it is.
-    return Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False)
+    return rich.Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False)
 
 
 class Reporter(logging.Handler):

@@ -5,16 +5,16 @@
 
 from __future__ import annotations
 
-import functools
-import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cpic_core import InputError
-from cpic_planner.cli.options import JsonOption, console, note, print_json, shown
+from cpic_planner import report
+from cpic_planner.cli.options import JsonOption, note, print_json, print_line_or_json, print_result, with_progress
 
 if TYPE_CHECKING:
     from cpic_planner.queries import TradeoffQuestion, WhatIfQuestion
@@ -22,58 +22,55 @@ if TYPE_CHECKING:
     from cpic_planner.tradeoff import FixedScene, Point
 
 
-WHATIF_HELP = """\
-Compare survey strategies over the same synthetic universes: planets found, time used, and how sure that is.
-
-STRATEGIES is a preset (survey_default) or a YAML file. Every strategy gets a calendar from the visibility of its stars;
-then it is played in made-up universes (--universes), each with its own planets, drift of calibration and luck, the same
-for all strategies, so that differences are known far better than yields. A sample of the detections is simulated as
-images and searched blind. Writes whatif.json, universes.parquet, detections.parquet, stars.parquet, targets.csv,
-run.json and report.html into --out. Stopped half way, it continues when started again on the same folder; the result
-is the same for any number of workers.
-
-Examples:
-
-  cpic whatif survey_default
-
-  cpic whatif survey_default --strategy few_and_deep --vary contrast=1e-8,3e-9,1e-9
-
-  cpic whatif survey_default --strategy few_and_deep --vary drift=x0.5,x1,0.1nm
-
-  cpic whatif my_strategies.yaml --universes 5000 --workers 2 --out my-survey
-
-  cpic whatif survey_default --observed log.csv --start 2030-01-01
-
-  cpic whatif survey_default --known-planets my_planets.csv
-
-  cpic whatif my_strategies.yaml --scheduler tcp://cluster:8786
-
-  cpic whatif survey_default --vary max_visits=1,4,16 --images 0 --json > whatif.json
-
-A strategies file names only what differs from the preset:
-
-\b
-  kind: strategies
-  universe: {universes: 500}
-  strategies:
-    - {name: one_hour, visit: {time_s: 3600}, revisits: {max_visits: 10}}
-    - {name: ten_hours, visit: {time_s: 36000}, revisits: {max_visits: 10}}
-
---vary takes any key of a strategy (dotted) or a short name: contrast, drift, throughput, exozodi, budget_h, time_s,
-max_visits, max_targets, rule, library. A value is a number with a unit (time_s=1h), a factor with an x (budget_h=x0.5),
-a number alone where the key ends in its unit or the quantity has none, or a word. drift, throughput and exozodi always
-need a unit or an x: drift=0.1nm makes the offset of a visit 0.1 nm rms and scales the walk within the visit in the same
-ratio; drift=x2 doubles both; throughput=x0.7; exozodi=3zodi. --observed takes a table of visits made so far, with the
-columns star, start_utc, band, exposure_s, n_frames, em_gain, and telescope_h, roll_deg, planets if known: the rest is
-planned."""
-
-
 def whatif(
     question: WhatIfQuestion,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done and how long it takes.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare and print."""
+    """Compare survey strategies over the same synthetic universes: planets found, time used, and how sure that is.
+
+    STRATEGIES is a preset (survey_default) or a YAML file. Every strategy gets a calendar from the visibility of
+    its stars; then it is played in made-up universes (--universes), each with its own planets, drift of calibration
+    and luck, the same for all strategies, so that differences are known far better than yields. A sample of the
+    detections is simulated as images and searched blind. Writes whatif.json, universes.parquet, detections.parquet,
+    stars.parquet, targets.csv, run.json and report.html into --out. Stopped half way, it continues when started
+    again on the same folder; the result is the same for any number of workers.
+
+    Examples:
+
+      cpic whatif survey_default
+
+      cpic whatif survey_default --strategy few_and_deep --vary contrast=1e-8,3e-9,1e-9
+
+      cpic whatif survey_default --strategy few_and_deep --vary drift=x0.5,x1,0.1nm
+
+      cpic whatif my_strategies.yaml --universes 5000 --workers 2 --out my-survey
+
+      cpic whatif survey_default --observed log.csv --start 2030-01-01
+
+      cpic whatif survey_default --known-planets my_planets.csv
+
+      cpic whatif my_strategies.yaml --scheduler tcp://cluster:8786
+
+      cpic whatif survey_default --vary max_visits=1,4,16 --images 0 --json > whatif.json
+
+    A strategies file names only what differs from the preset:
+
+    \b
+      kind: strategies
+      universe: {universes: 500}
+      strategies:
+        - {name: one_hour, visit: {time_s: 3600}, revisits: {max_visits: 10}}
+        - {name: ten_hours, visit: {time_s: 36000}, revisits: {max_visits: 10}}
+
+    --vary takes any key of a strategy (dotted) or a short name: contrast, drift, throughput, exozodi, budget_h,
+    time_s, max_visits, max_targets, rule, library. A value is a number with a unit (time_s=1h), a factor with an x
+    (budget_h=x0.5), a number alone where the key ends in its unit or the quantity has none, or a word. drift,
+    throughput and exozodi always need a unit or an x: drift=0.1nm makes the offset of a visit 0.1 nm rms and scales
+    the walk within the visit in the same ratio; drift=x2 doubles both; throughput=x0.7; exozodi=3zodi. --observed
+    takes a table of visits made so far, with the columns star, start_utc, band, exposure_s, n_frames, em_gain, and
+    telescope_h, roll_deg, planets if known: the rest is planned.
+    """
     from cpic_planner.jobs import estimate
     from cpic_planner.survey import (
         known_table,
@@ -87,25 +84,24 @@ def whatif(
 
     config = with_universe(_chosen(load_strategies(question.strategies), question.strategy), question.shared())
     config = varied(config, question.vary) if question.vary else config
-    for line in variation_lines(config):
-        note(f"varied: {line}")
+    note(*(f"varied: {line}" for line in variation_lines(config)))
     table = known_table(config.universe)
-    for remark in () if table is None else table.notes:
-        note(remark)
+    note(*(() if table is None else table.notes))
     cost = estimate(whatif_job(config, n_images=question.images), workers=question.workers)
     if dry_run:
-        _print_cost(cost, question.workers, as_json)
+        line = (
+            f"{cost['n_strategies']} strategies, {cost['n_universes']} universes, {cost['n_blocks']} blocks, up to "
+            f"{cost['n_images']} sets of images: about {cost['wall_s']:.0f} s with {question.workers} worker(s), "
+            f"{cost['memory_mb']:.0f} MB memory, {cost['disk_mb']:.1f} MB disk\n"
+        )
+        print_line_or_json(line, cost, as_json)
         return
     out = question.out or Path("cpic-whatif")
-    start = functools.partial(run_whatif, config, out, n_images=question.images, **question.how)
-    done = shown("what if", int(cost["n_steps"]), start)
-    if as_json:
-        print_json(done.result)
-        return
-    from cpic_planner.report import print_whatif
-
-    print_whatif(done.result, console())
-    typer.echo(f"report: {out / 'report.html'}")
+    start = partial(run_whatif, config, out, n_images=question.images, **question.how)
+    done = with_progress("what if", int(cost["n_steps"]), start)
+    print_result(done.result, as_json, partial(report.print_whatif, done.result))
+    if not as_json:
+        typer.echo(f"report: {out / 'report.html'}")
 
 
 def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfig:
@@ -119,44 +115,30 @@ def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfi
     return config.model_copy(update={"strategies": tuple(item for item in config.strategies if item.name in names)})
 
 
-def _print_cost(cost: dict[str, float], workers: int, as_json: bool) -> None:
-    from cpic_core import dump_json
-
-    line = (
-        f"{cost['n_strategies']} strategies, {cost['n_universes']} universes, {cost['n_blocks']} blocks, up to "
-        f"{cost['n_images']} sets of images: about {cost['wall_s']:.0f} s with {workers} worker(s), "
-        f"{cost['memory_mb']:.0f} MB memory, {cost['disk_mb']:.1f} MB disk\n"
-    )
-    sys.stdout.write(dump_json(cost) if as_json else line)
-
-
-TRADEOFF_HELP = """\
-Measure speed against accuracy on this machine: time, memory and error of every tier, tolerance and knob.
-
-Seven fixed scenes are observed in every way there is: closed forms, sums of frames, frames, and the reference with one
-knob changed or one effect left out. Errors of the planet's flux and SNR are against the reference of the scene. Writes
-results.csv, results.json, report.md, pareto.png and run.json into --out. All scenes take half an hour on one core;
-stopped half way, it continues when started again on the same folder.
-
-Examples:
-
-  cpic tradeoff --quick-look --scene faint
-
-  cpic tradeoff --scene binary --scene edge
-
-  cpic tradeoff --only standard --only quick
-
-  cpic tradeoff --workers 2 --out tradeoff
-
-  cpic tradeoff --list"""
-
-
 def tradeoff(
     question: TradeoffQuestion,
     listed: Annotated[bool, typer.Option("--list", help="Say which scenes and ways there are, and stop.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Measure and write."""
+    """Measure speed against accuracy on this machine: time, memory and error of every tier, tolerance and knob.
+
+    Seven fixed scenes are observed in every way there is: closed forms, sums of frames, frames, and the reference
+    with one knob changed or one effect left out. Errors of the planet's flux and SNR are against the reference of
+    the scene. Writes results.csv, results.json, report.md, pareto.png and run.json into --out. All scenes take half
+    an hour on one core; stopped half way, it continues when started again on the same folder.
+
+    Examples:
+
+      cpic tradeoff --quick-look --scene faint
+
+      cpic tradeoff --scene binary --scene edge
+
+      cpic tradeoff --only standard --only quick
+
+      cpic tradeoff --workers 2 --out tradeoff
+
+      cpic tradeoff --list
+    """
     from cpic_planner.jobs import run
     from cpic_planner.tradeoff import FILES, RESULT, chosen, n_rows, read_result, tradeoff_job
 
@@ -166,25 +148,18 @@ def tradeoff(
         return
     earlier = read_result(question.out) if question.only or question.scenes else None
     job = tradeoff_job(work, earlier=earlier, quick_look=question.quick_look, at_once=question.workers)
-    result = shown("rows", n_rows(work), functools.partial(run, job, question.out, force=question.force)).result
+    result = with_progress("rows", n_rows(work), partial(run, job, question.out, force=question.force)).result
     note(f"{', '.join((RESULT, *FILES))} written to {question.out}")
-    if as_json:
-        print_json(result)
-        return
-    from cpic_planner.report import print_tradeoff
-
-    print_tradeoff(result, console())
+    print_result(result, as_json, partial(report.print_tradeoff, result))
 
 
 def _print_list(work: Sequence[tuple[FixedScene, tuple[Point, ...]]], as_json: bool) -> None:
-    from cpic_core import dump_json
-
     if as_json:
         listing = {
             case.name: {"title": case.title, "why": case.why, "points": {item.name: item.title for item in points}}
             for case, points in work
         }
-        sys.stdout.write(dump_json(listing))
+        print_json(listing)
         return
     for case, points in work:
         typer.echo(f"{case.name}: {case.title} ({case.why})")

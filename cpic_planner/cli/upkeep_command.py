@@ -6,12 +6,15 @@
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cpic_planner.cli.options import JsonOption, console, print_json
+from cpic_core import InputError, cache_info, clear_cache
+from cpic_planner import report
+from cpic_planner.cli.options import JsonOption, print_json, print_result
 
 app = typer.Typer(
     help="What the disk cache holds, and how to empty it. Emptying it is always safe.", no_args_is_help=True
@@ -21,36 +24,19 @@ app = typer.Typer(
 @app.command("info")
 def info(as_json: JsonOption = False) -> None:
     """Show folder, entries and size (example: cpic cache info)."""
-    from cpic_core import cache_info, dump_json
-
-    found = cache_info()
+    cache = cache_info()
+    size = f"{cache.n_entries} entries, {cache.size_bytes / 1e6:.1f} MB"
     if as_json:
-        sys.stdout.write(
-            dump_json({"folder": str(found.folder), "n_entries": found.n_entries, "size_bytes": found.size_bytes})
-        )
+        print_json({"folder": str(cache.folder), "n_entries": cache.n_entries, "size_bytes": cache.size_bytes})
     else:
-        typer.echo(
-            f"{found.folder}: {found.n_entries} entries, {found.size_bytes / 1e6:.1f} MB (CPIC_CACHE_DIR moves it)"
-        )
+        typer.echo(f"{cache.folder}: {size} (CPIC_CACHE_DIR moves it)")
 
 
 @app.command("clear")
 def clear() -> None:
     """Remove every entry (example: cpic cache clear)."""
-    from cpic_core import clear_cache
-
     was = clear_cache()
     typer.echo(f"removed {was.n_entries} entries, {was.size_bytes / 1e6:.1f} MB from {was.folder}")
-
-
-SCHEMA_HELP = """Print the JSON Schema of a result: rank, etc, plan, confirm, run, simulation, check and others; or of a
-question, which is what options, keywords and YAML files of a command can say: etc-question, rank-question and so on.
-
-Examples:
-
-  cpic schema plan > plan.schema.json
-
-  cpic schema etc-question"""
 
 
 def schema(
@@ -58,25 +44,19 @@ def schema(
         str, typer.Argument(help="rank, etc, plan, confirm, run, simulation or check; or etc-question ...")
     ],
 ) -> None:
-    """Print one schema."""
+    """Print the JSON Schema of a result: rank, etc, plan, confirm, run, simulation, check and others; or of a
+    question, which is what options, keywords and YAML files of a command can say: etc-question, rank-question and
+    so on.
+
+    Examples:
+
+      cpic schema plan > plan.schema.json
+
+      cpic schema etc-question
+    """
     from cpic_planner.schemas import schema_text
 
     sys.stdout.write(schema_text(name))
-
-
-HELP = """Check Level-0 products against the specification: single files, or whole trees of them.
-
-Names, structure, keywords, times, world coordinates, pixel values, checksums; in a tree also numbers used twice, the
-folders of parameters, and truth. Exit status: 0 if nothing is against the specification, 1 if something is, 2 for a
-path that is not there. Warnings (unusual, but allowed) do not count unless --strict.
-
-Examples:
-
-  cpic check out/simulate
-
-  cpic check out/simulate/SCI/61771/*.fits
-
-  cpic check my_tree --json | python -m json.tool"""
 
 
 def check(
@@ -84,34 +64,41 @@ def check(
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 for warnings too.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Check and print."""
-    from cpic_core import InputError
+    """Check Level-0 products against the specification: single files, or whole trees of them.
+
+    Names, structure, keywords, times, world coordinates, pixel values, checksums; in a tree also numbers used
+    twice, the folders of parameters, and truth. Exit status: 0 if nothing is against the specification, 1 if
+    something is, 2 for a path that is not there. Warnings (unusual, but allowed) do not count unless --strict.
+
+    Examples:
+
+      cpic check out/simulate
+
+      cpic check out/simulate/SCI/61771/*.fits
+
+      cpic check my_tree --json | python -m json.tool
+    """
     from cpic_planner.results import CheckResult, FindingRecord
     from simulator.products import ProductName, check_level0
 
     for path in paths:
         if not path.exists():
             raise InputError("path", str(path), allowed="a file or a folder that exists")
-    found = [item for path in paths for item in check_level0(path)]
+    findings = [item for path in paths for item in check_level0(path)]
     files = {
         file.resolve()
         for path in paths
         for file in ([path] if path.is_file() else path.rglob("*.fits"))
         if path.is_file() or ProductName.parse(file.name) is not None
     }
-    errors = sum(item.severity == "error" for item in found)
+    errors = sum(item.severity == "error" for item in findings)
     result = CheckResult(
         paths=[str(path) for path in paths],
         n_files=len(files),
         n_errors=errors,
-        n_warnings=len(found) - errors,
-        findings=[FindingRecord.of(item, path=str(item.path)) for item in found],
+        n_warnings=len(findings) - errors,
+        findings=[FindingRecord.of(item, path=str(item.path)) for item in findings],
     )
-    if as_json:
-        print_json(result)
-    else:
-        from cpic_planner.report import print_check
-
-        print_check(result, console())
-    if errors or (strict and found):
+    print_result(result, as_json, partial(report.print_check, result))
+    if errors or (strict and findings):
         raise typer.Exit(1)

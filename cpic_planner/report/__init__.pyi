@@ -28,6 +28,7 @@ from cpic_planner.report.etc_figures import (
     check_figure_name as check_figure_name,
     etc_curves as etc_curves,
     etc_figure as etc_figure,
+    level_text as level_text,
     write_figure as write_figure,
 )
 from cpic_planner.report.numbers import duration_text as duration_text

@@ -9,36 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
+from cpic_planner import results
 from cpic_planner.report.numbers import MISSING, contrast_text, formatted, significant
 from cpic_planner.report.words import LIMITED_BY, STATUS_SYMBOLS, VERDICTS, status_text
-from cpic_planner.results import (
-    AuditRecord,
-    BandConfirmation,
-    Column,
-    ConfirmResult,
-    PlanResult,
-    RankedTarget,
-    RankResult,
-    SurveyTarget,
-    VisibilityResult,
-    WhatIfResult,
-    column_of,
-    columns_of,
-    csv_text,
-    ecsv_text,
-    names_of,
-    values_of,
-)
 from simulator.knobs import Quantity
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
-
-    from cpic_planner.results import BandStanding, EtcAnswer, Result, SearchRecord
 
 
 _SOON = 9
@@ -73,14 +53,18 @@ class Cells:
     unit: str = ""
 
 
+Special: TypeAlias = Callable[[Any], Any] | Cells
+"""What is written in a column instead of the row's own value."""
+
+
 def row_cells(
-    kind: type[Result],
+    kind: type[results.Result],
     layout: str,
     /,
     *,
-    of: Callable[[Any], Result | None] = lambda row: row,
+    of: Callable[[Any], results.Result | None] = lambda row: row,
     page: bool = False,
-    **special: Callable[[Any], Any] | Cells,
+    **special: Special,
 ) -> list[Cells]:
     """Return the columns of a table from those of its rows.
 
@@ -104,22 +88,24 @@ def row_cells(
     list of Cells
     """
     shared = _SHARED if "verdict" in kind.model_fields else {"frames": _SHARED["frames"]}
-    found, named = [], []
+    columns, named = [], []
     for word in layout.split():
         name, _, way = word.partition("/")
         own = special.get(name)
         if own is None and name in shared:
             own = replace(shared[name], text=_through(of, shared[name].text))
         if not isinstance(own, Cells):
-            own = _column_cells(column_of(kind, name), own, of, page)
-        found.append(replace(own, gives_way=int(way or 0)))
+            own = _column_cells(results.column_of(kind, name), own, of, page)
+        columns.append(replace(own, gives_way=int(way or 0)))
         named.append(name)
-    more = [column for column in columns_of(kind) if column.look.console and column.name not in named]
-    found[-1:-1] = [replace(_column_cells(column, None, of, page), gives_way=_SOON) for column in more]
-    return found
+    more = [column for column in results.columns_of(kind) if column.look.console and column.name not in named]
+    columns[-1:-1] = [replace(_column_cells(column, None, of, page), gives_way=_SOON) for column in more]
+    return columns
 
 
-def _column_cells(column: Column, own: Callable[[Any], Any] | None, of: Callable[[Any], Any], page: bool) -> Cells:
+def _column_cells(
+    column: results.Column, own: Callable[[Any], Any] | None, of: Callable[[Any], Any], page: bool
+) -> Cells:
     text = own or _through(of, _cell_text(column, page))
     form = column.look.format
     unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
@@ -130,7 +116,7 @@ def _through(of: Callable[[Any], Any], text: Callable[[Any], Any]) -> Callable[[
     return lambda entry: MISSING if of(entry) is None else text(of(entry))
 
 
-def _cell_text(column: Column, page: bool) -> Callable[[Any], str]:
+def _cell_text(column: results.Column, page: bool) -> Callable[[Any], str]:
     """Value of a column, with its error behind it where the format has one."""
     form, _, error = column.look.format.partition(" ± ")
 
@@ -151,7 +137,7 @@ def status_cell(status: str, reason: str) -> str:
     return f"{STATUS_SYMBOLS.get(status, '')} {reason.replace('_', ' ') or status_text(status)}".strip()
 
 
-def verdict_cell(item: EtcAnswer | RankedTarget | BandStanding) -> str:
+def verdict_cell(item: results.EtcAnswer | results.RankedTarget | results.BandStanding) -> str:
     """Verdict of an answer in a cell; the mark of a success stands before a detection only."""
     if item.status == "ok":
         if item.verdict == "detected":
@@ -162,7 +148,9 @@ def verdict_cell(item: EtcAnswer | RankedTarget | BandStanding) -> str:
     return status_cell(item.status, item.reason)
 
 
-def frames_text(item: RankedTarget | BandConfirmation | EtcAnswer | SearchRecord) -> str:
+def frames_text(
+    item: results.RankedTarget | results.BandConfirmation | results.EtcAnswer | results.SearchRecord,
+) -> str:
     """Number of frames and their exposure."""
     if item.exposure_s is None or item.n_frames is None:
         return MISSING
@@ -183,7 +171,7 @@ _LAST_COLUMN = 18
 def print_table(
     console: Console,
     title: str,
-    cells: Sequence[Cells],
+    columns: Sequence[Cells],
     rows: Iterable[Any],
     *,
     last_width: int = _LAST_COLUMN,
@@ -195,7 +183,7 @@ def print_table(
     ----------
     console : Console
     title : str
-    cells : sequence of Cells
+    columns : sequence of Cells
     rows : iterable
         What `Cells.text` takes.
     last_width : int
@@ -203,44 +191,32 @@ def print_table(
     explained : bool
         Explain the symbols of the rows' statuses below the table.
     """
-    entries = list(rows)
-    console.print(_drawn(console, title, cells, [[cell.text(row) for cell in cells] for row in entries], last_width))
-    if explained:
-        explain_symbols(console, [row.status for row in entries if row.status != "ok"])
-
-
-def _drawn(console: Console, title: str, columns: Sequence[Cells], rows: list[list[str]], last_width: int) -> Table:
     from rich import box
     from rich.cells import cell_len
     from rich.table import Table
     from rich.text import Text
 
+    entries = list(rows)
+    rows = [[column.text(row) for column in columns] for row in entries]
     widths = [max([cell_len(c.header), *(cell_len(row[i]) for row in rows)]) + _GAP for i, c in enumerate(columns)]
     widths[-1] = min(widths[-1], last_width + _GAP)
     shown = list(range(len(columns)))
     for i in sorted(shown, key=lambda i: -columns[i].gives_way):
         if sum(widths[j] for j in shown) > console.width and columns[i].gives_way > 0:
             shown.remove(i)
-    table = Table(
-        title=Text(_fitting(console, title), style="bold"),
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, _GAP - 1, 0, 0),
-        pad_edge=False,
-        show_edge=False,
-    )
+    look: dict[str, Any] = {"box": box.SIMPLE_HEAD, "padding": (0, _GAP - 1, 0, 0)}
+    heading = Text(_fitting(console, title), style="bold")
+    table = Table(title=heading, title_justify="left", pad_edge=False, show_edge=False, **look)
     for i in shown:
         last = i == len(columns) - 1
-        table.add_column(
-            Text(_fitting(console, columns[i].header)),
-            justify="right" if columns[i].right else "left",
-            no_wrap=not last,
-            overflow="fold" if last else "ellipsis",
-            vertical="top",
-        )
+        look = {"no_wrap": not last, "overflow": "fold" if last else "ellipsis", "vertical": "top"}
+        header = Text(_fitting(console, columns[i].header))
+        table.add_column(header, justify="right" if columns[i].right else "left", **look)
     for row in rows:
         table.add_row(*(_cell(console, row[i]) for i in shown))
-    return table
+    console.print(table)
+    if explained:
+        explain_symbols(console, [entry.status for entry in entries if entry.status != "ok"])
 
 
 def _fitting(console: Console, text: str) -> str:
@@ -258,18 +234,20 @@ def _cell(console: Console, text: str) -> Text:
     return Text(_fitting(console, text))
 
 
-def print_note(console: Console, text: str) -> None:
-    """Print a line below a table."""
+def print_note(console: Console, *texts: str) -> None:
+    """Print lines below a table."""
     from rich.text import Text
 
-    console.print(Text(_fitting(console, text), style="dim"))
+    for text in texts:
+        console.print(Text(_fitting(console, text), style="dim"))
 
 
-def print_plain(console: Console, text: str, *, bold: bool = False) -> None:
-    """Print a line of text."""
+def print_plain(console: Console, *texts: str, bold: bool = False) -> None:
+    """Print lines of text."""
     from rich.text import Text
 
-    console.print(Text(_fitting(console, text), style="bold" if bold else ""))
+    for text in texts:
+        console.print(Text(_fitting(console, text), style="bold" if bold else ""))
 
 
 def explain_symbols(console: Console, statuses: list[str]) -> None:
@@ -287,25 +265,26 @@ MEASUREMENT_COLUMNS: tuple[str, ...] = (
     "target",
     "hip",
     "chosen",
-    *(name for name in names_of(BandConfirmation) if name != "image"),
+    *(name for name in results.names_of(results.BandConfirmation) if name != "image"),
     *_MODEL_COLUMNS,
     *_KNOB_COLUMNS,
     *(f"predicted_error_{name}" for name in _ERROR_COLUMNS),
-    *names_of(AuditRecord, before="audit_"),
+    *results.names_of(results.AuditRecord, before="audit_"),
 )
 """Columns, in order: those of `BandConfirmation`, of its `ModellingRecord`, and, with ``audit_`` before their names, of
 `AuditRecord`."""
 
 
-def ranking_csv(rank: RankResult) -> str:
+def ranking_csv(rank: results.RankResult) -> str:
     """Return the ranking as CSV: one line a target, header with units in the names, empty cells for null.
 
     Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``.
     """
-    return csv_text(names_of(RankedTarget), map(values_of, rank.targets), joined=FLAG_SEPARATOR)
+    names = results.names_of(results.RankedTarget)
+    return results.csv_text(names, map(results.values_of, rank.targets), joined=FLAG_SEPARATOR)
 
 
-def ranking_ecsv(rank: RankResult) -> str:
+def ranking_ecsv(rank: results.RankResult) -> str:
     """Return the ranking as ECSV 1.0: units and descriptions of every column, and what the ranking is, in the header.
 
     Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked.
@@ -323,12 +302,12 @@ def ranking_ecsv(rank: RankResult) -> str:
         "score_name": rank.score_name,
         "flag_separator": FLAG_SEPARATOR,
     }
-    return ecsv_text(RankedTarget, rank.targets, meta, joined=FLAG_SEPARATOR)
+    return results.ecsv_text(results.RankedTarget, rank.targets, meta, joined=FLAG_SEPARATOR)
 
 
-def measurements_csv(result: PlanResult | ConfirmResult) -> str:
+def measurements_csv(result: results.PlanResult | results.ConfirmResult) -> str:
     """Return one line for each planet and band; units stand in the names, missing numbers are empty."""
-    if isinstance(result, ConfirmResult):
+    if isinstance(result, results.ConfirmResult):
         rows = [_measured(band) | {"target": result.scene} for band in result.bands]
     else:
         rows = [
@@ -336,25 +315,27 @@ def measurements_csv(result: PlanResult | ConfirmResult) -> str:
             for target in result.targets
             for band in target.bands
         ]
-    return csv_text(MEASUREMENT_COLUMNS, rows)
+    return results.csv_text(MEASUREMENT_COLUMNS, rows)
 
 
-def _measured(band: BandConfirmation) -> dict[str, Any]:
-    cells = values_of(band)
+def _measured(band: results.BandConfirmation) -> dict[str, Any]:
+    cells = results.values_of(band)
     if (made := band.modelled) is not None:
         cells |= {name: getattr(made, name) for name in _MODEL_COLUMNS}
         cells |= {name: getattr(made.knobs, name) for name in _KNOB_COLUMNS}
         cells |= {f"predicted_error_{name}": made.predicted_error.get(name) for name in _ERROR_COLUMNS}
-    return cells | ({} if band.audit is None else values_of(band.audit, before="audit_"))
+    return cells | ({} if band.audit is None else results.values_of(band.audit, before="audit_"))
 
 
-def targets_csv(result: WhatIfResult) -> str:
+def targets_csv(result: results.WhatIfResult) -> str:
     """Return one line for each strategy and star; units stand in the names, lists are joined with semicolons."""
-    rows = ({"strategy": item.name} | values_of(target) for item in result.strategies for target in item.targets)
-    return csv_text(("strategy", *names_of(SurveyTarget)), rows)
+    rows = []
+    for item in result.strategies:
+        rows += [{"strategy": item.name} | results.values_of(target) for target in item.targets]
+    return results.csv_text(("strategy", *results.names_of(results.SurveyTarget)), rows)
 
 
-def visibility_csv(result: VisibilityResult) -> str:
+def visibility_csv(result: results.VisibilityResult) -> str:
     """Return visibility as CSV: one line a target and step."""
     days = ("blocked_by", "visible_s", "window_s", "roll_half_range_deg", "sun_deg", "moon_deg")
     names = ("name", "mjd", *days)
@@ -363,4 +344,4 @@ def visibility_csv(result: VisibilityResult) -> str:
         for target in result.targets
         for step in zip(result.mjd, *(getattr(target.days, name) for name in days), strict=True)
     )
-    return csv_text(names, rows)
+    return results.csv_text(names, rows)

@@ -4,30 +4,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from cpic_core import Registry
+from cpic_planner import results
 from cpic_planner.registry import LIBRARIES
-from cpic_planner.report import document as doc
+from cpic_planner.report import document as doc, image_figures
 from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.image_figures import (
-    MEASURED_NOTE,
-    audit_blocks,
-    instrument_fact,
-    measure_table,
-    modelled_blocks,
-    not_modelled_blocks,
-    picture_blocks,
-)
 from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
 from cpic_planner.report.summary import calibration_sentence, confirm_sentences, overrides_sentence
 from cpic_planner.report.words import ALBEDO_STATUS, method_credits, terms
-from cpic_planner.results import (
-    AlbedoRecord,
-    BandConfirmation,
-    CandidateRecord,
-    ConfirmResult,
-    PositionRecord,
-    SearchRecord,
-)
 
 CONFIRM_FIGURES = {
     "spectrum": "Recovered contrasts on the spectrum of the scene",
@@ -54,17 +38,17 @@ class ConfirmReport:
         Image panels by band.
     """
 
-    result: ConfirmResult
+    result: results.ConfirmResult
     figures: Mapping[str, Picture]
     images: Mapping[str, Picture]
 
     @property
-    def planets(self) -> dict[str, list[BandConfirmation]]:
+    def planets(self) -> dict[str, list[results.BandConfirmation]]:
         """Measurements by planet."""
-        found: dict[str, list[BandConfirmation]] = {}
+        by_planet: dict[str, list[results.BandConfirmation]] = {}
         for item in self.result.bands:
-            found.setdefault(item.planet, []).append(item)
-        return found
+            by_planet.setdefault(item.planet, []).append(item)
+        return by_planet
 
     @property
     def calibration(self) -> str:
@@ -99,46 +83,47 @@ def confirm_document(report: ConfirmReport) -> doc.Document:
 @doc.section_of(CONFIRM_SECTIONS, "planets", "Planets")
 def _planets(report: ConfirmReport) -> Iterator[doc.Block]:
     for number, (name, bands) in enumerate(report.planets.items(), 1):
-        blocks = [measure_table(name, bands, f"{name} by band."), *audit_blocks(name, bands)]
+        table = image_figures.measure_table(name, bands, f"{name} by band.")
+        blocks = [table, *image_figures.audit_blocks(name, bands)]
         yield doc.Group(f"planet-{number}", name, blocks)
 
 
-_Candidate = tuple[SearchRecord, CandidateRecord | None]
+_Candidate = tuple[results.SearchRecord, results.CandidateRecord | None]
 
 
-def _first(text: Callable[[SearchRecord], str]) -> Callable[[_Candidate], str]:
+def _of_search(text: Callable[[results.SearchRecord], str]) -> Callable[[_Candidate], str]:
     """Cell of a search, in its first row alone."""
     return lambda row: text(row[0]) if row[1] is None or row[1] is row[0].candidates[0] else ""
 
 
-def _named(text: Callable[[CandidateRecord], doc.Inline]) -> Callable[[_Candidate], doc.Inline]:
+def _of_candidate(text: Callable[[results.CandidateRecord], doc.Inline]) -> Callable[[_Candidate], doc.Inline]:
     return lambda row: MISSING if row[1] is None else text(row[1])
+
+
+def _detected(item: results.CandidateRecord) -> doc.Inline:
+    return doc.badge("ok", "detected") if item.detected else doc.badge("unreachable", "below")
+
+
+def _elsewhere(search: results.SearchRecord) -> str:
+    return f"{search.false_detections} of {search.realisations}"
+
+
+def _separation(row: _Candidate) -> doc.Inline | doc.Span:
+    return doc.Span("nothing is named", 6) if row[1] is None else decimals(row[1].separation_arcsec, 3)
 
 
 _SEARCHED: tuple[doc.Column[_Candidate], ...] = (
     doc.Column("Band", lambda row: row[0].band, look="row left"),
-    doc.Column("Frames × exposure", _first(frames_text), "s"),
-    doc.Column("EM gain", _first(lambda search: significant(search.em_gain))),
-    doc.Column("Resolution elements", _first(lambda search: count_text(round(search.resolution_elements)))),
-    doc.Column(
-        "Detections elsewhere",
-        _first(lambda search: f"{search.false_detections} of {search.realisations}"),
-        "of searches",
-    ),
-    doc.Column(
-        "Separation",
-        lambda row: doc.Span("nothing is named", 6) if row[1] is None else decimals(row[1].separation_arcsec, 3),
-        "arcsec",
-    ),
-    doc.Column("PA", _named(lambda item: decimals(item.pa_deg, 1)), "deg"),
-    doc.Column("SNR", _named(lambda item: significant(item.snr)), "matched filter"),
-    doc.Column("Threshold", _named(lambda item: significant(item.threshold))),
-    doc.Column(
-        "Detected",
-        _named(lambda item: doc.badge("ok", "detected") if item.detected else doc.badge("unreachable", "below")),
-        look="left",
-    ),
-    doc.Column("Planet", _named(lambda item: item.planet or MISSING), look="left"),
+    doc.Column("Frames × exposure", _of_search(frames_text), "s"),
+    doc.Column("EM gain", _of_search(lambda search: significant(search.em_gain))),
+    doc.Column("Resolution elements", _of_search(lambda search: count_text(round(search.resolution_elements)))),
+    doc.Column("Detections elsewhere", _of_search(_elsewhere), "of searches"),
+    doc.Column("Separation", _separation, "arcsec"),
+    doc.Column("PA", _of_candidate(lambda item: decimals(item.pa_deg, 1)), "deg"),
+    doc.Column("SNR", _of_candidate(lambda item: significant(item.snr)), "matched filter"),
+    doc.Column("Threshold", _of_candidate(lambda item: significant(item.threshold))),
+    doc.Column("Detected", _of_candidate(_detected), look="left"),
+    doc.Column("Planet", _of_candidate(lambda item: item.planet or MISSING), look="left"),
 )
 
 
@@ -162,16 +147,16 @@ def _search(report: ConfirmReport) -> Iterator[doc.Block]:
     yield doc.table("Blind search", caption, _SEARCHED, rows)
 
 
-def _either(value: float, error: float, places: int) -> str:
+def _with_error(value: float, error: float, places: int) -> str:
     return f"{decimals(value, places)} ± {decimals(error, places)}"
 
 
-_POSITIONS: tuple[doc.Column[PositionRecord], ...] = (
+_POSITIONS: tuple[doc.Column[results.PositionRecord], ...] = (
     doc.Column("Planet", lambda item: item.planet, look="row left"),
     doc.Column("Bands", lambda item: ", ".join(item.bands), look="left"),
-    doc.Column("Separation", lambda item: _either(item.separation_arcsec, item.separation_error_arcsec, 4), "arcsec"),
+    doc.Column("Separation", lambda one: _with_error(one.separation_arcsec, one.separation_error_arcsec, 4), "arcsec"),
     doc.Column("true", lambda item: decimals(item.true_separation_arcsec, 4)),
-    doc.Column("PA", lambda item: _either(item.pa_deg, item.pa_error_deg, 2), "deg"),
+    doc.Column("PA", lambda item: _with_error(item.pa_deg, item.pa_error_deg, 2), "deg"),
     doc.Column("true", lambda item: decimals(item.true_pa_deg, 2)),
 )
 
@@ -180,7 +165,7 @@ def _interval(best: float, interval: Sequence[float]) -> str:
     return f"{decimals(best, 2)}; {decimals(interval[0], 2)} to {decimals(interval[1], 2)}"
 
 
-_ALBEDOS: tuple[doc.Column[AlbedoRecord], ...] = (
+_ALBEDOS: tuple[doc.Column[results.AlbedoRecord], ...] = (
     doc.Column("Planet", lambda item: item.planet, look="row left"),
     doc.Column("Bands", lambda item: ", ".join(item.bands), look="left"),
     doc.Column("log10 M/H", lambda item: _interval(item.log10_mh, item.log10_mh_interval), "best; interval"),
@@ -192,7 +177,7 @@ _ALBEDOS: tuple[doc.Column[AlbedoRecord], ...] = (
 
 
 @doc.section_of(CONFIRM_SECTIONS, "found", "Positions and albedos")
-def _found(report: ConfirmReport) -> Iterator[doc.Block]:
+def _positions_and_albedos(report: ConfirmReport) -> Iterator[doc.Block]:
     result = report.result
     if result.positions:
         caption = "Fitted positions, first realisation that shows the planet in each band, mean of the bands."
@@ -208,16 +193,15 @@ def _found(report: ConfirmReport) -> Iterator[doc.Block]:
 @doc.section_of(CONFIRM_SECTIONS, "images", "Images")
 def _images(report: ConfirmReport) -> Iterator[doc.Block]:
     if report.images:
-        return picture_blocks(report.images, report.images, report.result.scene)
+        return image_figures.picture_blocks(report.images, report.images, report.result.scene)
     return iter([doc.Paragraph("No band was observed.")])
 
 
 @doc.section_of(CONFIRM_SECTIONS, "figures", "Figures")
 def _figures(report: ConfirmReport) -> Iterator[doc.Block]:
     for key, picture in report.figures.items():
-        yield doc.Figure(
-            picture, CONFIRM_FIGURES.get(key, key), more=report.calibration if key == "calibration" else ""
-        )
+        more = report.calibration if key == "calibration" else ""
+        yield doc.Figure(picture, CONFIRM_FIGURES.get(key, key), more=more)
 
 
 @doc.section_of(CONFIRM_SECTIONS, "assumptions", "Assumptions")
@@ -226,7 +210,7 @@ def _assumptions(report: ConfirmReport) -> Iterator[doc.Block]:
     modes = f"{result.rdi_modes} mode{'s' * (result.rdi_modes != 1)} subtracted"
     yield doc.Facts(
         [
-            ("Instrument", instrument_fact(result)),
+            ("Instrument", image_figures.instrument_fact(result)),
             ("Reference library", [f"{library.meaning} (", doc.code(library.name), f"); {modes}."]),
             (
                 "Detection threshold",
@@ -239,12 +223,12 @@ def _assumptions(report: ConfirmReport) -> Iterator[doc.Block]:
 
 @doc.section_of(CONFIRM_SECTIONS, "modelled", "What was modelled")
 def _modelled(report: ConfirmReport) -> Iterator[doc.Block]:
-    return modelled_blocks([(band.band, band.modelled) for band in report.result.bands if band.modelled])
+    return image_figures.modelled_blocks([(band.band, band.modelled) for band in report.result.bands if band.modelled])
 
 
 @doc.section_of(CONFIRM_SECTIONS, "missing", "What is not modelled")
 def _missing(report: ConfirmReport) -> Iterator[doc.Block]:
-    return not_modelled_blocks(report.result.not_modelled)
+    return image_figures.not_modelled_blocks(report.result.not_modelled)
 
 
 @doc.section_of(CONFIRM_SECTIONS, "glossary", "Glossary")
@@ -254,6 +238,6 @@ def _glossary(report: ConfirmReport) -> Iterator[doc.Block]:
 
 @doc.section_of(CONFIRM_SECTIONS, "reproduce", "Reproducing this")
 def _reproduce(report: ConfirmReport) -> Iterator[doc.Block]:
-    note = doc.marked(f"Numbers in full: `confirm.json`; {MEASURED_NOTE}")
+    note = doc.marked(f"Numbers in full: `confirm.json`; {image_figures.MEASURED_NOTE}")
     yield from doc.reproduced_blocks(report.result, note)
     yield doc.Items(method_credits())

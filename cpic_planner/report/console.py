@@ -7,55 +7,17 @@ Tables of simulated sequences and of what a check of products found.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cpic_planner import results
 from cpic_planner.registry import LIBRARIES
-from cpic_planner.report.cells import (
-    Cells,
-    explain_symbols,
-    print_note,
-    print_plain,
-    print_table,
-    row_cells,
-    status_cell,
-)
-from cpic_planner.report.numbers import (
-    MISSING,
-    count_text,
-    decimals,
-    duration_text,
-    pretty_name,
-    short_name,
-    shortened,
-    significant,
-    size_text,
-)
-from cpic_planner.report.summary import (
-    calibration_sentence,
-    dial_text,
-    modelled_groups,
-    modelled_sentence,
-    overrides_sentence,
-)
+from cpic_planner.report import cells as tables, numbers, summary
+from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
+from cpic_planner.report.numbers import MISSING, count_text, decimals, shortened, significant
 from cpic_planner.report.words import ALBEDO_STATUS, STATUS_SYMBOLS, plus_minus
-from cpic_planner.results import (
-    AlbedoRecord,
-    BandConfirmation,
-    CandidateRecord,
-    CheckResult,
-    ConfirmResult,
-    FindingRecord,
-    PlannedSequenceRow,
-    PlanResult,
-    PositionRecord,
-    SearchRecord,
-    SimulatedSequence,
-    SimulationEstimate,
-    SimulationResult,
-)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -67,7 +29,7 @@ MEASURED = (
 """What is shown of each measurement; the rest is in the files."""
 
 
-def print_plan(plan: PlanResult, console: Console) -> None:
+def print_plan(plan: results.PlanResult, console: Console) -> None:
     """Print the confirmed targets of a plan, band by band, their verdicts, and how the ETC stands.
 
     Parameters
@@ -75,63 +37,67 @@ def print_plan(plan: PlanResult, console: Console) -> None:
     plan : PlanResult
     console : Console
     """
-    rows = [
-        (
-            short_name(target.name) if number == 0 else "",
-            ("→ " if item.band == target.chosen_band else "  ") + item.band,
-            item,
-        )
-        for target in plan.targets
-        for number, item in enumerate(target.bands)
-    ]
+    rows = []
+    for target in plan.targets:
+        for number, item in enumerate(target.bands):
+            arrow = "→ " if item.band == target.chosen_band else "  "
+            rows.append((numbers.short_name(target.name) if number == 0 else "", arrow + item.band, item))
     cells = [
         Cells("target", itemgetter(0), right=False),
         Cells("band", itemgetter(1), right=False),
-        *row_cells(
-            BandConfirmation,
-            MEASURED.format(more=""),
-            of=itemgetter(2),
-            n_detected=lambda row: found_cell(row[2]),
-            outcome=Cells("outcome", lambda row: outcome_cell(row[2]), right=False),
-        ),
+        *_measured_cells(MEASURED.format(more=""), itemgetter(2)),
     ]
     count = len(plan.targets)
     title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
     print_table(console, title, cells, rows)
-    explain_symbols(console, [item.status for target in plan.targets for item in target.bands if item.status != "ok"])
-    for target in plan.targets:
-        print_plain(console, f"{pretty_name(target.name)}: {plus_minus(target.verdict)}")
+    tables.explain_symbols(console, [item.status for _, _, item in rows if item.status != "ok"])
+    verdicts = (f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}" for target in plan.targets)
+    print_plain(console, *verdicts)
     print_comparison(plan, console)
     print_modelled([band for target in plan.targets for band in target.bands], console)
-    found = LIBRARIES[plan.reference_library].found
+    criterion = LIBRARIES[plan.reference_library].found
+
     print_note(
         console,
         "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
-        f"the error of its mean; found: realisations in which {found}; seen at its place: "
+        f"the error of its mean; found: realisations in which {criterion}; seen at its place: "
         "significant at the known place, but not found blind.",
-    )
-    print_note(
-        console,
-        f"{count_text(plan.n_ranked)} stars ranked. Seed {plan.seed}, {dial_text(plan)}, configuration "
-        f"{plan.config_hash}.",
+        f"{count_text(plan.n_ranked)} stars ranked. {_setup_text(plan)}",
     )
 
 
-def found_cell(item: BandConfirmation) -> str:
+def _measured_cells(layout: str, of: Callable[[Any], results.BandConfirmation]) -> list[Cells]:
+    return row_cells(
+        results.BandConfirmation,
+        layout,
+        of=of,
+        n_detected=lambda row: detections_cell(of(row)),
+        recovered_contrast=lambda row: _recovered(of(row)),
+        outcome=Cells("outcome", lambda row: outcome_cell(of(row)), right=False),
+    )
+
+
+def _setup_text(result: results.PlanResult | results.ConfirmResult) -> str:
+    return f"Seed {result.seed}, {summary.dial_text(result)}, configuration {result.config_hash}."
+
+
+def detections_cell(item: results.BandConfirmation) -> str:
     """Return in how many of the realisations the planet is found."""
     return MISSING if item.n_detected is None else f"{item.n_detected}/{item.realisations}"
 
 
-def print_comparison(result: PlanResult | ConfirmResult, console: Console, *, measured: bool = True) -> None:
+def print_comparison(
+    result: results.PlanResult | results.ConfirmResult, console: Console, *, measured: bool = True
+) -> None:
     """Print what is altered in the images, and how prediction and images compare where planets were measured."""
-    altered = overrides_sentence(result)
+    altered = summary.overrides_sentence(result)
     if altered:
         print_plain(console, altered, bold=True)
     if measured:
-        print_plain(console, calibration_sentence(result), bold=True)
+        print_plain(console, summary.calibration_sentence(result), bold=True)
 
 
-def print_modelled(bands: Sequence[BandConfirmation], console: Console) -> None:
+def print_modelled(bands: Sequence[results.BandConfirmation], console: Console) -> None:
     """Print how the images were drawn, what that is predicted to cost, and where a tier is not good enough.
 
     Parameters
@@ -140,17 +106,16 @@ def print_modelled(bands: Sequence[BandConfirmation], console: Console) -> None:
         What was measured in each band.
     console : Console
     """
-    for text in dict.fromkeys(f"{band.band}: {band.message}" for band in bands if band.status == "invalid"):
-        print_plain(console, text)
-    made = modelled_sentence(bands)
+    print_plain(console, *dict.fromkeys(f"{band.band}: {band.message}" for band in bands if band.status == "invalid"))
+    made = summary.modelled_sentence(bands)
     if made:
         print_note(console, made)
 
 
-def outcome_cell(item: BandConfirmation) -> str:
+def outcome_cell(item: results.BandConfirmation) -> str:
     """Return what the images say of a planet, with the symbol of its status."""
     if item.status != "ok":
-        return status_cell(item.status, item.reason)
+        return tables.status_cell(item.status, item.reason)
     if item.detected:
         return f"{STATUS_SYMBOLS['ok']} confirmed"
     at_place = 2 * (item.n_significant or 0) >= (item.realisations or 1)
@@ -160,7 +125,7 @@ def outcome_cell(item: BandConfirmation) -> str:
 _SHOWN = 5
 
 
-def print_confirm(result: ConfirmResult, console: Console) -> None:
+def print_confirm(result: results.ConfirmResult, console: Console) -> None:
     """Print measurements, blind candidates, positions and albedo fits of a scene, and how the ETC stands.
 
     Parameters
@@ -169,13 +134,8 @@ def print_confirm(result: ConfirmResult, console: Console) -> None:
     console : Console
     """
     several = len({item.planet for item in result.bands}) > 1
-    cells = row_cells(
-        BandConfirmation,
-        ("planet " if several else "") + "band " + MEASURED.format(more=" true_contrast/7 recovered_contrast/2"),
-        n_detected=found_cell,
-        recovered_contrast=_recovered,
-        outcome=Cells("outcome", outcome_cell, right=False),
-    )
+    measured = MEASURED.format(more=" true_contrast/7 recovered_contrast/2")
+    cells = _measured_cells(f"{'planet ' if several else ''}band {measured}", lambda item: item)
     rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
     count = result.realisations
     title = f"{result.scene}: confirmed by simulated images, {count} realisation{'s' * (count != 1)} a band"
@@ -185,40 +145,34 @@ def print_confirm(result: ConfirmResult, console: Console) -> None:
         print_table(console, title, cells, rows, explained=True)
     for item in result.bands:
         if item.audit is not None:
-            print_plain(
-                console,
-                f"{item.planet}, {item.band}, frame by frame with every effect: SNR "
-                f"{significant(item.audit.recovered_snr)} ({significant(item.audit.predicted_snr)} predicted), "
-                f"contrast off by {decimals(item.audit.deviation_sigma, 1)} of its errors, "
-                f"{'found' if item.audit.detected else 'not found'}",
-            )
+            audit, where = item.audit, f"{item.planet}, {item.band}, frame by frame with every effect"
+            snr = f"SNR {significant(audit.recovered_snr)} ({significant(audit.predicted_snr)} predicted)"
+            off = f"contrast off by {decimals(audit.deviation_sigma, 1)} of its errors"
+            print_plain(console, f"{where}: {snr}, {off}, {'found' if audit.detected else 'not found'}")
     if result.searches:
         _print_searches(result.searches, console)
-    for position in result.positions:
-        print_plain(console, position_text(position))
-    for albedo in result.albedos:
-        print_plain(console, albedo_text(albedo))
+    print_plain(console, *map(position_text, result.positions), *map(albedo_text, result.albedos))
     print_comparison(result, console, measured=bool(rows))
     print_modelled(result.bands, console)
-    print_note(console, f"Seed {result.seed}, {dial_text(result)}, configuration {result.config_hash}.")
+    print_note(console, _setup_text(result))
 
 
-def _recovered(item: BandConfirmation) -> str:
+def _recovered(item: results.BandConfirmation) -> str:
     if item.recovered_contrast is None or item.contrast_error is None:
         return MISSING
     return f"{item.recovered_contrast:.2e} ± {item.contrast_error:.0e}"
 
 
-def _print_searches(searches: list[SearchRecord], console: Console) -> None:
-    rows: list[tuple[SearchRecord, CandidateRecord | None]] = []
+def _print_searches(searches: list[results.SearchRecord], console: Console) -> None:
+    rows: list[tuple[results.SearchRecord, results.CandidateRecord | None]] = []
     for search in searches:
         named = sorted(search.candidates, key=lambda item: -item.snr)
         shown = [item for number, item in enumerate(named) if item.detected or item.planet or number == 0][:_SHOWN]
         rows += [(search, item) for item in shown] or [(search, None)]
     cells = [
-        *row_cells(SearchRecord, "band frames/2 em_gain/2", of=lambda row: row[0]),
-        *row_cells(CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=lambda row: row[1]),
-        Cells("is", lambda row: _kind(row[1]), right=False),
+        *row_cells(results.SearchRecord, "band frames/2 em_gain/2", of=lambda row: row[0]),
+        *row_cells(results.CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=lambda row: row[1]),
+        Cells("is", lambda row: _candidate_text(row[1]), right=False),
     ]
     elsewhere = sum(search.false_detections for search in searches)
     total = sum(search.realisations for search in searches)
@@ -227,13 +181,13 @@ def _print_searches(searches: list[SearchRecord], console: Console) -> None:
     print_note(console, f"{elsewhere} {word} no planet of the scene, in {total} searches.")
 
 
-def _kind(item: CandidateRecord | None) -> str:
+def _candidate_text(item: results.CandidateRecord | None) -> str:
     if item is None:
         return "nothing"
     return item.planet or ("no planet of the scene" if item.detected else "below the threshold")
 
 
-def position_text(position: PositionRecord) -> str:
+def position_text(position: results.PositionRecord) -> str:
     """Return a measured position beside the true one."""
     return (
         f"{position.planet}: {position.separation_arcsec:.4f} ± {position.separation_error_arcsec:.4f}″ at PA "
@@ -242,7 +196,7 @@ def position_text(position: PositionRecord) -> str:
     )
 
 
-def albedo_text(albedo: AlbedoRecord) -> str:
+def albedo_text(albedo: results.AlbedoRecord) -> str:
     """Return what contrasts say of metallicity and clouds."""
     mh, fsed = albedo.log10_mh_interval, albedo.log10_fsed_interval
     return (
@@ -263,10 +217,10 @@ _OWN: dict[str, Any] = {
 }
 
 
-def print_simulation(result: SimulationResult, out: Path, console: Console, *, limit: int = 40) -> None:
+def print_simulation(result: results.SimulationResult, out: Path, console: Console, *, limit: int = 40) -> None:
     """Print what the frames of each sequence hold, and where its files are."""
     cells = row_cells(
-        SimulatedSequence,
+        results.SimulatedSequence,
         f"{_SEQUENCE} em_gain adu saturated_pixels cosmic_rays/1 size_bytes",
         adu=Cells("ADU", lambda item: f"{item.adu_min}–{item.adu_max}"),
         **_OWN,
@@ -274,19 +228,17 @@ def print_simulation(result: SimulationResult, out: Path, console: Console, *, l
     print_table(console, _title(result.name, len(result.sequences)), cells, result.sequences[:limit])
     if len(result.sequences) > limit:
         print_note(console, f"... and {len(result.sequences) - limit} more: see {out / 'simulation.json'}")
-    print_note(
-        console, "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
-    )
+    note = "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
+    print_note(console, note)
     _print_left_out(result.sequences, console)
-    for line in _places(result.sequences, out):
+    for line in _files_text(result.sequences, out):
         console.print(line, markup=False, soft_wrap=True)
 
 
-def _print_left_out(sequences: Sequence[PlannedSequenceRow], console: Console) -> None:
+def _print_left_out(sequences: Sequence[results.PlannedSequenceRow], console: Console) -> None:
     """Print what tolerances leave out, one table for each distinct content, with the largest sizes."""
-    for group in modelled_groups(
-        [(f"{shortened(item.target)} {item.band}", item.modelled) for item in sequences if item.modelled is not None]
-    ):
+    modelled = [(f"{shortened(item.target)} {item.band}", item.modelled) for item in sequences if item.modelled]
+    for group in summary.modelled_groups(modelled):
         gone = [row for row in group.rows if row.effect.decision == "skipped" and row.effect.size]
         cells = [
             Cells("left out", lambda row: row.effect.effect, right=False),
@@ -310,7 +262,7 @@ def _title(name: str, count: int) -> str:
     return f"{name}: {count_text(count)} sequence{'s' * (count != 1)}"
 
 
-def _places(sequences: Sequence[SimulatedSequence], out: Path) -> list[str]:
+def _files_text(sequences: Sequence[results.SimulatedSequence], out: Path) -> list[str]:
     """Files where there are few, folders where there are many."""
     if len(sequences) <= _FEW:
         return [str(out / item.file) for item in sequences]
@@ -320,24 +272,24 @@ def _places(sequences: Sequence[SimulatedSequence], out: Path) -> list[str]:
     return [f"files in {', '.join(listed)}{more}"]
 
 
-def print_planned(plan: SimulationEstimate, console: Console, *, limit: int = 40) -> None:
+def print_planned(plan: results.SimulationEstimate, console: Console, *, limit: int = 40) -> None:
     """Print the sequences of a simulation that has not been run, and what it would plan."""
     cells = row_cells(
-        PlannedSequenceRow, f"{_SEQUENCE} em_gain/1 start_utc/3", start_utc=lambda item: item.start_utc[:19], **_OWN
+        results.PlannedSequenceRow,
+        f"{_SEQUENCE} em_gain/1 start_utc/3",
+        start_utc=lambda item: item.start_utc[:19],
+        **_OWN,
     )
     print_table(console, _title(plan.name, plan.n_sequences), cells, plan.sequences[:limit], last_width=19)
     if plan.n_sequences > limit:
         print_note(console, f"... and {plan.n_sequences - limit} more")
     _print_left_out(plan.sequences, console)
-    console.print(
-        f"{count_text(plan.n_frames)} frames, about {duration_text(plan.wall_s)} with {plan.workers} worker(s), "
-        f"{significant(plan.memory_mb)} MB memory a worker, {size_text(1e6 * plan.disk_mb)} disk",
-        markup=False,
-        soft_wrap=True,
-    )
+    time, disk = numbers.duration_text(plan.wall_s), numbers.size_text(1e6 * plan.disk_mb)
+    cost = f"about {time} with {plan.workers} worker(s), {significant(plan.memory_mb)} MB memory a worker, {disk} disk"
+    console.print(f"{count_text(plan.n_frames)} frames, {cost}", markup=False, soft_wrap=True)
 
 
-def print_check(result: CheckResult, console: Console) -> None:
+def print_check(result: results.CheckResult, console: Console) -> None:
     """Print what a check found, file by file.
 
     Parameters
@@ -346,16 +298,15 @@ def print_check(result: CheckResult, console: Console) -> None:
     console : Console
     """
     cells = row_cells(
-        FindingRecord, "hdu keyword severity message", hdu=lambda item: "" if item.hdu is None else str(item.hdu)
+        results.FindingRecord,
+        "hdu keyword severity message",
+        hdu=lambda item: "" if item.hdu is None else str(item.hdu),
     )
     for path in dict.fromkeys(item.path for item in result.findings):
         console.print(path, markup=False, soft_wrap=True)
-        print_table(
-            console, "", cells, [item for item in result.findings if item.path == path], last_width=console.width
-        )
+        rows = [item for item in result.findings if item.path == path]
+        print_table(console, "", cells, rows, last_width=console.width)
     count = f"{count_text(result.n_files)} Level-0 file{'s' * (result.n_files != 1)} checked"
-    errors, warnings = (
-        f"{number} {word}{'s' * (number != 1)}"
-        for number, word in ((result.n_errors, "error"), (result.n_warnings, "warning"))
-    )
-    console.print(f"{count}: {f'{errors}, {warnings}' if result.findings else 'nothing wrong'}", markup=False)
+    numbered = (result.n_errors, "error"), (result.n_warnings, "warning")
+    severities = ", ".join(f"{number} {word}{'s' * (number != 1)}" for number, word in numbered)
+    console.print(f"{count}: {severities if result.findings else 'nothing wrong'}", markup=False)

@@ -9,18 +9,10 @@ from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from cpic_planner.etc import default_law
+from cpic_planner.report import words
 from cpic_planner.report.cells import Cells, explain_symbols, print_note, print_table, row_cells, status_cell
 from cpic_planner.report.numbers import MISSING, duration_text, full_name, ratio_text, share_text, significant
 from cpic_planner.report.summary import error_text
-from cpic_planner.report.words import (
-    LIMITED_BY,
-    cap_sentence,
-    flag_text,
-    limit_text,
-    remedy_text,
-    short_limit,
-    term_text,
-)
 from cpic_planner.results import AnswerFidelity, EtcAnswer, EtcFidelity, EtcResult, ImageCheck
 
 if TYPE_CHECKING:
@@ -30,7 +22,6 @@ if TYPE_CHECKING:
 _QUESTION = {"exposure_time": "wall time", "signal_to_noise": "SNR", "contrast_limit": "contrast limit"}
 _BAR_CELLS, _FEWEST_CELLS = 24, 6
 _SMALLEST_SHARE = 5e-4
-_SMALLEST_GAIN = 1.005
 
 
 def best_row(result: EtcResult) -> EtcAnswer | None:
@@ -70,8 +61,8 @@ def print_etc(
     best = best_row(result)
     _print_answers(result, console, best, asked)
     _print_verdicts(result, console, best, placed)
-    told = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
-    for row in told:
+    budgeted = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
+    for row in budgeted:
         console.print()
         _print_budget(row, console)
         _print_binding(row, console, explain)
@@ -86,7 +77,7 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
         "status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
         value=Cells("answer", _answer),
-        held=Cells("held by", _held, right=False),
+        held=Cells("held by", _limits_cell, right=False),
     )
     question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
     star = f"{full_name(result.target, result.hip)}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc"
@@ -98,38 +89,34 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
 
 def _print_verdicts(result: EtcResult, console: Console, best: EtcAnswer | None, placed: bool) -> None:
     """Say what of the answers is a detection, how likely it is, and what is missing."""
-    told = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
-    if not told:
+    rated = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
+    if not rated:
         return
-    many = len({row.band for row in told}) < len(told)
-
-    def name(row: EtcAnswer) -> str:
-        return f"{row.band} at {row.separation_arcsec:.3f}″" if many else row.band
-
+    many = len({row.band for row in rated}) < len(rated)
     if best is not None and best.verdict == "measured_not_detected":
         levels = f"{significant(best.significance)} and the threshold {significant(best.threshold)}"
-        text = f"The answer in {name(best)} is not a detection: the significance is {levels}."
+        text = f"The answer in {_answer_name(best, many)} is not a detection: the significance is {levels}."
         if best.question == "exposure_time" and not placed:
             text += (
                 " The planet was put where the level takes the least time, often at the inner edge of the dark "
                 "hole, where the threshold is highest; --detect asks for a detection."
             )
         print_note(console, text)
-    missed = [row for row in told if row.verdict == "measured_not_detected"]
+    missed = [row for row in rated if row.verdict == "measured_not_detected"]
     causes = []
     for limit in dict.fromkeys(row.limited_by for row in missed if row.limited_by is not None):
-        where = ", ".join(name(row) for row in missed if row.limited_by == limit)
-        causes.append(f"{where} by {LIMITED_BY[limit][1]}")
+        where = ", ".join(_answer_name(row, many) for row in missed if row.limited_by == limit)
+        causes.append(f"{where} by {words.LIMITED_BY[limit][1]}")
     if causes:
         print_note(console, f"Not detected in this time; limited: {'; '.join(causes)}.")
-    odds = [
-        f"{name(row)} {share_text(row.detection_probability)} and {share_text(row.detection_probability_known_place)} %"
-        for row in told
-        if row.detection_probability is not None and row.detection_probability_known_place is not None
-    ]
+    odds = []
+    for row in rated:
+        blind, known_place = row.detection_probability, row.detection_probability_known_place
+        if blind is not None and known_place is not None:
+            odds.append(f"{_answer_name(row, many)} {share_text(blind)} and {share_text(known_place)} %")
     if odds:
         print_note(console, f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
-    if any(row.verdict == "detected" for row in told):
+    if any(row.verdict == "detected" for row in rated):
         law = default_law()
         print_note(
             console,
@@ -138,13 +125,10 @@ def _print_verdicts(result: EtcResult, console: Console, best: EtcAnswer | None,
         )
 
 
-def _held(row: EtcAnswer) -> str:
+def _limits_cell(row: EtcAnswer) -> str:
     """What binds exposure and gain, in few words."""
-    parts = [
-        f"{name}: {short_limit(limit)}"
-        for name, limit in (("t", row.exposure_limited_by), ("g", row.gain_limited_by))
-        if limit
-    ]
+    limits = ("t", row.exposure_limited_by), ("g", row.gain_limited_by)
+    parts = [f"{name}: {words.short_limit(limit)}" for name, limit in limits if limit]
     return ", ".join(parts) or MISSING
 
 
@@ -156,7 +140,7 @@ def _print_budget(row: EtcAnswer, console: Console) -> None:
     shown = sorted((name for name in terms if terms[name] >= _SMALLEST_SHARE * total), key=lambda name: -terms[name])
     largest = max(terms.values())
     cells = [
-        Cells("term", term_text, right=False),
+        Cells("term", words.term_text, right=False),
         Cells("e- rms", lambda name: significant(terms[name] ** 0.5)),
         Cells("% of variance", lambda name: f"{100.0 * terms[name] / total:.1f}"),
     ]
@@ -165,10 +149,7 @@ def _print_budget(row: EtcAnswer, console: Console) -> None:
     if room >= _FEWEST_CELLS:
         cells.append(Cells("", lambda name: _bar(terms[name] / largest, room, console), right=False))
     signal = significant(row.budget.get("signal_e"))
-    title = (
-        f"Noise in {row.band} at {row.separation_arcsec:.3f}″: {significant(total**0.5)} e- rms under a signal of "
-        f"{signal} e-"
-    )
+    title = f"Noise in {_answer_name(row)}: {significant(total**0.5)} e- rms under a signal of {signal} e-"
     print_table(console, title, cells, shown, last_width=_BAR_CELLS)
 
 
@@ -185,15 +166,13 @@ def _bar(share: float, room: int, console: Console) -> str:
 def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
     for name, limit in (("exposure", row.exposure_limited_by), ("EM gain", row.gain_limited_by)):
         if limit:
-            print_note(console, f"The {name} is held by {limit_text(limit)}.")
+            print_note(console, f"The {name} is held by {words.limit_text(limit)}.")
     if explain and row.gain_caps and row.exposure_s is not None:
         print_note(console, f"In frames of {significant(row.exposure_s)} s:")
         for name, gain in row.gain_caps.items():
-            print_note(console, f"  {cap_sentence(name, gain)}.")
-    helps = sorted(row.remedies.items(), key=lambda item: -item[1])
-    good = [f"×{factor:.2f} {remedy_text(name)}" for name, factor in helps if factor >= _SMALLEST_GAIN]
-    if good:
-        print_note(console, f"What would raise the SNR: {'; '.join(good)}.")
+            print_note(console, f"  {words.cap_sentence(name, gain)}.")
+    if helpful := words.remedies_text(row.remedies):
+        print_note(console, f"What would raise the SNR: {helpful}.")
     if row.remedies.get("twice_the_time", 2.0) < 1.0:
         print_note(console, "More time in one visit would lower it: the wavefront walks away.")
 
@@ -201,14 +180,12 @@ def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
 def _print_remarks(result: EtcResult, console: Console) -> None:
     if result.reference_planet is not None:
         planet = result.reference_planet
-        print_note(
-            console,
-            f"Reference planet: {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, {planet.albedo} albedo.",
-        )
+        shown = f"{planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, {planet.albedo} albedo"
+        print_note(console, f"Reference planet: {shown}.")
     for flag in dict.fromkeys(flag for row in result.answers for flag in row.flags):
         bands = list(dict.fromkeys(row.band for row in result.answers if flag in row.flags))
         where = "" if len(bands) == len({row.band for row in result.answers}) else f"{', '.join(bands)}: "
-        print_note(console, f"! {where}{flag_text(flag)} ({flag}).")
+        print_note(console, f"! {where}{words.flag_text(flag)} ({flag}).")
     if result.note:
         print_note(console, f"Note: {result.note}")
     print_note(
@@ -247,13 +224,10 @@ def print_fidelity(result: EtcResult, console: Console) -> None:
     if asked:
         _print_checks(record, asked, console)
     for item, row in alone:
-        print_note(
-            console,
-            f"{_name(row)}: closed forms are enough; their stated error is at most "
-            f"{error_text(item.predicted_error or {})}.",
-        )
+        error = error_text(item.predicted_error or {})
+        print_note(console, f"{_answer_name(row)}: closed forms are enough; their stated error is at most {error}.")
     for text in dict.fromkeys(item.message for item, _ in rows if item.message):
-        names = ", ".join(_name(row) for item, row in rows if item.message == text)
+        names = ", ".join(_answer_name(row) for item, row in rows if item.message == text)
         print_note(console, f"{names}: {text}.")
     if not rows:
         print_note(console, "No answer has frames that could be checked in images.")
@@ -267,7 +241,7 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswe
             "predicted_snr snr snr_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",
             of=lambda pair: pair[0].images,
             predicted_snr=lambda pair: significant(pair[0].images.predicted_snr if pair[0].images else pair[1].snr),
-            n_found=_found,
+            n_found=_detections,
             agrees=Cells("", _agreement, right=False),
         ),
     ]
@@ -285,7 +259,7 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswe
     )
 
 
-def _found(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
+def _detections(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
     images = pair[0].images
     return MISSING if images is None else f"{images.n_found} of {images.realisations}"
 
@@ -297,5 +271,5 @@ def _agreement(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
     return "agrees" if item.images.agrees else "differs"
 
 
-def _name(row: EtcAnswer) -> str:
-    return f"{row.band} at {row.separation_arcsec:.3f}″"
+def _answer_name(row: EtcAnswer, placed: bool = True) -> str:
+    return f"{row.band} at {row.separation_arcsec:.3f}″" if placed else row.band

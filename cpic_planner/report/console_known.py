@@ -28,10 +28,9 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
     band = result.holes[0].band
     counted = [row for row in result.planets if row.status not in _LISTED]
     listed = [row for row in result.planets if row.status in _LISTED]
-    shown = counted
-    if result.years is None:
-        shown = sorted(counted, key=lambda row: -row.bands[0].hole_share)
-    shown = [*shown[:limit], *listed] if result.years is not None else shown[:limit]
+    shown = sorted(counted, key=lambda row: -row.bands[0].hole_share)[:limit]
+    if result.years is not None:
+        shown = [*counted[:limit], *listed]
     stars = len({row.star for row in counted})
     title = (
         f"Known planets: {len(counted[:limit])} of {count_text(len(counted))} around {count_text(stars)} "
@@ -45,21 +44,13 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
             _print_standing(row, console)
     for row in listed:
         _print_standing(row, console)
+    flags = dict.fromkeys(flag for row in shown for flag in row.flags) if result.years is not None else {}
     print_note(
         console,
         "Numbers: median +- half of the width that holds 68 % of the draws. in hole: share of the draws between inner "
-        f"and outer corner of the dark hole of {band}"
-        + (
-            f" ({result.holes[0].inner_arcsec:.2f} to {result.holes[0].outer_arcsec:.2f} arcsec); at a given roll the "
-            "position angle decides as well."
-        ),
-    )
-    if result.years is not None:
-        words = dict.fromkeys(flag for row in shown for flag in row.flags)
-        for flag in words:
-            print_note(console, f"{flag}: {FLAGS[flag]}.")
-    print_note(
-        console,
+        f"and outer corner of the dark hole of {band} ({result.holes[0].inner_arcsec:.2f} to "
+        f"{result.holes[0].outer_arcsec:.2f} arcsec); at a given roll the position angle decides as well.",
+        *(f"{flag}: {FLAGS[flag]}." for flag in flags),
         f"{result.planets_table}; {count_text(result.n_draws)} draws of each planet with seed {result.seed}, "
         f"{result.albedo} albedo.",
     )
@@ -70,7 +61,7 @@ def _cells() -> list[Cells]:
         KnownPlanetRow,
         "planet distance_pc/5 period_days/4 semi_major_axis_au/3 eccentricity/6 mass_mjup/7 radius_rjup/8 "
         "separation_arcsec phase_deg/1 contrast in_hole/2 phase_known/2 status",
-        planet=_name,
+        planet=_planet_name,
         separation_arcsec=lambda row: _with_width(row.separation_arcsec, 3),
         phase_deg=lambda row: _with_width(row.phase_deg, 0),
         contrast=Cells("contrast", lambda row: ratio_text(row.bands[0].contrast.median)),
@@ -79,17 +70,17 @@ def _cells() -> list[Cells]:
     )
 
 
-def _name(row: KnownPlanetRow) -> str:
+def _planet_name(row: KnownPlanetRow) -> str:
     return f"{pretty_name(row.star)} {row.planet.rpartition(' ')[2]}"
 
 
 def _print_standing(row: KnownPlanetRow, console: Console) -> None:
     """Print how sure a planet is, who says so, and where its orbit was published."""
-    said = [f"{_name(row)}: {row.status}" + (", not counted" if row.status in _LISTED else "")]
-    said += [f"Status from {row.status_reference}"] if row.status_reference else []
-    said += [row.note[0].upper() + row.note[1:]] if row.note else []
-    said += [f"Orbit from {row.reference}"] if row.reference else []
-    print_plain(console, ". ".join(said) + ".")
+    sentences = [f"{_planet_name(row)}: {row.status}" + (", not counted" if row.status in _LISTED else "")]
+    sentences += [f"Status from {row.status_reference}"] if row.status_reference else []
+    sentences += [row.note[0].upper() + row.note[1:]] if row.note else []
+    sentences += [f"Orbit from {row.reference}"] if row.reference else []
+    print_plain(console, ". ".join(sentences) + ".")
 
 
 def _with_width(value: Quantiles, digits: int) -> str:
@@ -100,14 +91,14 @@ def _print_windows(row: KnownPlanetRow, result: KnownResult, console: Console) -
     """Print the days on which the dark hole covers a planet, band by band."""
     years = f"{result.years:g} years from {result.date_utc[:10]}"
     if not row.windows:
-        print_plain(console, f"{_name(row)}: in no band more likely than not in the dark hole within {years}")
+        print_plain(console, f"{_planet_name(row)}: in no band more likely than not in the dark hole within {years}")
         return
     for hole in result.holes:
         mine = [window for window in row.windows if window.band == hole.band]
         spans = ", ".join(f"{w.start_utc} to {w.end_utc} (best {w.best_utc}: {w.best_share:.0%})" for w in mine[:6])
         more = f" and {len(mine) - 6} more" if len(mine) > 6 else ""
         if mine:
-            print_plain(console, f"{_name(row)}, {hole.band}: in the dark hole {spans}{more}")
+            print_plain(console, f"{_planet_name(row)}, {hole.band}: in the dark hole {spans}{more}")
 
 
 _SEASONS = 6
@@ -127,7 +118,8 @@ def print_visibility(result: VisibilityResult, console: Console) -> None:
     several = len(result.targets) > 1
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
-        print_table(console, _title(result), _visibility_cells(years), result.targets, last_width=_LAST_COLUMN)
+        title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {day_text(result.start_utc)}"
+        print_table(console, title, _visibility_cells(years), result.targets, last_width=_LAST_COLUMN)
     else:
         _print_star(result, console)
     step = "day" if result.step_days == 1 else f"step of {result.step_days:g} days"
@@ -138,10 +130,6 @@ def print_visibility(result: VisibilityResult, console: Console) -> None:
         "the Earth, the anomaly not cut out. A season goes on behind a passage of the Moon.",
     )
     print_note(console, pointing_sentence(result.pointing))
-
-
-def _title(result: VisibilityResult) -> str:
-    return f"Visibility of {len(result.targets)} stars, {result.n_days} days from {day_text(result.start_utc)}"
 
 
 def _print_star(result: VisibilityResult, console: Console) -> None:

@@ -7,73 +7,55 @@ Speed against accuracy on the terminal.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, full_name, short_name, significant
 from cpic_planner.report.summary import limits_text, population_text
 from cpic_planner.report.whatif_maps import shown_rows
 from cpic_planner.report.whatif_words import extent_text, interval_text, lead_sentences, planets_text
-from cpic_planner.report.words import cap_sentence, limit_text, remedy_text, score_number, tau_text, term_text
-from cpic_planner.results import (
-    BandStanding,
-    DifferenceRecord,
-    Explanation,
-    RankedTarget,
-    RankResult,
-    SensitivityResult,
-    SensitivityRow,
-    StrategyOutcome,
-    SurveyTarget,
-    TradeoffResult,
-    TradeoffRow,
-    WhatIfResult,
-)
+from cpic_planner.report.words import cap_sentence, limit_text, remedies_text, score_number, tau_text, term_text
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 
-_SMALLEST_GAIN = 1.005
-
-
-def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
+def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> None:
     """Print the first ``limit`` rows of a ranking, and what its numbers refer to."""
     shown = rank.targets[:limit]
     title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {SCORES[rank.score_name].title}"
     own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
     cells = row_cells(
-        RankedTarget,
+        results.RankedTarget,
         f"rank name v_mag/3 distance_pc/2 {own}completeness completeness_band/7 band/1 separation_arcsec/4 contrast/5 "
         "frames/9 em_gain/10 time_s/8 snr/2 detection_margin detection_probability status",
-        score=_score(rank.score_name),
+        score=_score_cells(rank.score_name),
     )
     print_table(console, title, cells, shown, explained=True)
     planet = rank.reference_planet
     if rank.counts_limited_by:
         limits = limits_text(rank.counts_limited_by)
         print_note(console, f"Reference planets in {duration_text(rank.time_s)}: {limits}.")
-    print_note(console, f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}")
-    print_note(console, f"Population (compl %): {population_text(rank.population)}.")
     print_note(
         console,
+        f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}",
+        f"Population (compl %): {population_text(rank.population)}.",
         f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
         f"{planet.albedo} albedo, {planet.position}; wall time up to {duration_text(rank.time_s)} per target and band.",
-    )
-    print_note(
-        console,
         f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
         "Detected: at least half of the visits show the planet if its place is known; blind %: probability that a "
         "search finds it that does not know the place. "
         f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
+        f"Stars: {rank.sample}. {rank.catalogue}",
     )
-    print_note(console, f"Stars: {rank.sample}. {rank.catalogue}")
 
 
-def _zeros(rank: RankResult) -> str:
+def _zeros(rank: results.RankResult) -> str:
     """A sentence about stars of score 0, which the score does not order; empty if there are none."""
     above = sum(row.score > 0.0 for row in rank.targets)
     if not SCORES[rank.score_name].from_zero or above == len(rank.targets):
@@ -82,11 +64,16 @@ def _zeros(rank: RankResult) -> str:
     return f" {stars} above zero; the others follow by the margin of the reference planet, not by the score."
 
 
-def _score(name: str) -> Cells:
+def _score_cells(name: str) -> Cells:
     return Cells(SCORES[name].label, lambda row: score_number(row.score, name))
 
 
-def print_sensitivity(result: SensitivityResult, console: Console) -> None:
+def _fall(row: results.SensitivityRow) -> str:
+    ranks = row.largest_fall_ranks
+    return f"{short_name(row.largest_fall)} −{ranks}" if ranks > 0 else MISSING
+
+
+def print_sensitivity(result: results.SensitivityResult, console: Console) -> None:
     """Print how the ranking depends on what is assumed.
 
     Parameters
@@ -95,12 +82,10 @@ def print_sensitivity(result: SensitivityResult, console: Console) -> None:
     console : Console
     """
     cells = row_cells(
-        SensitivityRow,
+        results.SensitivityRow,
         "n_ok kendall_tau_b n_compared/1 kept/2 best/3 largest_fall/4 text",
         kept=lambda row: f"{row.kept}/{result.top}",
-        largest_fall=lambda row: (
-            f"{short_name(row.largest_fall)} −{row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING
-        ),
+        largest_fall=_fall,
     )
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
     print_table(console, title, cells, result.rows, last_width=44)
@@ -112,47 +97,46 @@ def print_sensitivity(result: SensitivityResult, console: Console) -> None:
     )
 
 
-def print_explanation(told: Explanation, console: Console) -> None:
+def print_explanation(explanation: results.Explanation, console: Console) -> None:
     """Print why a star stands where it stands.
 
     Parameters
     ----------
-    told : Explanation
+    explanation : Explanation
     console : Console
     """
-    star = told.star
-    head = f"{full_name(star.name, star.hip)}: rank {star.rank} of {count_text(told.n_ranked)}"
-    print_plain(console, f"{head} by {SCORES[told.score_name].title}", bold=True)
-    for sentence in told.sentences:
-        print_plain(console, sentence)
+    star = explanation.star
+    head = f"{full_name(star.name, star.hip)}: rank {star.rank} of {count_text(explanation.n_ranked)}"
+    print_plain(console, f"{head} by {SCORES[explanation.score_name].title}", bold=True)
+    print_plain(console, *explanation.sentences)
     console.print()
-    _neighbours(told, console)
+    _print_neighbours(explanation, console)
     console.print()
-    _bands(told, console)
-    _details(told, console)
-    if told.ranks:
-        ranks = ", ".join(f"{count_text(rank)} ({name.replace('_', ' ')})" for name, rank in told.ranks.items())
-        print_note(console, f"Rank under other assumptions: {ranks}.")
+    _print_bands(explanation.bands, console)
+    _print_limits(explanation, console)
+    if explanation.ranks:
+        ranks = (f"{count_text(rank)} ({name.replace('_', ' ')})" for name, rank in explanation.ranks.items())
+        print_note(console, f"Rank under other assumptions: {', '.join(ranks)}.")
 
 
-def _neighbours(told: Explanation, console: Console) -> None:
+def _print_neighbours(explanation: results.Explanation, console: Console) -> None:
     cells = row_cells(
-        RankedTarget,
+        results.RankedTarget,
         "rank name score completeness/1 completeness_band/5 v_mag/3 distance_pc/4 detection_margin/2 status",
-        score=_score(told.score_name),
+        score=_score_cells(explanation.score_name),
     )
-    rows = [row for row in (told.better, told.star, told.worse) if row is not None]
+    rows = [row for row in (explanation.better, explanation.star, explanation.worse) if row is not None]
     print_table(console, "Between its neighbours", cells, rows)
 
 
-def _bands(told: Explanation, console: Console) -> None:
+def _print_bands(bands: Sequence[results.BandStanding], console: Console) -> None:
     cells = row_cells(
-        BandStanding,
+        results.BandStanding,
         "band completeness in_zone/3 observable/4 separation_arcsec/4 contrast/2 contrast_limit/2 time_s/7 snr/6 "
         "detection_margin floor_margin/1 dominant/5 status",
         dominant=lambda band: term_text(band.dominant),
     )
-    print_table(console, "Its reference planet and its population, band by band", cells, told.bands, explained=True)
+    print_table(console, "Its reference planet and its population, band by band", cells, bands, explained=True)
     print_note(
         console,
         "compl %, in zone %, whole %: shares of the population that are detected, that lie in the dark quadrants, and "
@@ -161,9 +145,9 @@ def _bands(told: Explanation, console: Console) -> None:
     )
 
 
-def _details(told: Explanation, console: Console) -> None:
-    """What binds and what would help in the star's best band."""
-    band = next((item for item in told.bands if item.band == told.star.band), None)
+def _print_limits(explanation: results.Explanation, console: Console) -> None:
+    """Print what binds and what would help in the star's best band."""
+    band = next((item for item in explanation.bands if item.band == explanation.star.band), None)
     if band is None or band.exposure_s is None:
         return
     for name, limit in (("exposure", band.exposure_limited_by), ("EM gain", band.gain_limited_by)):
@@ -171,18 +155,15 @@ def _details(told: Explanation, console: Console) -> None:
             print_note(console, f"{band.band}: the {name} is held by {limit_text(limit)}.")
     for name, gain in band.gain_caps.items():
         print_note(console, f"{band.band}, frames of {significant(band.exposure_s)} s: {cap_sentence(name, gain)}.")
-    helps = sorted(band.remedies.items(), key=lambda item: -item[1])
-    good = [f"×{factor:.2f} {remedy_text(name)}" for name, factor in helps if factor >= _SMALLEST_GAIN]
-    if good:
-        print_note(console, f"{band.band}: what would raise the SNR: {'; '.join(good)}.")
+    if helpful := remedies_text(band.remedies):
+        print_note(console, f"{band.band}: what would raise the SNR: {helpful}.")
 
 
 _LAST_COLUMN = 24
 _MOST_STRATEGIES = 20
-_MOST_STARS = 10
 
 
-def print_whatif(result: WhatIfResult, console: Console, report: Path | None = None) -> None:
+def print_whatif(result: results.WhatIfResult, console: Console, report: Path | None = None) -> None:
     """Print the summary, the strategies, their differences with the first one, and where the report is.
 
     Parameters
@@ -218,7 +199,7 @@ def print_whatif(result: WhatIfResult, console: Console, report: Path | None = N
 
 
 _STRATEGIES = row_cells(
-    StrategyOutcome,
+    results.StrategyOutcome,
     "planets interval/2 survey/5 new/1 any_planet/4 hours visits/6 bound/7 alarms/8 name",
     planets=lambda item: decimals(item.planets.mean, 2),
     interval=Cells("interval", lambda item: interval_text(item.planets.low, item.planets.high)),
@@ -231,12 +212,12 @@ _STRATEGIES = row_cells(
 )
 
 
-def _print_differences(result: WhatIfResult, names: set[str], console: Console) -> None:
+def _print_differences(result: results.WhatIfResult, names: set[str], console: Console) -> None:
     """Paired differences with the first strategy."""
     reference = result.strategies[0].name
     by = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
-    found = [(item.name, by.get((item.name, "planets"))) for item in result.strategies[1:] if item.name in names]
-    rows = [(name, item) for name, item in found if item is not None]
+    pairs = [(item.name, by.get((item.name, "planets"))) for item in result.strategies[1:] if item.name in names]
+    rows = [(name, item) for name, item in pairs if item is not None]
 
     def mean(name: str, quantity: Any, places: int) -> str:
         item = by.get((name, quantity))
@@ -254,7 +235,7 @@ def _print_differences(result: WhatIfResult, names: set[str], console: Console) 
     print_table(console, title, cells, rows, last_width=_LAST_COLUMN)
 
 
-def _likely(item: DifferenceRecord) -> str:
+def _likely(item: results.DifferenceRecord) -> str:
     return "more" if item.low > 0 else "fewer" if item.high < 0 else "may be chance"
 
 
@@ -262,55 +243,23 @@ def _signed(value: float, places: int) -> str:
     return f"{'+' if value > 0 else ''}{decimals(value, places)}"
 
 
-def _print_images(strategies: list[StrategyOutcome], console: Console) -> None:
+def _print_images(strategies: list[results.StrategyOutcome], console: Console) -> None:
     for item in strategies:
         sample = item.images
         if sample is None:
             continue
         if sample.images == 0:
-            print_plain(
-                console, f"{item.name}: no detection was simulated as images: {sample.note or 'none asked for'}"
-            )
+            why = sample.note or "none asked for"
+            print_plain(console, f"{item.name}: no detection was simulated as images: {why}")
             continue
         remark = f"; {sample.note}" if sample.note else ""
         ends = "" if sample.low is None or sample.high is None else f" ({interval_text(sample.low, sample.high)})"
-        print_plain(
-            console,
-            f"{item.name}: of {sample.detections} detections simulated as images {sample.found} are found, "
-            f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}{remark}",
-        )
+        counts = f"of {sample.detections} detections simulated as images {sample.found} are found"
+        expected = f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}"
+        print_plain(console, f"{item.name}: {counts}, {expected}{remark}")
 
 
-def print_visits(result: WhatIfResult, console: Console, limit: int = _MOST_STARS) -> None:
-    """Print the first stars of the strategy that finds most.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    console : Console
-    limit : int
-        How many stars.
-    """
-    best = max(result.strategies, key=lambda item: item.planets.mean)
-    rows = best.targets[:limit]
-    if not rows:
-        print_plain(console, f"{best.name} visits no star.")
-        return
-    title = f"{best.name}: first {len(rows)} of {count_text(len(best.targets))} stars by planets per hour"
-    print_table(console, title, _VISITS, rows)
-    print_note(console, "Visits and hours made, and planets found, are means of a survey; wall: of one visit.")
-
-
-_VISITS = row_cells(
-    SurveyTarget,
-    "rank name planets planets_per_100h visits visit_time_s/3 hours/1 first_utc/2 bands",
-    planets=Cells("planets", lambda star: planets_text(star.new_planets + star.known_seen)),
-    hours=Cells("hours", lambda star: decimals(star.search_h + star.follow_up_h, 0)),
-    first_utc=lambda star: star.first_utc or MISSING,
-)
-
-
-def print_tradeoff(result: TradeoffResult, console: Console) -> None:
+def print_tradeoff(result: results.TradeoffResult, console: Console) -> None:
     """Print one table a scene: every way with its time, memory and errors.
 
     Parameters
@@ -319,12 +268,12 @@ def print_tradeoff(result: TradeoffResult, console: Console) -> None:
     console : Console
     """
 
-    def way(row: TradeoffRow) -> str:
+    def way(row: results.TradeoffRow) -> str:
         title = row.title if row.machine == result.machine.key else f"{row.title} (another machine)"
         return title if row.status == "ok" else f"{title}: {row.status}, {row.reason.replace('_', ' ')}"
 
     cells = row_cells(
-        TradeoffRow,
+        results.TradeoffRow,
         "title wall_s cpu_s peak_memory_mb/2 flux_error/1 snr_error",
         flux_error=lambda row: _error(row.flux_error, None),
         snr_error=lambda row: _error(row.snr_error, row.snr_uncertainty),

@@ -9,16 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.report.drawing import (
-    BAND_STYLE,
-    STATUS_STYLE,
-    Picture,
-    literal,
-    new_figure,
-    place_labels,
-    save,
-    style,
-)
+from cpic_planner.report import drawing
+from cpic_planner.report.drawing import Look, Picture, literal, new_figure, place_labels, save, style
 from cpic_planner.report.numbers import duration_text, pretty_name
 from cpic_planner.report.words import status_text
 from cpic_planner.results import RankedTarget, RankResult
@@ -28,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _LINE_STYLES = ("-", "--", "-.", ":")
+_TICKS_ARCSEC = (0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.5, 2.0)
 
 
 @dataclass(frozen=True)
@@ -88,64 +81,36 @@ def contrast_diagram(
         axes.set_ylabel("planet-to-star contrast (flux ratio)")
         handles: list[Artist] = []
         texts: list[str] = []
-        for status in reversed(STATUS_STYLE):
+        for status in reversed(drawing.STATUS_STYLE):
             chosen = [row for row in rows if row.status == status]
             if not chosen:
                 continue
-            colour, marker = STATUS_STYLE[status]
-            handles.append(
-                axes.scatter(
-                    [row.separation_arcsec for row in chosen],
-                    [row.contrast for row in chosen],
-                    c=colour,
-                    marker=marker,
-                    s=14 if status == "unreachable" else 26,
-                    alpha=0.45 if status == "unreachable" else 0.85,
-                    linewidths=0 if marker != "x" else 1,
-                    zorder=2 if status == "unreachable" else 4,
-                )
-            )
+
+            x, y = [row.separation_arcsec for row in chosen], [row.contrast for row in chosen]
+            size = 14 if status == "unreachable" else 26
+            handles.append(axes.scatter(x, y, s=size, **drawing.status_look(status, faint=0.45)))
             texts.append(f"contrast of reference planet: {status_text(status)} ({len(chosen)})")
         ringed = [row for row in rows if row.name in confirmed]
         if ringed:
-            handles.append(
-                axes.scatter(
-                    [row.separation_arcsec for row in ringed],
-                    [row.contrast for row in ringed],
-                    s=90,
-                    facecolors="none",
-                    edgecolors="#111111",
-                    linewidths=1.2,
-                    zorder=5,
-                )
-            )
+            x, y = [row.separation_arcsec for row in ringed], [row.contrast for row in ringed]
+            handles.append(axes.scatter(x, y, s=90, **drawing.RING))
             texts.append("simulated as images")
         for index, curve in enumerate(limits):
-            line = axes.plot(
-                curve.separation_arcsec,
-                curve.contrast,
-                color=BAND_STYLE[index % len(BAND_STYLE)][0],
-                lw=1.6,
-                ls=_LINE_STYLES[index % len(_LINE_STYLES)],
-                zorder=3,
-            )
+            look: Look = {"color": drawing.BAND_STYLE[index % len(drawing.BAND_STYLE)][0], "lw": 1.6, "zorder": 3}
+            dashes = _LINE_STYLES[index % len(_LINE_STYLES)]
+            line = axes.plot(curve.separation_arcsec, curve.contrast, ls=dashes, **look)
             handles.append(line[0])
             texts.append(literal(f"{rank.sigma:g}σ contrast limit: {curve.label}"))
         _frame(axes, rows, limits, holes)
         figure.legend(handles, texts, loc="outside lower center", ncols=2, columnspacing=2.0)
         _hole_lines(axes, holes)
         chosen = ringed + [row for row in rows[:labelled] if row.name not in confirmed]
-        place_labels(
-            axes,
-            [row.separation_arcsec for row in chosen],
-            [row.contrast for row in chosen],
-            [literal(pretty_name(row.name)) for row in chosen],
-            fontsize=9,
-            reach_px=[9.0 if row.name in confirmed else 5.0 for row in chosen],
-        )
+        x, y = [row.separation_arcsec for row in chosen], [row.contrast for row in chosen]
+        reach = [9.0 if row.name in confirmed else 5.0 for row in chosen]
+        names = [literal(pretty_name(row.name)) for row in chosen]
+        place_labels(axes, x, y, names, fontsize=9, reach_px=reach)
         return save(
             figure,
-            "svg",
             alt=f"Diagram of contrast against separation: {len(rows)} reference planets and {len(limits)} "
             f"contrast-limit curves.",
             caption="Contrast of each star's reference planet in its best band (symbols), and the contrast limit "
@@ -158,9 +123,8 @@ def contrast_diagram(
 
 def _frame(axes: Axes, rows: Sequence[RankedTarget], limits: Sequence[LimitCurve], holes: Sequence[HoleEdges]) -> None:
     """Limits of the axes: the points and curves with room for labels."""
-    separations = [row.separation_arcsec for row in rows] + [
-        edge for hole in holes for edge in (hole.inner_arcsec, hole.outer_arcsec)
-    ]
+    edges = [edge for hole in holes for edge in (hole.inner_arcsec, hole.outer_arcsec)]
+    separations = [row.separation_arcsec for row in rows] + edges
     contrasts = [row.contrast for row in rows]
     for curve in limits:
         good = np.isfinite(curve.contrast) & (curve.contrast > 0)
@@ -170,9 +134,7 @@ def _frame(axes: Axes, rows: Sequence[RankedTarget], limits: Sequence[LimitCurve
     if separations:
         low, high = min(separations) / 1.06, max(separations) * 1.06
         axes.set_xlim(low, high)
-        ticks = [
-            tick for tick in (0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.5, 2.0) if low <= tick <= high
-        ]
+        ticks = [tick for tick in _TICKS_ARCSEC if low <= tick <= high]
         axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         axes.set_xticks([], minor=True)
     if contrasts:
@@ -188,15 +150,5 @@ def _hole_lines(axes: Axes, holes: Sequence[HoleEdges]) -> None:
     for edge, names in groups.items():
         axes.axvline(edge, color="#999999", lw=0.9, ls=":", zorder=1)
         text = "outer" if set(names) == {"outer"} else ", ".join(sorted({n for n in names if n != "outer"}))
-        axes.text(
-            edge,
-            1.012,
-            text,
-            transform=axes.get_xaxis_transform(),
-            rotation=35,
-            rotation_mode="anchor",
-            ha="left",
-            va="bottom",
-            fontsize=8.5,
-            color="#666666",
-        )
+        look: Look = {"rotation": 35, "rotation_mode": "anchor", "fontsize": 8.5, "color": "#666666"}
+        axes.text(edge, 1.012, text, transform=axes.get_xaxis_transform(), ha="left", va="bottom", **look)

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar, Union
+from typing import Any, Generic, Literal, TypeAlias, TypeVar, Union
 
 from cpic_core import Registry
-from cpic_planner.report.cells import Cells, row_cells
+from cpic_planner.report.cells import Special, row_cells
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.words import STATUS_SYMBOLS
 from cpic_planner.results import Result
@@ -66,20 +66,27 @@ def lines(*parts: Inline) -> Inline:
     return [item for part in kept for item in (Mark("break"), part)][1:]
 
 
+class _Templated:
+    """What the page writes by the macro of its own name."""
+
+    @property
+    def template(self) -> str:
+        """Name of the macro."""
+        return type(self).__name__.lower()
+
+
 @dataclass(frozen=True)
-class Paragraph:
+class Paragraph(_Templated):
     """Text; ``look`` is ``lead``, ``note`` or ``altered``."""
 
-    template: ClassVar[str] = "paragraph"
     text: Inline
     look: str = ""
 
 
 @dataclass(frozen=True)
-class Heading:
+class Heading(_Templated):
     """A heading inside a section."""
 
-    template: ClassVar[str] = "heading"
     text: Inline
 
 
@@ -124,10 +131,9 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Table:
+class Table(_Templated):
     """A table with a label and a caption; ``heads`` are its first row, ``picked`` the rows that are shaded."""
 
-    template: ClassVar[str] = "table"
     label: str
     caption: Inline
     heads: tuple[Cell, ...]
@@ -162,21 +168,13 @@ def table(
         Whether the row of an item is shaded.
     """
     rows = list(items)
-    heads = tuple(
-        Cell(lines(column.heading, small(column.unit) if column.unit else ""), _of_heading(column.look))
-        for column in columns
-    )
+    heads = tuple(Cell(lines(one.heading, small(one.unit)), _of_heading(one.look)) for one in columns)
     marked = frozenset(i for i, item in enumerate(rows) if picked(item))
     return Table(label, caption, heads, tuple(tuple(_cells(columns, item)) for item in rows), look, marked)
 
 
 def row_columns(
-    kind: type[Result],
-    layout: str,
-    /,
-    *,
-    of: Callable[[Any], Any] = lambda row: row,
-    **special: Callable[[Any], Any] | Cells,
+    kind: type[Result], layout: str, /, *, of: Callable[[Any], Any] = lambda row: row, **special: Special
 ) -> list[Column[Any]]:
     """Return columns of a table from those of its rows: headings, units, formats and sides are said there.
 
@@ -195,15 +193,11 @@ def row_columns(
     looks = [look.replace(",", " ") for _, _, look in named]
     cells = row_cells(kind, " ".join(name for name, _, _ in named), of=of, page=True, **special)
     looks[-1:-1] = [""] * (len(cells) - len(named))  # columns that ask for it stand before the last one
-    return [
-        Column(
-            cell.label[:1].upper() + cell.label[1:],
-            cell.text,
-            _UNITS.get(cell.unit, cell.unit),
-            look if cell.right else f"left {look}",
-        )
-        for cell, look in zip(cells, looks, strict=True)
-    ]
+    columns = []
+    for cell, look in zip(cells, looks, strict=True):
+        heading, unit = cell.label[:1].upper() + cell.label[1:], _UNITS.get(cell.unit, cell.unit)
+        columns.append(Column(heading, cell.text, unit, look if cell.right else f"left {look}"))
+    return columns
 
 
 _UNITS = {"AU": "au", "solLum": "L☉"}
@@ -223,20 +217,16 @@ def _cells(columns: Sequence[Column[T]], item: T) -> Iterator[Cell]:
             continue
         value = column.value(item)
         looks = column.look.split()
-        heads = "row" in looks
         look = " ".join(name for name in looks if name != "row")
-        if isinstance(value, Span):
-            left = value.columns - 1
-            yield Cell(value.text, look, heads, value.columns)
-        else:
-            yield Cell(value, look, heads)
+        span = value if isinstance(value, Span) else Span(value, 1)
+        left = span.columns - 1
+        yield Cell(span.text, look, "row" in looks, span.columns)
 
 
 @dataclass(frozen=True)
-class Figure:
+class Figure(_Templated):
     """A picture with its caption, after which ``more`` is said; the anchor is that of ``key``."""
 
-    template: ClassVar[str] = "figure"
     picture: Picture
     title: str = ""
     key: str = ""
@@ -245,37 +235,33 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Facts:
+class Facts(_Templated):
     """Terms and what there is to say of them; ``wide`` ones take a line each."""
 
-    template: ClassVar[str] = "facts"
     items: Sequence[tuple[Inline, Inline]]
     wide: bool = True
 
 
 @dataclass(frozen=True)
-class Items:
+class Items(_Templated):
     """A list."""
 
-    template: ClassVar[str] = "items"
     texts: Sequence[Inline]
 
 
 @dataclass(frozen=True)
-class Group:
+class Group(_Templated):
     """Blocks that belong together, under a heading with an anchor."""
 
-    template: ClassVar[str] = "group"
     anchor: str
     title: str
     blocks: Sequence[Block]
 
 
 @dataclass(frozen=True)
-class Fold:
+class Fold(_Templated):
     """Blocks that show when asked for."""
 
-    template: ClassVar[str] = "fold"
     summary: str
     blocks: Sequence[Block]
     open: bool = False

@@ -7,13 +7,14 @@ import contextlib
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 WIDTH_INCHES = 9.0
@@ -34,16 +35,10 @@ STATUS_STYLE: dict[str, tuple[str, str]] = {
     "outside_field": ("#CC79A7", "s"),
     "invalid": ("#000000", "x"),
 }
-BAND_STYLE: tuple[tuple[str, str], ...] = (
-    ("#0072B2", "o"),
-    ("#E69F00", "s"),
-    ("#009E73", "^"),
-    ("#CC79A7", "D"),
-    ("#56B4E9", "v"),
-    ("#D55E00", "P"),
-    ("#000000", "X"),
-    ("#9A8700", "*"),
-)
+_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#000000", "#9A8700")
+BAND_STYLE: tuple[tuple[str, str], ...] = tuple(zip(_COLOURS, "os^DvPX*", strict=True))
+Look: TypeAlias = dict[str, Any]
+"""Keywords of matplotlib that say how something is drawn."""
 
 _RC: dict[Any, Any] = {  # Matplotlib's own keys are a Literal
     "font.family": ["DejaVu Sans"],
@@ -108,7 +103,7 @@ def new_figure(height_inches: float, *, layout: Literal["constrained"] | None = 
     return figure
 
 
-def save(figure: Figure, image_format: Literal["svg", "png"], *, alt: str, caption: str) -> Picture:
+def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: str, caption: str) -> Picture:
     """Return the figure as a picture; no date, version or path goes into it.
 
     PNG files are reduced to a fixed palette that holds the two colour maps of the image panels and greys: a third of
@@ -137,10 +132,8 @@ def _palette() -> Any:
     from PIL import Image
 
     greys = np.repeat(np.linspace(0, 255, 256 - 2 * _MAP_COLOURS).round(), 3).reshape(-1, 3)
-    maps = [
-        255.0 * mpl.colormaps[name](np.linspace(0.0, 1.0, _MAP_COLOURS))[:, :3]
-        for name in (STACK_COLOURS, RESIDUAL_COLOURS)
-    ]
+    shades = np.linspace(0.0, 1.0, _MAP_COLOURS)
+    maps = [255.0 * mpl.colormaps[name](shades)[:, :3] for name in (STACK_COLOURS, RESIDUAL_COLOURS)]
     palette = Image.new("P", (1, 1))
     palette.putpalette(np.concatenate([*maps, greys]).round().astype(np.uint8).tobytes())
     return palette
@@ -153,6 +146,43 @@ def _uri(media_type: str, content: bytes) -> str:
 def band_style(bands: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Return colour and marker of each band, in order of first appearance."""
     return {band: BAND_STYLE[i % len(BAND_STYLE)] for i, band in enumerate(dict.fromkeys(bands))}
+
+
+RING: Look = {"facecolors": "none", "edgecolors": "#111111", "linewidths": 1.2, "zorder": 5}
+"""A ring around a point that stands out."""
+
+
+def status_look(status: str, *, faint: float) -> Look:
+    """Return how points of a status are scattered; unreachable ones lie below others, with opacity ``faint``."""
+    colour, marker = STATUS_STYLE[status]
+    alpha, zorder = (faint, 2) if status == "unreachable" else (0.85, 4)
+    return {"c": colour, "marker": marker, "alpha": alpha, "linewidths": 0 if marker != "x" else 1, "zorder": zorder}
+
+
+def plain_ticks(axis: Axis, *steps: float, **limits: int) -> None:
+    """Write few plain numbers at a logarithmic axis: ``steps`` of each decade, within ``limits`` of the locator."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=steps, **limits))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def plain_log_axis(axes: Axes) -> None:
+    """Make the x axis logarithmic, with few ticks that are written as everyday numbers."""
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    steps = (1.0,) if high > 40.0 * low else (1.0, 2.0, 5.0)
+    plain_ticks(axes.xaxis, *steps, numticks=12)
+
+
+def date_axis(axes: Axes, *, minticks: int = 4, maxticks: int | None = 13) -> None:
+    """Write dates at the x axis, whose values are days since 1970."""
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    locator = AutoDateLocator(minticks=minticks, maxticks=maxticks)
+    axes.xaxis.set_major_locator(locator)
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
 
 
 def literal(text: str) -> str:
@@ -198,11 +228,10 @@ def place_labels(
     points = axes.transData.transform(np.column_stack([x, y])) if len(texts) else np.empty((0, 2))
     frame = axes.get_window_extent(renderer)
     radii = np.broadcast_to(np.asarray(reach_px, float), len(texts))
-    taken: list[tuple[float, ...]] = [
-        (px - r, py - r, px + r, py + r) for (px, py), r in zip(points, radii, strict=True)
-    ]
+    taken: list[tuple[float, ...]] = [(x - r, y - r, x + r, y + r) for (x, y), r in zip(points, radii, strict=True)]
     taken += [tuple(artist.get_window_extent(renderer).extents) for artist in avoid]
     to_points = 72.0 / figure.dpi
+    halo = [withStroke(linewidth=2.2, foreground="white")]
     for (px, py), radius, text in zip(points, radii, texts, strict=True):
         probe = axes.text(0, 0, text, **text_style)
         extent = probe.get_window_extent(renderer)
@@ -213,21 +242,11 @@ def place_labels(
         left, bottom, reach = place
         taken.append((left, bottom, left + extent.width, bottom + extent.height))
         offset = ((left + extent.width / 2 - px) * to_points, (bottom + extent.height / 2 - py) * to_points)
-        line = (
-            {"arrowstyle": "-", "color": "#555555", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 2} if reach > 0 else None
-        )
-        axes.annotate(
-            text,
-            xy=tuple(axes.transData.inverted().transform((px, py))),
-            xytext=offset,
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            arrowprops=line,
-            zorder=9,
-            path_effects=[withStroke(linewidth=2.2, foreground="white")],
-            **text_style,
-        ).set_in_layout(False)
+        arrow = {"arrowstyle": "-", "color": "#555555", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 2}
+        look = text_style | {"ha": "center", "va": "center", "zorder": 9, "arrowprops": arrow if reach > 0 else None}
+        xy = tuple(axes.transData.inverted().transform((px, py)))
+        label = axes.annotate(text, xy=xy, xytext=offset, textcoords="offset points", path_effects=halo, **look)
+        label.set_in_layout(False)
 
 
 def _free_place(

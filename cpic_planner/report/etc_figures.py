@@ -16,7 +16,7 @@ import numpy as np
 from cpic_core import FloatArray, InputError, Status
 from cpic_planner.etc import EtcModel, FrameWish, Objective, band_cases, best_in_visit, contrast_limit, planets_of
 from cpic_planner.ranking import separation_grid
-from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, band_style, literal, new_figure, style
+from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, Look, band_style, literal, new_figure, plain_ticks, style
 from cpic_planner.report.numbers import duration_text, pretty_name
 from cpic_planner.report.words import term_text
 from cpic_planner.results import EtcAnswer, EtcResult
@@ -25,7 +25,6 @@ from simulator.detectors import noise_terms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 
@@ -97,84 +96,48 @@ def etc_curves(
     exposure_s, em_gain : float, optional
         What was fixed.
     """
-    wish = FrameWish(exposure_s, em_gain)
-    objective: Objective = "snr" if sigma is None and (snr is not None or not _detects(answers)) else "significance"
+    settings: dict[str, Any] = {"snr": snr, "sigma": sigma, "exposure_s": exposure_s, "em_gain": em_gain}
+    detects = any(answer.question != "signal_to_noise" for answer in answers)
+    objective: Objective = "snr" if sigma is None and (snr is not None or not detects) else "significance"
     several = len(answers) > len({answer.band for answer in answers})
+
+    def against_time(answer: EtcAnswer) -> TimeCurve | None:
+        """One line of SNR against time; none where the planet is outside the field or sends no light."""
+        if answer.contrast is None or not 0.0 < answer.contrast <= 1.0 or answer.status is Status.OUTSIDE_FIELD:
+            return None
+        centre = answer.time_s or time_s
+        grid = np.geomspace(TIME_SPAN[0] * centre, TIME_SPAN[1] * centre, N_TIMES)
+        planets = planets_of([answer.separation_arcsec] * N_TIMES, None, answer.contrast)
+        cases = band_cases(model, star, answer.band, planets, FrameWish(exposure_s, em_gain))
+        choice = best_in_visit(cases.problem(objective), model.visit_s(grid)[None, :])
+        noise = cases.noise(choice)
+        point = None
+        if answer.time_s is not None and answer.snr is not None and answer.significance is not None:
+            point = (answer.time_s, answer.snr, answer.significance)
+        label = answer.band + (f", {answer.separation_arcsec:.3f}″" if several else "")
+        framed = choice.n_frames[0] >= 1
+        snrs, significances = (np.where(framed, line[0], np.nan) for line in (noise.snr, noise.significance))
+        return TimeCurve(label, grid, snrs, significances, float(cases.threshold[0]), point)
+
+    def against_separation(band: str) -> SeparationCurve:
+        grid = separation_grid(model, band)
+        places = grid.tolist()
+        limit_answers = contrast_limit(model, star, time_s=time_s, separation_arcsec=places, bands=[band], **settings)
+        planets = ((row.separation_arcsec, row.contrast) for row in answers if row.band == band and row.contrast)
+        limits = np.array([np.nan if one.value is None else one.value for one in limit_answers])
+        return SeparationCurve(band, grid, limits, tuple(planets))
+
     drawn = [answer for answer in answers if answer.band == best_band or not several]
-    times = [_against_time(model, star, answer, wish, objective, time_s, several) for answer in drawn]
-    limits = [
-        _against_separation(model, star, band, answers, time_s, snr, sigma, wish)
-        for band in dict.fromkeys(answer.band for answer in answers)
-    ]
-    level = "a detection"
-    if snr is not None or sigma is not None:
-        level = f"SNR {snr:g}" if snr is not None else f"{sigma:g} sigma"
-    return EtcCurves(tuple(curve for curve in times if curve is not None), tuple(limits), time_s, level)
+    times = tuple(curve for curve in map(against_time, drawn) if curve is not None)
+    bands = dict.fromkeys(answer.band for answer in answers)
+    return EtcCurves(times, tuple(map(against_separation, bands)), time_s, level_text(snr, sigma))
 
 
-def _detects(answers: Sequence[EtcAnswer]) -> bool:
-    return any(answer.question != "signal_to_noise" for answer in answers)
-
-
-def _against_time(
-    model: EtcModel,
-    star: Targets,
-    answer: EtcAnswer,
-    wish: FrameWish,
-    objective: Objective,
-    time_s: float,
-    several: bool,
-) -> TimeCurve | None:
-    """One line of SNR against time; none where the planet is outside the field or sends no light."""
-    if answer.contrast is None or not 0.0 < answer.contrast <= 1.0 or answer.status is Status.OUTSIDE_FIELD:
-        return None
-    centre = answer.time_s or time_s
-    grid = np.geomspace(TIME_SPAN[0] * centre, TIME_SPAN[1] * centre, N_TIMES)
-    planets = planets_of([answer.separation_arcsec] * N_TIMES, None, answer.contrast)
-    cases = band_cases(model, star, answer.band, planets, wish)
-    choice = best_in_visit(cases.problem(objective), model.visit_s(grid)[None, :])
-    noise = cases.noise(choice)
-    point = None
-    if answer.time_s is not None and answer.snr is not None and answer.significance is not None:
-        point = (answer.time_s, answer.snr, answer.significance)
-    label = answer.band + (f", {answer.separation_arcsec:.3f}″" if several else "")
-    seen = choice.n_frames[0] >= 1
-    return TimeCurve(
-        label,
-        grid,
-        np.where(seen, noise.snr[0], np.nan),
-        np.where(seen, noise.significance[0], np.nan),
-        float(cases.threshold[0]),
-        point,
-    )
-
-
-def _against_separation(
-    model: EtcModel,
-    star: Targets,
-    band: str,
-    answers: Sequence[EtcAnswer],
-    time_s: float,
-    snr: float | None,
-    sigma: float | None,
-    wish: FrameWish,
-) -> SeparationCurve:
-    grid = separation_grid(model, band)
-    found = contrast_limit(
-        model,
-        star,
-        time_s=time_s,
-        separation_arcsec=grid.tolist(),
-        bands=[band],
-        snr=snr,
-        sigma=sigma,
-        exposure_s=wish.exposure_s,
-        em_gain=wish.em_gain,
-    )
-    planets = tuple(
-        (answer.separation_arcsec, answer.contrast) for answer in answers if answer.band == band and answer.contrast
-    )
-    return SeparationCurve(band, grid, np.array([np.nan if one.value is None else one.value for one in found]), planets)
+def level_text(snr: float | None, sigma: float | None) -> str:
+    """Return the level that is asked for, in words; a detection where neither is given."""
+    if snr is not None:
+        return f"SNR {snr:g}"
+    return "a detection" if sigma is None else f"{sigma:g} sigma"
 
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
@@ -259,9 +222,8 @@ def etc_figure(result: EtcResult, curves: EtcCurves) -> Figure:
         _limits(figure.add_subplot(grid[0, 1]), curves, looks)
         if rows:
             _budgets(figure.add_subplot(grid[1, :]), rows)
-        figure.suptitle(
-            literal(f"{pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"), fontsize=12
-        )
+        title = f"{pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"
+        figure.suptitle(literal(title), fontsize=12)
         figure.draw_without_rendering()
     return figure
 
@@ -289,17 +251,8 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
             highs.append(curve.threshold)
         if curve.point is not None:
             for value, face in ((curve.point[1], colour), (curve.point[2], "white")):
-                axes.plot(
-                    curve.point[0] / 3600.0,
-                    value,
-                    marker=marker,
-                    ms=7,
-                    mfc=face,
-                    mec=colour,
-                    mew=1.3,
-                    ls="none",
-                    zorder=5,
-                )
+                look: Look = {"marker": marker, "ms": 7, "mfc": face, "mec": colour, "mew": 1.3, "ls": "none"}
+                axes.plot(curve.point[0] / 3600.0, value, zorder=5, **look)
         handles.append(Line2D([], [], color=colour, lw=1.7, marker=marker, ms=6, label=curve.label))
         for values in (curve.snr, curve.significance):
             good = values[np.isfinite(values) & (values > 0)]
@@ -308,13 +261,14 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
                 lows.append(good.max())
     if highs:
         axes.set_ylim(min(lows, default=1.0) / 30.0, 1.6 * max(highs))
-    keys = [
-        Line2D([], [], color="#444444", lw=1.7, label="SNR"),
-        Line2D([], [], color="#444444", lw=1.3, ls=(0, (4, 2)), label="significance"),
-        Line2D([], [], color="#444444", lw=1.0, ls=":", label="threshold"),
-    ]
-    _plain_ticks(axes.yaxis, (1.0, 3.0))
-    _plain_ticks(axes.xaxis, (1.0,))
+    lines: dict[str, tuple[float, Any]] = {
+        "SNR": (1.7, "-"),
+        "significance": (1.3, (0, (4, 2))),
+        "threshold": (1.0, ":"),
+    }
+    keys = [Line2D([], [], color="#444444", lw=lw, ls=ls, label=label) for label, (lw, ls) in lines.items()]
+    plain_ticks(axes.yaxis, 1.0, 3.0)
+    plain_ticks(axes.xaxis, 1.0)
     axes.set_title("best visit of at most this time", fontsize=10)
     if not curves.times:
         axes.text(0.5, 0.5, "no planet to be seen here", transform=axes.transAxes, ha="center")
@@ -355,28 +309,11 @@ def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> None:
     labels = [row.band + (f", {row.separation_arcsec:.3f}″" if several else "") for row in rows]
     for name in names:
         widths = np.array([100.0 * share.get(name, 0.0) for share in shares])
-        axes.barh(
-            range(len(rows)),
-            widths,
-            left=left,
-            height=0.66,
-            color=_TERM_COLOURS[name],
-            edgecolor="white",
-            linewidth=0.6,
-            label=term_text(name),
-        )
+        look: Look = {"color": _TERM_COLOURS[name], "edgecolor": "white", "linewidth": 0.6, "label": term_text(name)}
+        axes.barh(range(len(rows)), widths, left=left, height=0.66, **look)
         left += widths
     axes.barh(range(len(rows)), 100.0 - left, left=left, height=0.66, color=_REST, label="all other terms")
     axes.set_yticks(range(len(rows)), labels)
     axes.invert_yaxis()
     axes.set(xlim=(0, 100), xlabel="share of the variance of the answer (%)")
     axes.legend(ncols=3, **_BELOW)
-
-
-def _plain_ticks(axis: Axis, steps: Sequence[float]) -> None:
-    """Plain numbers on a logarithmic axis."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axis.set_major_locator(LogLocator(subs=tuple(steps)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())

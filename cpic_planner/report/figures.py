@@ -6,29 +6,20 @@ All figures of the reports, each drawn by a module of its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from cpic_planner.report import drawing, whatif_maps
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve, contrast_diagram
-from cpic_planner.report.drawing import Picture, new_figure, save, style
+from cpic_planner.report.drawing import Look, Picture, new_figure, save, style
 from cpic_planner.report.image_figures import snr_figure
 from cpic_planner.report.numbers import significant
 from cpic_planner.report.panel_figure import PanelSheet
 from cpic_planner.report.panels import Panels
 from cpic_planner.report.sky_figures import margin_figure, sky_map
 from cpic_planner.report.whatif_curves import convergence_figure, curves_figure, sweep_figure
-from cpic_planner.report.whatif_maps import (
-    FEW,
-    calendar_figure,
-    left_out,
-    looks_of,
-    plain_log_axis,
-    row_label,
-    shown_rows,
-    stars_figure,
-)
+from cpic_planner.report.whatif_maps import FEW, left_out, looks_of, row_label, shown_rows
 from cpic_planner.results import DifferenceRecord, EstimateRecord, PlanResult, RankResult, WhatIfResult
 
 if TYPE_CHECKING:
@@ -64,22 +55,18 @@ def yields_figure(result: WhatIfResult) -> Picture:
     looks = looks_of(result.strategies)
     with style():
         figure, (left, right) = _rowed(result, rows, 2)
-        for axes, quantity, title in (
-            (left, "planets", "planets found, new and known"),
-            (right, "new_planets", "new planets found"),
-        ):
+        for axes, quantity in ((left, "planets"), (right, "new_planets")):
             for place, i in enumerate(rows):
-                found: EstimateRecord = getattr(result.strategies[i], quantity)
-                axes.plot(
-                    [found.survey_low, found.survey_high], [place, place], color=looks[i][0], lw=1.2, marker="|", ms=6
-                )
-                _mean(axes, place, found.mean, found.low, found.high, looks[i])
-            axes.set_xlabel(title)
+                estimate: EstimateRecord = getattr(result.strategies[i], quantity)
+                ends = [estimate.survey_low, estimate.survey_high]
+                axes.plot(ends, [place, place], color=looks[i][0], lw=1.2, marker="|", ms=6)
+                _draw_mean(axes, place, estimate, looks[i])
             axes.set_xlim(left=-0.02 * axes.get_xlim()[1])
+        left.set_xlabel("planets found, new and known")
+        right.set_xlabel("new planets found")
         best = max(result.strategies, key=lambda item: item.planets.mean)
         return save(
             figure,
-            "svg",
             alt=f"Planets found by {len(rows)} strategies; most by {best.name}, {significant(best.planets.mean)} a "
             "survey.",
             caption="Marker and thick line: mean over universes with its 90 % interval, how well the mean is known. "
@@ -100,33 +87,28 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
     reference = result.strategies[0].name
     places = {result.strategies[i].name: i for i in shown_rows(result.strategies) if i > 0}
     looks = looks_of(result.strategies)
-    found = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
+    by_pair = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
     rows = list(places.values())
     with style():
         figure, panels = _rowed(result, rows, 2)
         for axes, quantity in zip(panels, _DIFFERENCES, strict=True):
             for place, (name, i) in enumerate(places.items()):
-                item = found.get((name, quantity))
+                item = by_pair.get((name, quantity))
                 if item is not None:
-                    sure = _sure(item)
+                    sure = item.low > 0.0 or item.high < 0.0
                     look = looks[i] if sure else ("#8C8C8C", looks[i][1])
-                    _mean(axes, place, item.mean, item.low, item.high, look, open_marker=not sure)
+                    _draw_mean(axes, place, item, look, sure=sure)
             axes.axvline(0.0, color="#111111", lw=1.1, ls="--", zorder=1)
             axes.set_xlabel(f"{quantity.replace('_', ' ')}, difference a survey")
-        better = [name for name in places if (item := found.get((name, "planets"))) is not None and item.low > 0]
+        better = [name for name in places if (item := by_pair.get((name, "planets"))) is not None and item.low > 0]
         return save(
             figure,
-            "svg",
             alt=f"Differences with {reference} in planets found; surely more: {', '.join(better[:FEW]) or 'none'}"
             f"{f' and {len(better) - FEW} others' if len(better) > FEW else ''}.",
             caption=f"Planets found more (right) or fewer (left) than by {reference} in the same universes, mean with "
             "its 90 % interval. Open and grey: the interval holds zero, so the difference may be chance."
             + left_out(result.strategies),
         )
-
-
-def _sure(item: DifferenceRecord) -> bool:
-    return item.low > 0.0 or item.high < 0.0
 
 
 def time_figure(result: WhatIfResult) -> Picture:
@@ -146,38 +128,22 @@ def time_figure(result: WhatIfResult) -> Picture:
         left = np.zeros(len(rows))
         for name, label, colour, hatch in _PARTS:
             widths = np.array([getattr(use, name) for use in uses])
-            axes.barh(
-                range(len(rows)),
-                widths,
-                left=left,
-                color=colour,
-                hatch=hatch,
-                edgecolor="white",
-                lw=0.4,
-                height=0.66,
-                label=label,
-            )
+            look: Look = {"color": colour, "hatch": hatch, "edgecolor": "white", "lw": 0.4, "height": 0.66}
+            axes.barh(range(len(rows)), widths, left=left, label=label, **look)
             left += widths
         axes.set_xlim(0.0, end)
         for place in range(len(rows)):
             if unused[place] > 0 and used[place] < 0.88 * end:
-                axes.annotate(
-                    f"{significant(unused[place])} h unused",
-                    (used[place], place),
-                    (4, 0),
-                    textcoords="offset points",
-                    va="center",
-                    fontsize=8,
-                    color="#333333",
-                )
+                text, place_xy = f"{significant(unused[place])} h unused", (used[place], place)
+                look = {"textcoords": "offset points", "va": "center", "fontsize": 8, "color": "#333333"}
+                axes.annotate(text, place_xy, (4, 0), **look)
         axes.set_xlabel("telescope time a survey (h)")
         figure.legend(loc="outside upper center", ncols=5, fontsize=9, handlelength=1.6, columnspacing=1.4)
         cut = bool((used + unused).max() > end)
-        told = [f"{result.strategies[i].name} {significant(hours)} h" for i, hours in zip(rows, used, strict=True)]
+        totals = [f"{result.strategies[i].name} {significant(hours)} h" for i, hours in zip(rows, used, strict=True)]
         return save(
             figure,
-            "svg",
-            alt=f"Stacked bars of telescope time by what it is used for; in all {', '.join(told[:FEW])}.",
+            alt=f"Stacked bars of telescope time by what it is used for; in all {', '.join(totals[:FEW])}.",
             caption="Where the telescope time goes, mean over universes. Exposing: science and reference frames with "
             "readouts. Target out of sight: behind the Earth, in the South Atlantic Anomaly, or too little of an orbit "
             "left for a frame."
@@ -203,14 +169,13 @@ def detections_figure(result: WhatIfResult) -> Picture | None:
             for place, i in enumerate(rows):
                 levels = result.strategies[i].quantiles.get(name)
                 if levels is not None:
-                    _box(axes, place, [scale * level for level in levels], looks[i][0])
+                    _draw_quantiles(axes, place, [scale * level for level in levels], looks[i][0])
             if log:
-                plain_log_axis(axes)
+                drawing.plain_log_axis(axes)
             axes.set_xlabel(title)
         empty = len(result.strategies) - len([item for item in result.strategies if item.quantiles])
         return save(
             figure,
-            "svg",
             alt="Ranges of SNR, margin, contrast and separation of the detections of each strategy.",
             caption="Detections of all universes. Box: the middle half, with the median; line: 5 to 95 %. Contrast is "
             "the planet-to-star ratio in the band; significance / threshold is how clearly it stands out."
@@ -219,27 +184,20 @@ def detections_figure(result: WhatIfResult) -> Picture | None:
         )
 
 
-def _box(axes: Axes, place: int, levels: Sequence[float], colour: str) -> None:
+def _draw_quantiles(axes: Axes, place: int, levels: Sequence[float], colour: str) -> None:
     lowest, low, middle, high, highest = levels
     axes.plot([lowest, highest], [place, place], color=colour, lw=1.2, solid_capstyle="butt")
     axes.barh(place, high - low, left=low, height=0.46, color=colour, alpha=0.35, edgecolor=colour, lw=1.0)
     axes.plot([middle, middle], [place - 0.23, place + 0.23], color="#111111", lw=1.6, solid_capstyle="butt")
 
 
-def _mean(
-    axes: Axes, place: int, mean: float, low: float, high: float, look: tuple[str, str], *, open_marker: bool = False
+def _draw_mean(
+    axes: Axes, place: int, item: EstimateRecord | DifferenceRecord, look: tuple[str, str], *, sure: bool = True
 ) -> None:
-    axes.plot([low, high], [place, place], color=look[0], lw=8.0, solid_capstyle="butt", alpha=0.45)
-    axes.plot(
-        [mean],
-        [place],
-        marker=look[1],
-        ms=5.5,
-        color=look[0],
-        ls="none",
-        markerfacecolor="white" if open_marker else look[0],
-        markeredgecolor=look[0],
-    )
+    colour, marker = look
+    axes.plot([item.low, item.high], [place, place], color=colour, lw=8.0, solid_capstyle="butt", alpha=0.45)
+    face = colour if sure else "white"
+    axes.plot([item.mean], [place], marker=marker, ms=5.5, color=colour, ls="none", mfc=face, mec=colour)
 
 
 def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Figure, list[Axes]]:
@@ -250,38 +208,20 @@ def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Fig
     for axes in panels:
         axes.grid(visible=True, axis="x")
         axes.tick_params(axis="y", length=0)
-    panels[0].set_yticks(
-        range(len(rows)), [row_label(result.strategies[i].name) for i in rows], fontsize=9.5 if len(rows) <= 12 else 8
-    )
+    small = len(rows) > 12
+    labels = [row_label(result.strategies[i].name) for i in rows]
+    panels[0].set_yticks(range(len(rows)), labels, fontsize=8 if small else 9.5)
     panels[0].set_ylim(len(rows) - 0.4, -0.6)
     return figure, panels
 
 
-@dataclass(frozen=True)
-class PlanFigureData:
-    """What the figures of a plan are drawn from; see `plan_figures`."""
-
-    plan: PlanResult
-    rank: RankResult
-    limits: Sequence[LimitCurve] = ()
-    holes: Sequence[HoleEdges] = ()
-
-    @property
-    def confirmed(self) -> tuple[str, ...]:
-        """Names of the confirmed targets."""
-        return tuple(target.name for target in self.plan.targets)
-
-
-PLAN_FIGURES: dict[str, tuple[str, Callable[[PlanFigureData], Picture]]] = {
-    "sky": ("Ranked stars on the sky", lambda data: sky_map(data.rank, confirmed=data.confirmed)),
-    "contrast": (
-        "Reference planets and contrast limits",
-        lambda data: contrast_diagram(data.rank, limits=data.limits, holes=data.holes, confirmed=data.confirmed),
-    ),
-    "calibration": ("Does the prediction hold?", lambda data: snr_figure(data.plan)),
-    "margin": ("The sample at a glance", lambda data: margin_figure(data.rank)),
+PLAN_FIGURES = {
+    "sky": "Ranked stars on the sky",
+    "contrast": "Reference planets and contrast limits",
+    "calibration": "Does the prediction hold?",
+    "margin": "The sample at a glance",
 }
-"""Title of each figure, and what draws it."""
+"""Title of each figure of a plan, in their order."""
 
 
 def plan_figures(
@@ -298,8 +238,13 @@ def plan_figures(
     holes : sequence of HoleEdges
         Corners of each band's dark hole on the diagonal.
     """
-    data = PlanFigureData(plan, rank, limits, holes)
-    return {key: draw(data) for key, (_, draw) in PLAN_FIGURES.items()}
+    confirmed = tuple(target.name for target in plan.targets)
+    return {
+        "sky": sky_map(rank, confirmed=confirmed),
+        "contrast": contrast_diagram(rank, limits=limits, holes=holes, confirmed=confirmed),
+        "calibration": snr_figure(plan),
+        "margin": margin_figure(rank),
+    }
 
 
 def panel_pictures(plan: PlanResult, panels: Mapping[str, Panels]) -> dict[str, Picture]:
@@ -319,8 +264,8 @@ WHATIF_FIGURES: dict[str, tuple[str, Callable[[WhatIfResult], Picture | None]]] 
     "differences": ("Is the difference real?", differences_figure),
     "curves": ("Yield against telescope time", curves_figure),
     "time": ("Where the time goes", time_figure),
-    "calendar": ("Who is visited when", calendar_figure),
-    "sky": ("Where the stars are", stars_figure),
+    "calendar": ("Who is visited when", whatif_maps.calendar_figure),
+    "sky": ("Where the stars are", whatif_maps.stars_figure),
     "detections": ("What is detected", detections_figure),
     "convergence": ("Are there enough universes?", convergence_figure),
 }

@@ -8,9 +8,9 @@ from operator import itemgetter
 
 import numpy as np
 
-from cpic_planner.report import document as doc
+from cpic_planner.report import document as doc, drawing
 from cpic_planner.report.cells import Cells
-from cpic_planner.report.drawing import BAND_STYLE, Picture, band_style, literal, new_figure, save, style
+from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, band_style, literal, new_figure, save, style
 from cpic_planner.report.numbers import MISSING, contrast_text, count_text, decimals, percent_text
 from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.summary import ModelledRow, dial_text, error_text, modelled_groups
@@ -24,12 +24,11 @@ _LOG_SPAN = 15.0
 _MARGIN_NM = 40.0
 _SHIFT_NM = 4.0
 _CONTRAST_SPAN = 5.0
+_POINT: Look = {"ms": 7, "mec": "white", "mew": 0.6}
 
 
 def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
     """Draw recovered against predicted SNR of every band that was measured, with the mean ratio and its error."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     items = measurements_of(result)
     looks = band_style([item.band for item in items])
     pairs: dict[str, list[tuple[float, float, float]]] = {band: [] for band in looks}
@@ -51,51 +50,28 @@ def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
             line = np.geomspace(floor, top, 200)
             axes.set(xlim=(floor, top), ylim=(floor, top))
             for axis in (axes.xaxis, axes.yaxis):  # plain numbers, few enough not to touch
-                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-                axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-                axis.set_minor_formatter(NullFormatter())
+                drawing.plain_ticks(axis, 1.0, 2.0, 5.0)
         else:
             axes.set(xlim=(0.0, top), ylim=(min([0.0] + [r - 1.3 * e for _, r, e in everything]), top))
         axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")
         ratio, error = result.calibration.get("ratio"), result.calibration.get("error")
         if ratio is not None and error is not None:
-            axes.fill_between(
-                line, (ratio - error) * line, (ratio + error) * line, color="#B03060", alpha=0.18, lw=0.0, zorder=1
-            )
-            axes.plot(
-                line,
-                ratio * line,
-                color="#B03060",
-                lw=1.2,
-                ls="--",
-                zorder=2,
-                label=f"recovered / predicted\n{ratio:.2f} ± {error:.2f}",
-            )
+            low, high = (ratio - error) * line, (ratio + error) * line
+            axes.fill_between(line, low, high, color="#B03060", alpha=0.18, lw=0.0, zorder=1)
+            label = f"recovered / predicted\n{ratio:.2f} ± {error:.2f}"
+            axes.plot(line, ratio * line, color="#B03060", lw=1.2, ls="--", zorder=2, label=label)
         for band in looks:
             if not pairs[band]:
                 continue
             predicted, recovered, errors = np.array(pairs[band]).T
             colour, marker = looks[band]
-            axes.errorbar(
-                predicted,
-                recovered,
-                yerr=errors,
-                fmt=marker,
-                color=colour,
-                ms=7,
-                mec="white",
-                mew=0.6,
-                lw=1.2,
-                capsize=2.5,
-                zorder=4,
-                label=f"{band} ({len(predicted)})",
-            )
+            look = _POINT | {"fmt": marker, "color": colour, "lw": 1.2, "capsize": 2.5, "zorder": 4}
+            axes.errorbar(predicted, recovered, yerr=errors, label=f"{band} ({len(predicted)})", **look)
         if not everything:
             axes.text(0.5, 0.5, "no band was measured", transform=axes.transAxes, ha="center")
         figure.legend(loc="outside right upper", alignment="left")
         return save(
             figure,
-            "svg",
             alt=f"Recovered against predicted SNR of {len(everything)} measurements, with the line of equality.",
             caption=f"Each symbol is one planet in one band: the mean of up to {result.realisations} realisations, "
             "each with a drift of the wavefront and a noise of its own, with the error of that mean. The dashed line "
@@ -127,12 +103,12 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandCo
     Picture or None
         None where nothing was measured.
     """
-    seen = [item for item in bands if item.recovered_contrast is not None]
+    measured = [item for item in bands if item.recovered_contrast is not None]
     lights = {row.name: row.light for row in spectrum_generator(scene) if isinstance(row.light, LitPlanet)}
-    names = [planet.name for planet in scene.planets if any(item.planet == planet.name for item in seen)]
+    names = [planet.name for planet in scene.planets if any(item.planet == planet.name for item in measured)]
     if not names:
         return None
-    edges = [instrument.bands[item.band] for item in seen]
+    edges = [instrument.bands[item.band] for item in measured]
     low = min(band.center_nm - 0.5 * band.width_nm for band in edges) - _MARGIN_NM
     high = max(band.center_nm + 0.5 * band.width_nm for band in edges) + _MARGIN_NM
     with style():
@@ -144,53 +120,29 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandCo
         for number, name in enumerate(names):
             light, (colour, marker) = lights[name], BAND_STYLE[number % len(BAND_STYLE)]
             inside = (light.wavelength_nm >= low) & (light.wavelength_nm <= high)
-            axes.plot(
-                light.wavelength_nm[inside],
-                light.contrast[inside],
-                color=colour,
-                lw=1.0,
-                alpha=0.55,
-                label=literal(f"{name}: input"),
-            )
-            own = [item for item in seen if item.planet == name]
+            x, y = light.wavelength_nm[inside], light.contrast[inside]
+            axes.plot(x, y, color=colour, lw=1.0, alpha=0.55, label=literal(f"{name}: input"))
+            own = [item for item in measured if item.planet == name]
             centre = np.array([instrument.bands[item.band].center_nm for item in own])
             half = np.array([0.5 * instrument.bands[item.band].width_nm for item in own])
             true, value, error, mean = (
                 np.array([getattr(item, key) or 0.0 for item in own])
                 for key in ("true_contrast", "recovered_contrast", "contrast_error", "contrast_mean_error")
             )
-            axes.hlines(
-                true,
-                centre - half,
-                centre + half,
-                color="#222222",
-                lw=2.0,
-                zorder=3,
-                label="input in the band" if number == 0 else "",
-            )
+            label = "input in the band" if number == 0 else ""
+            axes.hlines(true, centre - half, centre + half, color="#222222", lw=2.0, zorder=3, label=label)
             place = centre + _SHIFT_NM * (number - 0.5 * (len(names) - 1))
             axes.errorbar(place, value, yerr=error, fmt="none", ecolor=colour, elinewidth=1.1, capsize=4.0, zorder=4)
-            axes.errorbar(
-                place,
-                value,
-                yerr=mean,
-                fmt=marker,
-                color=colour,
-                ms=7,
-                mec="white",
-                mew=0.6,
-                elinewidth=3.2,
-                zorder=5,
-                label=literal(f"{name}: recovered"),
-            )
+            look = _POINT | {"fmt": marker, "color": colour, "elinewidth": 3.2, "zorder": 5}
+            axes.errorbar(place, value, yerr=mean, label=literal(f"{name}: recovered"), **look)
             heights += [*(value + error), *(value - error), *true]
         if min(heights) > 0 and max(heights) > _CONTRAST_SPAN * min(heights):
             axes.set_yscale("log")
         figure.legend(loc="outside right upper", alignment="left")
+        drawn = f"{', '.join(names)} in {len(measured)} measurements"
         return save(
             figure,
-            "svg",
-            alt=f"Recovered contrasts of {', '.join(names)} in {len(seen)} measurements, on the spectrum of the scene.",
+            alt=f"Recovered contrasts of {drawn}, on the spectrum of the scene.",
             caption="Points: mean contrast over the realisations, the thick bar its error, the thin bar that of one "
             "observation. Curve: the contrast of the scene; black dashes: its mean over each band, weighted with the "
             "star's detected light, which is what a measurement should give.",
@@ -218,13 +170,17 @@ def _of(count: int | None, n: int | None) -> str:
     return MISSING if count is None else f"{count} of {n}"
 
 
+def _predicted_error(band: BandConfirmation) -> str:
+    return error_text(band.modelled.predicted_error) if band.modelled else MISSING
+
+
 def _contrast_error(band: BandConfirmation) -> doc.Inline:
     if band.contrast_error is None:
         return MISSING
     return doc.lines(f"± {contrast_text(band.contrast_error, 2)}", f"± {contrast_text(band.contrast_mean_error, 2)}")
 
 
-def _found_at(band: BandConfirmation) -> doc.Inline:
+def _position(band: BandConfirmation) -> doc.Inline:
     if band.found_separation_arcsec is None:
         return MISSING
     return doc.lines(
@@ -256,15 +212,10 @@ def _quantities() -> list[doc.Column[BandConfirmation]]:
         realisations=lambda band: doc.lines(
             count_text(band.realisations), doc.small(DRAWN_AS[band.drawn_as] if band.drawn_as else "")
         ),
-        predicted_error=Cells(
-            "",
-            lambda band: error_text(band.modelled.predicted_error) if band.modelled else MISSING,
-            label="predicted error of the images",
-            unit="beside the reference",
-        ),
+        predicted_error=Cells("", _predicted_error, label="predicted error of the images", unit="beside the reference"),
         n_detected=lambda band: _of(band.n_detected, band.realisations),
         n_significant=lambda band: _of(band.n_significant, band.realisations),
-        found=Cells("", _found_at, label="found at", unit="first realisation that finds it"),
+        found=Cells("", _position, label="found at", unit="first realisation that finds it"),
         contrast_error=Cells("", _contrast_error, label="its error", unit="one observation; mean"),
         star_flux=_star_flux,
         verdict=_verdict,
@@ -298,7 +249,7 @@ def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, ch
     return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _quantities(), look="bands")
 
 
-def _audited() -> list[doc.Column[tuple[BandConfirmation, AuditRecord]]]:
+def _audit_columns() -> list[doc.Column[tuple[BandConfirmation, AuditRecord]]]:
     return doc.row_columns(
         AuditRecord,
         "band:row n_frames predicted_snr recovered_snr true_contrast contrast deviation_sigma detected "
@@ -318,7 +269,7 @@ def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.B
             "Audited: one more realisation, run frame by frame with every effect of the camera, calibrated and cleaned "
             "of particles. Deviation: measured less true contrast, in units of its error."
         )
-        yield doc.table(f"Frame by frame, {name}", caption, _audited(), audited)
+        yield doc.table(f"Frame by frame, {name}", caption, _audit_columns(), audited)
 
 
 def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str) -> Iterator[doc.Block]:
@@ -329,15 +280,15 @@ def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str
     yield from (doc.Figure(picture, before=name) for picture in shown)
 
 
+def _decision(row: ModelledRow) -> doc.Inline:
+    return doc.badge("ok" if row.effect.decision == "kept" else "unreachable", row.word)
+
+
 _EFFECTS: tuple[doc.Column[ModelledRow], ...] = (
     doc.Column("Effect", lambda row: row.effect.effect, look="row left"),
     doc.Column("Predicted size", lambda row: row.size or MISSING, "largest of flux and SNR"),
     doc.Column("Largest in", lambda row: row.where, look="left"),
-    doc.Column(
-        "Modelled",
-        lambda row: doc.badge("ok" if row.effect.decision == "kept" else "unreachable", row.word),
-        look="left",
-    ),
+    doc.Column("Modelled", _decision, look="left"),
     doc.Column("How, or why not", lambda row: row.effect.reason, look="left wide"),
 )
 
@@ -346,11 +297,9 @@ def modelled_blocks(named: Sequence[tuple[str, ModellingRecord]]) -> Iterator[do
     """Yield one table for every distinct way in which images were made; see `modelled_groups`."""
     groups = modelled_groups(named)
     for group in groups:
-        caption: doc.Inline = [
-            doc.strong(group.title),
-            f": {group.members}. {group.knobs[:1].upper()}{group.knobs[1:]}. Predicted error beside the reference: "
-            f"{group.errors}.",
-        ]
+        knobs = group.knobs[:1].upper() + group.knobs[1:]
+        made = f": {group.members}. {knobs}. Predicted error beside the reference: {group.errors}."
+        caption: doc.Inline = [doc.strong(group.title), made]
         yield doc.table(f"Modelled: {group.members}", caption, _EFFECTS, group.rows)
     if not groups:
         yield doc.Paragraph("No image was made.")

@@ -30,10 +30,10 @@ def pretty_name(identifier: str) -> str:
         comes back with single spaces, otherwise untouched: it may hold any character, so escape it for the medium.
     """
     name = _LEAD.sub("", " ".join(identifier.split()))
-    found = _BAYER.match(name)
-    if found is None or found[3] not in CONSTELLATIONS:
+    match = _BAYER.match(name)
+    if match is None or match[3] not in CONSTELLATIONS:
         return name
-    letter, index, sky, component = found.groups()
+    letter, index, sky, component = match.groups()
     symbol = GREEK[letter][0] if letter in GREEK else letter
     if letter not in GREEK and len(letter) > 1:  # a variable-star name such as AK Lep
         return name

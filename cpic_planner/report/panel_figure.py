@@ -8,16 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpic_core import FloatArray
-from cpic_planner.report.drawing import (
-    RESIDUAL_COLOURS,
-    STACK_COLOURS,
-    WIDTH_INCHES,
-    Picture,
-    literal,
-    new_figure,
-    save,
-    style,
-)
+from cpic_planner.report import drawing
+from cpic_planner.report.drawing import WIDTH_INCHES, Look, Picture, literal, new_figure, save, style
 from cpic_planner.report.numbers import decimals, power_of_ten, pretty_name
 from cpic_planner.report.panels import Panels, compass
 
@@ -119,7 +111,7 @@ class PanelSheet:
                 self._figure,
                 "png",
                 alt=f"{pretty_name(name)} in {panels.band}: summed science frames, summed reference frames, and the "
-                f"residual after subtraction{_places(panels)}.",
+                f"residual after subtraction{_planets_text(panels)}.",
                 caption=f"{panels.band}; aperture radius {panels.aperture_radius_arcsec:.3f} arcsec.",
             )
         for column in self._columns:
@@ -136,14 +128,15 @@ class _Column:
 
         self.searched = place == len(_TITLES) - 1
         self.ink = "black" if self.searched else "white"
-        palette = mpl.colormaps[RESIDUAL_COLOURS if self.searched else STACK_COLOURS].with_extremes(bad="#D8D8D8")
-        self.axes = figure.add_axes(_box(place, 0.0, _BOTTOM, _PANEL))
+        colours = drawing.RESIDUAL_COLOURS if self.searched else drawing.STACK_COLOURS
+        palette = mpl.colormaps[colours].with_extremes(bad="#D8D8D8")
+        self.axes = figure.add_axes(_column_box(place, 0.0, _BOTTOM, _PANEL))
         self.image = self.axes.imshow(np.zeros((1, 1)), origin="lower", cmap=palette, interpolation="nearest")
         for axis in (self.axes.xaxis, self.axes.yaxis):
             axis.set_major_locator(MaxNLocator(5, symmetric=True))
         self.axes.set(title=_TITLES[place], xlabel="x offset (arcsec)", ylabel="" if place else "y offset (arcsec)")
         self.axes.tick_params(labelleft=place == 0)
-        self.bar = _bar(figure.add_axes(_box(place, _BAR_INSET, _BAR_BOTTOM, _BAR)), palette)
+        self.bar = _bar(figure.add_axes(_column_box(place, _BAR_INSET, _BAR_BOTTOM, _BAR)), palette)
         self.kept = set(self.axes.get_children())
 
     def fill(self, panels: Panels, image: FloatArray, norm: Normalize, ticks: Sequence[float]) -> None:
@@ -166,7 +159,7 @@ class _Column:
             artist.remove()
 
 
-def _box(place: int, inset: float, bottom: float, height: float) -> tuple[float, float, float, float]:
+def _column_box(place: int, inset: float, bottom: float, height: float) -> tuple[float, float, float, float]:
     """Left, bottom, width and height of what stands in a column, as fractions of the figure."""
     left = _LEFT + place * (_PANEL + _GAP) + inset
     return left / WIDTH_INCHES, bottom / _HEIGHT, (_PANEL - 2.0 * inset) / WIDTH_INCHES, height / _HEIGHT
@@ -188,7 +181,7 @@ def _bar(axes: Axes, palette: Colormap) -> Axes:
     return axes
 
 
-def _places(panels: Panels) -> str:
+def _planets_text(panels: Panels) -> str:
     """Where planets are, for those who cannot see it."""
     at = [
         f"{mark.label or 'the planet'} is at x {decimals(mark.x_arcsec, 2)}, y {decimals(mark.y_arcsec, 2)} arcsec"
@@ -214,17 +207,9 @@ def _marks(axes: Axes, panels: Panels, ink: str, *, searched: bool) -> None:
             axes.plot(x, y, marker=shape, ms=size, mfc="none", mec=ink, mew=1.3, ls="none", path_effects=_halo(ink))
         if mark.label:
             side = -1.0 if x > 0 else 1.0
-            axes.text(
-                x + side * 2.3 * radius,
-                y,
-                literal(mark.label),
-                color=ink,
-                fontsize=8.5,
-                va="center",
-                ha="right" if side < 0 else "left",
-                path_effects=_halo(ink),
-                clip_on=True,
-            )
+            look: Look = {"color": ink, "fontsize": 8.5, "va": "center", "ha": "right" if side < 0 else "left"}
+            place = x + side * 2.3 * radius
+            axes.text(place, y, literal(mark.label), path_effects=_halo(ink), clip_on=True, **look)
 
 
 def _ticks(norm: Any) -> list[float]:
@@ -266,43 +251,16 @@ def _hole(axes: Axes, panels: Panels, ink: str) -> None:
     rows, columns = panels.zone.intervals()
     for bottom, top in rows:
         for left, right in columns:
-            axes.add_patch(
-                Rectangle(
-                    (left, bottom),
-                    right - left,
-                    top - bottom,
-                    fill=False,
-                    edgecolor=ink,
-                    linewidth=0.7,
-                    linestyle=(0, (3, 2)),
-                    alpha=0.9,
-                )
-            )
+            look: Look = {"edgecolor": ink, "linewidth": 0.7, "linestyle": (0, (3, 2)), "alpha": 0.9}
+            axes.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, **look))
 
 
 def _compass(axes: Axes, panels: Panels) -> None:
     """North and east arrows from the star, inside the part of the image that the mask's cross hides."""
     length = max(0.8 * panels.hole_inner_arcsec, 0.12 * panels.hole_outer_arcsec)
-    ink = {
-        "color": "white",
-        "fontsize": 9,
-        "fontweight": "bold",
-        "ha": "center",
-        "va": "center",
-        "path_effects": _halo("white"),
-    }
+    halo = _halo("white")
+    ink: Look = {"fontsize": 9, "fontweight": "bold", "ha": "center", "va": "center", "path_effects": halo}
+    arrow = {"arrowstyle": "->", "color": "white", "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0, "path_effects": halo}
     for (dx, dy), letter in zip(compass(panels.parity, panels.roll_deg), "NE", strict=True):
-        axes.annotate(
-            "",
-            xy=(length * dx, length * dy),
-            xytext=(0, 0),
-            arrowprops={
-                "arrowstyle": "->",
-                "color": "white",
-                "linewidth": 1.4,
-                "shrinkA": 0,
-                "shrinkB": 0,
-                "path_effects": _halo("white"),
-            },
-        )
-        axes.text(1.5 * length * dx, 1.5 * length * dy, letter, **ink)  # type: ignore[arg-type]
+        axes.annotate("", xy=(length * dx, length * dy), xytext=(0, 0), arrowprops=arrow)
+        axes.text(1.5 * length * dx, 1.5 * length * dy, letter, color="white", **ink)

@@ -1,7 +1,7 @@
 """The three images of one band of one confirmed target or scene, with what is marked on them."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from simulator.imaging import HoleMode, HoleSide, HoleZone
 from simulator.target import sky_to_detector
 
 _IMAGES = ("science", "reference", "residual")
+MarkKind: TypeAlias = Literal["planet", "star", "candidate"]
 
 
 def compass(parity: int, roll_deg: float = 0.0) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -43,7 +44,7 @@ class Mark:
 
     x_arcsec: float
     y_arcsec: float
-    kind: Literal["planet", "star", "candidate"] = "planet"
+    kind: MarkKind = "planet"
     label: str = ""
 
 
@@ -73,8 +74,7 @@ class Panels:
         Detector parity, -1 or +1.
     roll_deg : float
         Rotation of the sky on the detector.
-    star_column, star_row : float
-        Pixel of the star; the middle of the array when not given.
+
     marks : tuple of Mark
         What else is marked.
     """
@@ -94,8 +94,7 @@ class Panels:
     hole_side: HoleSide = "right"
     parity: int = -1
     roll_deg: float = 0.0
-    star_column: float | None = None
-    star_row: float | None = None
+
     marks: tuple[Mark, ...] = ()
 
     def __post_init__(self) -> None:
@@ -108,19 +107,13 @@ class Panels:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"panels.{name}", value, unit="arcsec", allowed="finite and above 0")
-        rows, columns = np.shape(self.science)
-        if self.star_column is None:
-            object.__setattr__(self, "star_column", (columns - 1) / 2.0)
-        if self.star_row is None:
-            object.__setattr__(self, "star_row", (rows - 1) / 2.0)
         compass(self.parity, self.roll_deg)
 
     @property
     def star_pixel(self) -> tuple[float, float]:
-        """Column and row of the star."""
-        assert self.star_column is not None
-        assert self.star_row is not None
-        return self.star_column, self.star_row
+        """Column and row of the star: the middle of the array."""
+        rows, columns = self.science.shape
+        return (columns - 1) / 2.0, (rows - 1) / 2.0
 
     @property
     def every_mark(self) -> tuple[Mark, ...]:
@@ -139,10 +132,9 @@ class Panels:
         """Left, right, bottom and top edge of the array, arcsec from the star on the detector."""
         rows, columns = self.science.shape
         column, row = self.star_pixel
-        edges = (
-            np.array([-0.5 - column, columns - 0.5 - column, -0.5 - row, rows - 0.5 - row]) * self.pixel_scale_arcsec
-        )
-        return float(edges[0]), float(edges[1]), float(edges[2]), float(edges[3])
+        edges = np.array([-0.5 - column, columns - 0.5 - column, -0.5 - row, rows - 0.5 - row])
+        left, right, bottom, top = (edges * self.pixel_scale_arcsec).tolist()
+        return left, right, bottom, top
 
     def inside_hole(self) -> NDArray[np.bool_]:
         """Pixels whose centres lie in one of the dark quadrants, (y, x)."""

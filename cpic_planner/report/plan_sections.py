@@ -5,42 +5,14 @@ from dataclasses import dataclass
 
 from catalogs import data_credits
 from cpic_core import Registry
+from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
-from cpic_planner.report import document as doc, summary, words
+from cpic_planner.report import document as doc, image_figures, numbers, summary, words
 from cpic_planner.report.cells import Cells, frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import PLAN_FIGURES
-from cpic_planner.report.image_figures import (
-    MEASURED_NOTE,
-    audit_blocks,
-    instrument_fact,
-    measure_table,
-    modelled_blocks,
-    not_modelled_blocks,
-    outcome,
-    picture_blocks,
-)
-from cpic_planner.report.numbers import (
-    MISSING,
-    contrast_text,
-    count_text,
-    decimals,
-    duration_text,
-    full_name,
-    pretty_name,
-    share_text,
-    significant,
-)
+from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, pretty_name, significant
 from cpic_planner.report.words import method_credits, terms
-from cpic_planner.results import (
-    BandConfirmation,
-    ConfirmedTarget,
-    PlanResult,
-    RankedTarget,
-    RankResult,
-    SensitivityResult,
-    SensitivityRow,
-)
 
 
 @dataclass(frozen=True)
@@ -61,15 +33,15 @@ class PlanReport:
         Rows of the ranking to print.
     """
 
-    plan: PlanResult
-    rank: RankResult
+    plan: results.PlanResult
+    rank: results.RankResult
     figures: Mapping[str, Picture]
     images: Mapping[str, Picture]
-    sensitivity: SensitivityResult | None = None
+    sensitivity: results.SensitivityResult | None = None
     top_rows: int = 50
 
     @property
-    def rows(self) -> list[RankedTarget]:
+    def rows(self) -> list[results.RankedTarget]:
         """Rows of the ranking that are printed."""
         return self.rank.targets[: self.top_rows]
 
@@ -96,10 +68,10 @@ def plan_document(report: PlanReport) -> doc.Document:
     )
 
 
-_Pick = tuple[int, ConfirmedTarget, BandConfirmation | None]
+_Pick = tuple[int, results.ConfirmedTarget, results.BandConfirmation | None]
 
 
-def _of_band(text: Callable[[BandConfirmation], doc.Inline]) -> Callable[[_Pick], doc.Inline]:
+def _of_band(text: Callable[[results.BandConfirmation], doc.Inline]) -> Callable[[_Pick], doc.Inline]:
     return lambda pick: MISSING if pick[2] is None else text(pick[2])
 
 
@@ -107,20 +79,29 @@ def _star(name: doc.Inline, hip: int | None) -> doc.Inline:
     return doc.lines(name, doc.small(f"HIP {hip}") if hip is not None else "")
 
 
+def _picked_star(pick: _Pick) -> doc.Inline:
+    return _star(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip)
+
+
 def _pick_verdict(pick: _Pick) -> doc.Inline:
     _, target, best = pick
-    mark = doc.badge("unreachable", "not confirmed") if best is None else outcome(best)
+    mark = doc.badge("unreachable", "not confirmed") if best is None else image_figures.outcome(best)
     return doc.lines(mark, words.plus_minus(target.verdict))
+
+
+def _recovered(best: results.BandConfirmation) -> doc.Inline:
+    error = best.recovered_snr_error
+    return doc.lines(significant(best.recovered_snr), "" if error is None else doc.small(f"± {significant(error, 2)}"))
+
+
+def _significance(best: results.BandConfirmation) -> str:
+    return f"{significant(best.recovered_significance)} / {significant(best.threshold)}"
 
 
 _NOWHERE = doc.Span("the images show the planet in no band; see below", 8)
 _FIRST: tuple[doc.Column[_Pick], ...] = (
     doc.Column("#", lambda pick: str(pick[1].ranked.rank)),
-    doc.Column(
-        "Star",
-        lambda pick: _star(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip),
-        look="row left",
-    ),
+    doc.Column("Star", _picked_star, look="row left"),
     doc.Column("V", lambda pick: decimals(pick[1].ranked.v_mag, 2), "mag"),
     doc.Column("Distance", lambda pick: significant(pick[1].ranked.distance_pc, 4), "pc"),
     doc.Column("Band", _of_band(lambda best: best.band), look="left"),
@@ -128,29 +109,16 @@ _FIRST: tuple[doc.Column[_Pick], ...] = (
     doc.Column("EM gain", _of_band(lambda best: significant(best.em_gain))),
     doc.Column("Wall time", _of_band(lambda best: duration_text(best.time_s))),
     doc.Column("Separation", _of_band(lambda best: decimals(best.separation_arcsec, 3)), "arcsec"),
-    doc.Column("Contrast", _of_band(lambda best: contrast_text(best.true_contrast))),
+    doc.Column("Contrast", _of_band(lambda best: numbers.contrast_text(best.true_contrast))),
     doc.Column("SNR", _of_band(lambda best: significant(best.predicted_snr)), "predicted"),
-    doc.Column(
-        "SNR",
-        _of_band(
-            lambda best: doc.lines(
-                significant(best.recovered_snr),
-                "" if best.recovered_snr_error is None else doc.small(f"± {significant(best.recovered_snr_error, 2)}"),
-            )
-        ),
-        "recovered",
-    ),
-    doc.Column(
-        "Significance",
-        _of_band(lambda best: f"{significant(best.recovered_significance)} / {significant(best.threshold)}"),
-        "/ threshold",
-    ),
+    doc.Column("SNR", _of_band(_recovered), "recovered"),
+    doc.Column("Significance", _of_band(_significance), "/ threshold"),
     doc.Column("Verdict", _pick_verdict, look="left verdict"),
 )
 
 
 @doc.section_of(PLAN_SECTIONS, "first", "What to observe first")
-def _first(report: PlanReport) -> Iterator[doc.Block]:
+def _observe_first(report: PlanReport) -> Iterator[doc.Block]:
     plan = report.plan
     if plan.targets:
         caption = (
@@ -170,7 +138,7 @@ def _first(report: PlanReport) -> Iterator[doc.Block]:
     )
 
 
-_REQUEST: tuple[doc.Column[tuple[ConfirmedTarget, BandConfirmation]], ...] = (
+_REQUEST: tuple[doc.Column[tuple[results.ConfirmedTarget, results.BandConfirmation]], ...] = (
     doc.Column("Star", lambda row: _star(pretty_name(row[0].name), row[0].hip), look="row left"),
     doc.Column("RA", lambda row: words.ra_text(row[0].ranked.ra_deg), "ICRS"),
     doc.Column("Dec", lambda row: words.dec_text(row[0].ranked.dec_deg), "ICRS"),
@@ -201,35 +169,40 @@ def _request(report: PlanReport) -> Iterator[doc.Block]:
 
 @doc.section_of(PLAN_SECTIONS, "sensitivity", "What the ranking depends on")
 def _sensitivity(report: PlanReport) -> Iterator[doc.Block]:
-    found = report.sensitivity
-    if found is None:
+    sensitivity = report.sensitivity
+    if sensitivity is None:
         return
+
+    def counted(row: results.SensitivityRow) -> doc.Inline:
+        badge = doc.badge("unreachable", "decides") if row.assumption in sensitivity.decides else ""
+        return doc.lines(count_text(row.n_ok), badge)
+
+    def fall(row: results.SensitivityRow) -> str:
+        ranks = row.largest_fall_ranks
+        return f"{pretty_name(row.largest_fall)}, {ranks}" if ranks > 0 else MISSING
+
     columns = doc.row_columns(
-        SensitivityRow,
+        results.SensitivityRow,
         "text:row,text n_ok kendall_tau_b n_compared kept largest_fall best",
-        n_ok=lambda row: doc.lines(
-            count_text(row.n_ok), doc.badge("unreachable", "decides") if row.assumption in found.decides else ""
-        ),
-        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {found.top}"),
-        largest_fall=lambda row: (
-            f"{pretty_name(row.largest_fall)}, {row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING
-        ),
+        n_ok=counted,
+        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {sensitivity.top}"),
+        largest_fall=fall,
         best=lambda row: pretty_name(row.best),
     )
     caption = (
-        f"The same {count_text(found.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
-        f"{count_text(found.n_ok)} reference planets are detected. Tau: {words.tau_text(found.top)}. An assumption "
-        "decides the ranking if it changes the number of detected reference planets by "
-        f"{100 * found.deciding_share:g} % or more, or if tau is below {found.deciding_tau:g}. "
-        f"Kept: how many of the nominal first {found.top} stay there."
+        f"The same {count_text(sensitivity.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
+        f"{count_text(sensitivity.n_ok)} reference planets are detected. Tau: {words.tau_text(sensitivity.top)}. An "
+        "assumption decides the ranking if it changes the number of detected reference planets by "
+        f"{100 * sensitivity.deciding_share:g} % or more, or if tau is below {sensitivity.deciding_tau:g}. "
+        f"Kept: how many of the nominal first {sensitivity.top} stay there."
     )
-    yield doc.Paragraph(found.statement, "lead" if found.decides else "")
-    yield doc.table("Sensitivity of the ranking", caption, columns, found.rows)
+    yield doc.Paragraph(sensitivity.statement, "lead" if sensitivity.decides else "")
+    yield doc.table("Sensitivity of the ranking", caption, columns, sensitivity.rows)
 
 
 @doc.section_of(PLAN_SECTIONS, "figures", "Figures")
 def _figures(report: PlanReport) -> Iterator[doc.Block]:
-    for key, (title, _) in PLAN_FIGURES.items():
+    for key, title in PLAN_FIGURES.items():
         if key in report.figures:
             more = summary.calibration_sentence(report.plan) if key == "calibration" else ""
             yield doc.Figure(report.figures[key], title, key, more=more)
@@ -238,11 +211,11 @@ def _figures(report: PlanReport) -> Iterator[doc.Block]:
 @doc.section_of(PLAN_SECTIONS, "targets", "Targets")
 def _targets(report: PlanReport) -> Iterator[doc.Block]:
     for number, target in enumerate(report.plan.targets, 1):
-        title = f"{target.ranked.rank}. {full_name(target.name, target.hip)}"
+        title = f"{target.ranked.rank}. {numbers.full_name(target.name, target.hip)}"
         yield doc.Group(f"target-{number}", title, list(_target(target, report.images)))
 
 
-def _target(target: ConfirmedTarget, images: Mapping[str, Picture]) -> Iterator[doc.Block]:
+def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> Iterator[doc.Block]:
     star, name = target.ranked, pretty_name(target.name)
     facts: list[tuple[doc.Inline, doc.Inline]] = [
         ("Catalogue name", target.name),
@@ -258,7 +231,7 @@ def _target(target: ConfirmedTarget, images: Mapping[str, Picture]) -> Iterator[
     lit = "" if sunlight is None else f" (sunlight of {significant(sunlight)} au)"
     facts += [
         ("Reference planet", f"{significant(target.planet_distance_au)} au from the star{lit}"),
-        ("Completeness", f"{share_text(star.completeness)} % in {star.completeness_band}"),
+        ("Completeness", f"{numbers.share_text(star.completeness)} % in {star.completeness_band}"),
         ("Predicted margin", f"{significant(star.detection_margin)} in {star.band}"),
     ]
     yield doc.Facts(facts, wide=False)
@@ -267,9 +240,9 @@ def _target(target: ConfirmedTarget, images: Mapping[str, Picture]) -> Iterator[
     if target.verdict:
         yield doc.Paragraph(doc.strong(words.sentence(target.verdict)))
     picked = f"The chosen band is {target.chosen_band}." if target.chosen_band else "No band was chosen."
-    yield measure_table(name, target.bands, f"{name} by band. {picked}", target.chosen_band)
-    yield from audit_blocks(name, target.bands)
-    yield from picture_blocks(images, [band.image for band in target.bands if band.image], name)
+    yield image_figures.measure_table(name, target.bands, f"{name} by band. {picked}", target.chosen_band)
+    yield from image_figures.audit_blocks(name, target.bands)
+    yield from image_figures.picture_blocks(images, [band.image for band in target.bands if band.image], name)
 
 
 @doc.section_of(PLAN_SECTIONS, "assumptions", "Assumptions")
@@ -304,36 +277,31 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
             ("Realisations", f"{plan.realisations} of each target and band{once}."),
             ("Sample", f"{plan.sample}."),
             ("Catalogue", f"{plan.catalogue}."),
-            ("Instrument", instrument_fact(plan)),
+            ("Instrument", image_figures.instrument_fact(plan)),
         ]
     )
 
 
 @doc.section_of(PLAN_SECTIONS, "modelled", "What was modelled")
 def _modelled(report: PlanReport) -> Iterator[doc.Block]:
-    return modelled_blocks(
-        [
-            (f"{pretty_name(target.name)} {band.band}", band.modelled)
-            for target in report.plan.targets
-            for band in target.bands
-            if band.modelled is not None
-        ]
-    )
+    bands = ((pretty_name(target.name), band) for target in report.plan.targets for band in target.bands)
+    made = [(f"{name} {band.band}", band.modelled) for name, band in bands if band.modelled is not None]
+    return image_figures.modelled_blocks(made)
 
 
 @doc.section_of(PLAN_SECTIONS, "missing", "What is not modelled")
 def _missing(report: PlanReport) -> Iterator[doc.Block]:
-    return not_modelled_blocks(report.plan.not_modelled)
+    return image_figures.not_modelled_blocks(report.plan.not_modelled)
 
 
-def _completeness(row: RankedTarget) -> doc.Inline:
+def _completeness(row: results.RankedTarget) -> doc.Inline:
     if not row.completeness > 0:
-        return share_text(row.completeness)
+        return numbers.share_text(row.completeness)
     error = significant(100 * row.completeness_error, 1)
-    return doc.lines(f"{share_text(row.completeness)} ± {error}", doc.small(row.completeness_band))
+    return doc.lines(f"{numbers.share_text(row.completeness)} ± {error}", doc.small(row.completeness_band))
 
 
-def _standing(row: RankedTarget) -> doc.Inline:
+def _standing(row: results.RankedTarget) -> doc.Inline:
     limit = words.LIMITED_BY[row.limited_by][0] if row.limited_by else row.reason.replace("_", " ")
     return doc.lines(doc.badge(row.status, words.verdict_text(row.verdict, row.status)), limit if row.reason else "")
 
@@ -342,7 +310,7 @@ def _standing(row: RankedTarget) -> doc.Inline:
 def _ranking(report: PlanReport) -> Iterator[doc.Block]:
     rank, rows, score = report.rank, report.rows, SCORES[report.rank.score_name]
     columns = doc.row_columns(
-        RankedTarget,
+        results.RankedTarget,
         "rank name:row,star v_mag sp_type distance_pc score completeness band separation_arcsec contrast frames "
         "em_gain snr detection_margin status:wide flags:flags",
         name=lambda row: _star(pretty_name(row.name), row.hip),
@@ -375,7 +343,7 @@ def _glossary(report: PlanReport) -> Iterator[doc.Block]:
 @doc.section_of(PLAN_SECTIONS, "reproduce", "Reproducing this")
 def _reproduce(report: PlanReport) -> Iterator[doc.Block]:
     more = "" if report.sensitivity is None else " and `sensitivity.json`"
-    note = doc.marked(f"Numbers in full: `plan.json`{more}; {MEASURED_NOTE}")
+    note = doc.marked(f"Numbers in full: `plan.json`{more}; {image_figures.MEASURED_NOTE}")
     return iter(doc.reproduced_blocks(report.plan, note, [("Ranking configuration", report.rank.config_hash)]))
 
 

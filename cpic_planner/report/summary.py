@@ -7,56 +7,45 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.numbers import count_text, duration_text, pretty_name, significant
 from cpic_planner.report.words import LIMITED_BY, overrides_text, sentence
-from cpic_planner.results import (
-    KNOWN_PLANETS,
-    BandConfirmation,
-    ConfirmedTarget,
-    ConfirmResult,
-    EffectRecord,
-    ModellingRecord,
-    PlanResult,
-    PointingRecord,
-    PopulationRecord,
-    RankResult,
-)
 from simulator.knobs import Quantity
 
 
-def chosen(target: ConfirmedTarget) -> BandConfirmation | None:
+def chosen(target: results.ConfirmedTarget) -> results.BandConfirmation | None:
     """Return the confirmation of the chosen band, if any."""
     return next((band for band in target.bands if band.band == target.chosen_band), None)
 
 
-def planet_text(result: PlanResult | RankResult) -> str:
+def planet_text(result: results.PlanResult | results.RankResult) -> str:
     """Return the reference planet in words."""
     planet = result.reference_planet
     albedo = planet.albedo[:1].upper() + planet.albedo[1:]
     return f"{planet.radius_rjup:g} Jupiter radius, phase {planet.phase_deg:g}°, {albedo} albedo, {planet.position}"
 
 
-def population_text(population: PopulationRecord) -> str:
+def population_text(population: results.PopulationRecord) -> str:
     """Return the population in words."""
     often = "" if population.planets_per_star is None else f"{population.planets_per_star:g} planets per star"
-    said = ", ".join(filter(None, (population.description, often)))
-    name = f"{population.name} ({said})" if said else population.name
+    details = ", ".join(filter(None, (population.description, often)))
+    name = f"{population.name} ({details})" if details else population.name
     meaning = "fraction of it that one observation detects"
-    if population.name == KNOWN_PLANETS:
+    if population.name == results.KNOWN_PLANETS:
         meaning = "probability that at least one of the star's own planets is detected"
     drawn = f"{count_text(population.n_planets)} drawn with seed {population.seed}"
     return f"{name}, {drawn}; completeness is the {meaning}"
 
 
-def calibration_sentence(result: PlanResult | ConfirmResult) -> str:
+def calibration_sentence(result: results.PlanResult | results.ConfirmResult) -> str:
     """Return how recovered and predicted SNR compare; a bias is named only beyond two standard errors."""
     if result.calibration.get("ratio") is None:
         return "No band was measured, so prediction and measurement could not be compared."
     return sentence(result.calibration_text)
 
 
-def overrides_sentence(result: PlanResult | ConfirmResult) -> str:
+def overrides_sentence(result: results.PlanResult | results.ConfirmResult) -> str:
     """Return what is altered in the images; empty if nothing is."""
     altered = overrides_text(result.simulator_overrides)
     return f"Images altered: {altered}. Predictions are nominal." if altered else ""
@@ -69,7 +58,7 @@ def limits_text(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count_text(counts[name])} {words[name]}" for name in order)
 
 
-def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
+def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> list[str]:
     """Return the summary of the plan, one sentence an item.
 
     Parameters
@@ -87,28 +76,28 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     if not plan.targets:
         return [*sentences, "No target was confirmed with simulated images."]
     picks = [(target, chosen(target)) for target in plan.targets]
-    found = [(target, band) for target, band in picks if band is not None and band.detected]
+    confirmed = [(target, band) for target, band in picks if band is not None and band.detected]
     measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]
     detections = sum(bool(band.detected) for band in measured)
     searched = LIBRARIES[plan.reference_library].searched
     sentences.append(
         f"The first {_plural(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
         f"times in every band in reach, reduced, {searched}: the planet is found around "
-        f"{len(found)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
+        f"{len(confirmed)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
     )
-    if found:
-        target, band = found[0]
+    if confirmed:
+        target, band = confirmed[0]
         sentences.append(
             f"Highest ranked and confirmed is {pretty_name(target.name)} in {band.band}: SNR "
             f"{significant(band.recovered_snr)} recovered, {significant(band.predicted_snr)} predicted."
         )
-        counts = Counter(band.band for _, band in found)
+        counts = Counter(band.band for _, band in confirmed)
         picked = ", ".join(f"{band} ({count})" for band, count in counts.most_common())
         sentences.append(f"Chosen bands, with number of targets: {picked}.")
     return sentences
 
 
-def confirm_sentences(result: ConfirmResult) -> list[str]:
+def confirm_sentences(result: results.ConfirmResult) -> list[str]:
     """Return the summary of a confirmed scene, one sentence an item."""
     planets = list(dict.fromkeys(band.planet for band in result.bands))
     bands = list(dict.fromkeys([*(search.band for search in result.searches), *(band.band for band in result.bands)]))
@@ -119,21 +108,21 @@ def confirm_sentences(result: ConfirmResult) -> list[str]:
     ]
     for planet in planets:
         own = [band for band in result.bands if band.planet == planet]
-        seen = [band for band in own if band.recovered_snr is not None]
-        if not seen:
+        measured = [band for band in own if band.recovered_snr is not None]
+        if not measured:
             sentences.append(f"{planet} was not observed: {', '.join(sorted({band.message for band in own}))}.")
             continue
-        found = ", ".join(f"{band.band} ({band.n_detected} of {band.realisations})" for band in seen if band.detected)
-        sentences.append(f"{planet} is found in {found}." if found else f"{planet} is found in no band.")
+        detected = [f"{one.band} ({one.n_detected} of {one.realisations})" for one in measured if one.detected]
+        sentences.append(f"{planet} is found in {', '.join(detected) or 'no band'}.")
     if not planets:
         sentences.append("The scene has no planet in the field: there is nothing to compare with a prediction.")
     return sentences
 
 
-def _score_words(rank: RankResult) -> str:
+def _score_words(rank: results.RankResult) -> str:
     """What the ranking is by, for the middle of a sentence."""
     share, hourly = f"the fraction of the population {rank.population.name} that one observation detects", "per hour"
-    if rank.population.name == KNOWN_PLANETS:
+    if rank.population.name == results.KNOWN_PLANETS:
         share = "the probability that one observation detects at least one of the star's own planets"
         hourly = "divided by its hours"
     return SCORES[rank.score_name].aim.format(share=share, hourly=hourly)
@@ -148,7 +137,7 @@ def day_text(utc: str) -> str:
     return utc[:10]
 
 
-def pointing_sentence(pointing: PointingRecord) -> str:
+def pointing_sentence(pointing: results.PointingRecord) -> str:
     """Return the limits of pointing in one sentence."""
     turned = f"turning by up to {pointing.panel_turn_deg:g}" if pointing.panel == "one_axis" else "fixed"
     return (
@@ -183,7 +172,7 @@ class ModelledRow:
         What became of it.
     """
 
-    effect: EffectRecord
+    effect: results.EffectRecord
     where: str
     size: str
     word: str
@@ -212,7 +201,7 @@ class ModelledGroup:
     rows: tuple[ModelledRow, ...]
 
 
-def dial_text(result: PlanResult | ConfirmResult) -> str:
+def dial_text(result: results.PlanResult | results.ConfirmResult) -> str:
     """Return the setting of the dial in words: ``fidelity standard``, ``tolerance 2 %``."""
     if result.fidelity == "custom" and result.tolerance:
         return f"tolerance {_percent(max(result.tolerance.values()))}"
@@ -224,7 +213,7 @@ def error_text(errors: Mapping[Quantity, float | None]) -> str:
     return ", ".join(f"{QUANTITIES[name]} {_percent(value)}" for name, value in errors.items())
 
 
-def modelled_sentence(bands: Iterable[BandConfirmation]) -> str:
+def modelled_sentence(bands: Iterable[results.BandConfirmation]) -> str:
     """Return how images were drawn and the largest error that is predicted of them; empty without images."""
     made = [band.modelled for band in bands if band.modelled is not None and band.status != "invalid"]
     if not made:
@@ -233,7 +222,7 @@ def modelled_sentence(bands: Iterable[BandConfirmation]) -> str:
     return f"Images: {ways}; predicted error beside the reference: {error_text(_largest(made))}."
 
 
-def modelled_groups(named: Sequence[tuple[str, ModellingRecord]]) -> list[ModelledGroup]:
+def modelled_groups(named: Sequence[tuple[str, results.ModellingRecord]]) -> list[ModelledGroup]:
     """Return one table for every distinct way to make images.
 
     Parameters
@@ -242,7 +231,7 @@ def modelled_groups(named: Sequence[tuple[str, ModellingRecord]]) -> list[Modell
         Name of each image set, and how it was made. Sets that differ in nothing but sizes share a table, which shows
         the largest.
     """
-    groups: dict[tuple[object, ...], list[tuple[str, ModellingRecord]]] = {}
+    groups: dict[tuple[object, ...], list[tuple[str, results.ModellingRecord]]] = {}
     for name, record in named:
         kept = tuple((row.effect, row.decision) for row in record.effects)
         content = (record.draw, record.region, record.epochs, record.knobs.content_hash, kept)
@@ -250,9 +239,9 @@ def modelled_groups(named: Sequence[tuple[str, ModellingRecord]]) -> list[Modell
     return [_group(members) for members in groups.values()]
 
 
-def _group(members: list[tuple[str, ModellingRecord]]) -> ModelledGroup:
+def _group(members: list[tuple[str, results.ModellingRecord]]) -> ModelledGroup:
     record = members[0][1]
-    found = _largest([item for _, item in members])
+    largest = _largest([item for _, item in members])
     asked = f" (asked: at most {error_text(record.tolerance)})" if any(record.tolerance.values()) else ""
     knobs = record.knobs
     rows = [_row(index, members) for index in range(len(record.effects))]
@@ -263,20 +252,20 @@ def _group(members: list[tuple[str, ModellingRecord]]) -> ModelledGroup:
         knobs=f"{_REGIONS[record.region]}; {knobs.pupil_samples} samples across the pupil, {knobs.wavelength_nodes} "
         f"wavelength{'s' * (knobs.wavelength_nodes != 1)} a band, {knobs.pixel_nodes} × {knobs.pixel_nodes} nodes a "
         f"pixel, {knobs.precision} precision; wavefront at {record.epochs} epoch{'s' * (record.epochs != 1)} a visit",
-        errors=f"{error_text(found)}{asked}",
-        rows=tuple(sorted(rows, key=lambda row: -_order(row.effect))),
+        errors=f"{error_text(largest)}{asked}",
+        rows=tuple(sorted(rows, key=lambda row: -_size_order(row.effect))),
     )
 
 
-def _row(index: int, members: list[tuple[str, ModellingRecord]]) -> ModelledRow:
-    name, record = max(members, key=lambda member: _order(member[1].effects[index]))
+def _row(index: int, members: list[tuple[str, results.ModellingRecord]]) -> ModelledRow:
+    name, record = max(members, key=lambda member: _size_order(member[1].effects[index]))
     sizes = {item.effects[index].size for _, item in members}
     row = record.effects[index]
     size = "" if row.size is None else _percent(row.size)
-    return ModelledRow(row, name if len(sizes) > 1 else "", size, _word(row))
+    return ModelledRow(row, name if len(sizes) > 1 else "", size, _decision_text(row))
 
 
-def _word(row: EffectRecord) -> str:
+def _decision_text(row: results.EffectRecord) -> str:
     if row.decision == "kept":
         return "kept"
     if row.key in _COARSER:
@@ -284,12 +273,12 @@ def _word(row: EffectRecord) -> str:
     return "as sums" if row.key == "summed_frames" else "left out"
 
 
-def _order(row: EffectRecord) -> float:
+def _size_order(row: results.EffectRecord) -> float:
     """Rows without a size are kept whatever happens: they stand behind those with one, before what is not there."""
     return row.size if row.size else 0.5 * _LEAST * _LEAST if row.size is None else 0.0
 
 
-def _largest(records: Iterable[ModellingRecord]) -> dict[Quantity, float | None]:
+def _largest(records: Iterable[results.ModellingRecord]) -> dict[Quantity, float | None]:
     largest: dict[Quantity, float | None] = {}
     for record in records:
         for name, value in record.predicted_error.items():

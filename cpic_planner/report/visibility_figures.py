@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import FloatArray
-from cpic_planner.report.drawing import BAND_STYLE, literal, new_figure, style
+from cpic_planner.report.drawing import BAND_STYLE, Look, date_axis, literal, new_figure, style
 from cpic_planner.report.numbers import full_name, pretty_name
 from cpic_planner.report.summary import day_text
 from cpic_planner.report.words import BLOCK_WORDS
@@ -35,11 +35,8 @@ def known_figure(result: KnownResult) -> Figure:
     result : KnownResult
         With tracks.
     """
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
     rows = [row for row in result.planets if row.track is not None]
     with style():
-        ticks = AutoDateLocator()
         figure = new_figure(4.6)
         axes = figure.subplots()
         _holes(axes, result)
@@ -49,8 +46,7 @@ def known_figure(result: KnownResult) -> Figure:
         top = max([max(row.track.separation_high_arcsec) for row in rows if row.track is not None], default=1.0)
         highest = max(1.12 * top, 1.25 * max(hole.inner_arcsec for hole in result.holes))
         axes.set(ylim=(0.0, highest), ylabel="projected separation (arcsec)", xlim=_ends(rows))
-        axes.xaxis.set_major_locator(ticks)
-        axes.xaxis.set_major_formatter(ConciseDateFormatter(ticks))
+        date_axis(axes, minticks=5, maxticks=None)
         axes.grid(visible=True)
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=9)
         stars = ", ".join(dict.fromkeys(pretty_name(row.star) for row in rows))
@@ -68,13 +64,8 @@ def _holes(axes: Axes, result: KnownResult) -> None:
         axes.axhspan(inner, outer, color="#8C8C8C", alpha=0.10, lw=0)
         for edge in (inner, outer):
             axes.axhline(edge, color="#8C8C8C", lw=0.7, ls=_LINES[number % len(_LINES)])
-        axes.axhline(
-            inner,
-            color="#8C8C8C",
-            lw=0.7,
-            ls=_LINES[number % len(_LINES)],
-            label=f"dark hole {', '.join(bands)}: {inner:.2f} to {outer:.2f}″",
-        )
+        label = f"dark hole {', '.join(bands)}: {inner:.2f} to {outer:.2f}″"
+        axes.axhline(inner, color="#8C8C8C", lw=0.7, ls=_LINES[number % len(_LINES)], label=label)
 
 
 def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:
@@ -109,9 +100,7 @@ _BLOCK_STYLE: dict[str, tuple[str, str]] = {
 }
 _VISIBLE, _WINDOW, _SUN, _MOON = "#0072B2", "#111111", "#D55E00", "#666666"
 _MINUTES = "Blues"
-_BELOW: dict[str, Any] = {"loc": "upper center", "fontsize": 9}
-# Day 0 of matplotlib's dates is 1970-01-01.
-_MJD_OF_DATES = 40587.0
+_BELOW: Look = {"loc": "upper center", "fontsize": 9}
 
 
 def visibility_figure(result: VisibilityResult) -> Figure:
@@ -129,7 +118,7 @@ def visibility_figure(result: VisibilityResult) -> Figure:
 
 def _edges(result: VisibilityResult) -> FloatArray:
     """Begin of every step and end of the last, dates of matplotlib."""
-    middle = np.asarray(result.mjd) - _MJD_OF_DATES
+    middle = _days(result.mjd)
     return np.concatenate([middle, middle[-1:] + result.step_days]) - 0.5 * result.step_days
 
 
@@ -141,16 +130,12 @@ def _year(result: VisibilityResult) -> Figure:
     blocks = _shade((top, bottom), edges, target.days)
     _times(top, edges, target, result.period_s, blocks)
     _angles(bottom, edges, result)
-    _dates(bottom, edges)
+    bottom.set_xlim(edges[0], edges[-1])
+    date_axis(bottom)
     name = full_name(target.name, target.hip)
     where = f"ecliptic latitude {target.ecliptic_latitude_deg:.1f}°".replace("-", "−")
-    figure.suptitle(
-        literal(
-            f"{name}, {where}: seen on {target.observable_days:g} of {result.n_days} days from "
-            f"{day_text(result.start_utc)}"
-        ),
-        fontsize=11,
-    )
+    title = f"{name}, {where}: seen on {target.observable_days:g} of {result.n_days} days from "
+    figure.suptitle(literal(title + day_text(result.start_utc)), fontsize=11)
     return figure
 
 
@@ -162,13 +147,12 @@ def _shade(axes: tuple[Axes, Axes], edges: FloatArray, days: VisibleDays) -> lis
     causes = np.array(days.blocked_by)
     for cause, (colour, hatch) in _BLOCK_STYLE.items():
         runs = _runs(causes == cause)
+        look: Look = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "lw": 0.0}
         for begin, end in runs:
             for one in axes:
-                one.axvspan(
-                    edges[begin], edges[end], facecolor=colour, edgecolor="white", hatch=hatch, lw=0.0, zorder=0.5
-                )
+                one.axvspan(edges[begin], edges[end], zorder=0.5, **look)
         if runs:
-            handles.append(Patch(facecolor=colour, edgecolor="white", hatch=hatch, lw=0.0, label=BLOCK_WORDS[cause]))
+            handles.append(Patch(label=BLOCK_WORDS[cause], **look))
     return handles
 
 
@@ -178,19 +162,19 @@ def _runs(chosen: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(begin), int(end)) for begin, end in zip(change[::2], change[1::2], strict=True)]
 
 
-def _steps(axes: Axes, edges: FloatArray, values: list[float], seen: NDArray[np.bool_], **look: Any) -> Any:
+def _steps(axes: Axes, edges: FloatArray, values: list[float], visible: NDArray[np.bool_], **look: Any) -> Any:
     """A line of steps where something is seen."""
-    shown = np.where(seen, values, np.nan)
+    shown = np.where(visible, values, np.nan)
     return axes.stairs(shown / 60.0, edges, baseline=None, **look)
 
 
 def _times(axes: Axes, edges: FloatArray, target: VisibleTarget, period_s: float, blocks: list[Patch]) -> None:
-    seen = np.array(target.days.blocked_by) == ""
-    axes.stairs(np.where(seen, target.days.visible_s, 0.0) / 60.0, edges, fill=True, color=_VISIBLE, alpha=0.55, lw=0.0)
-    line = _steps(axes, edges, target.days.visible_s, seen, color=_VISIBLE, lw=1.4, label="usable, less the anomaly")
-    window = _steps(
-        axes, edges, target.days.window_s, seen, color=_WINDOW, lw=1.1, ls=(0, (3, 1.5)), label="longest window"
-    )
+    visible = np.array(target.days.blocked_by) == ""
+    minutes = np.where(visible, target.days.visible_s, 0.0) / 60.0
+    axes.stairs(minutes, edges, fill=True, color=_VISIBLE, alpha=0.55, lw=0.0)
+    line = _steps(axes, edges, target.days.visible_s, visible, color=_VISIBLE, lw=1.4, label="usable, less the anomaly")
+    look: Look = {"color": _WINDOW, "lw": 1.1, "ls": (0, (3, 1.5)), "label": "longest window"}
+    window = _steps(axes, edges, target.days.window_s, visible, **look)
     whole = axes.axhline(period_s / 60.0, color="#8C8C8C", lw=1.0, ls=":", label="one orbit")
     axes.set(ylim=(0.0, 1.06 * period_s / 60.0), ylabel="minutes per orbit")
     axes.grid(visible=True, axis="y")
@@ -218,15 +202,6 @@ def _angles(axes: Axes, edges: FloatArray, result: VisibilityResult) -> None:
     axes.legend(handles=[sun, moon, *handles], ncols=6, columnspacing=1.2, bbox_to_anchor=(0.5, -0.19), **_BELOW)
 
 
-def _dates(axes: Axes, edges: FloatArray) -> None:
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
-    axes.set_xlim(edges[0], edges[-1])
-    locator = AutoDateLocator(minticks=4, maxticks=13)
-    axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-
-
 def _calendar(result: VisibilityResult) -> Figure:
     import matplotlib as mpl
     from matplotlib.cm import ScalarMappable
@@ -237,20 +212,19 @@ def _calendar(result: VisibilityResult) -> Figure:
     edges = _edges(result)
     minutes = np.array([target.days.visible_s for target in result.targets]) / 60.0
     causes = np.array([target.days.blocked_by for target in result.targets])
-    seen = minutes[causes == ""]
-    low = 5.0 * np.floor(seen.min() / 5.0) if seen.size else 0.0
-    high = max(5.0 * np.ceil(seen.max() / 5.0), low + 5.0) if seen.size else 1.0
+    visible = minutes[causes == ""]
+    low = 5.0 * np.floor(visible.min() / 5.0) if visible.size else 0.0
+    high = max(5.0 * np.ceil(visible.max() / 5.0), low + 5.0) if visible.size else 1.0
     # The lightest blues are left out: they would look like nothing.
     colours = mpl.colors.ListedColormap(mpl.colormaps[_MINUTES](np.linspace(0.25, 1.0, 256)))
     scale = Normalize(low, high)
     figure = new_figure(min(12.0, 2.1 + 0.3 * n))
     axes = figure.subplots()
-    axes.imshow(
-        colours(scale(minutes)), aspect="auto", interpolation="nearest", extent=(edges[0], edges[-1], n - 0.5, -0.5)
-    )
+    extent = (edges[0], edges[-1], n - 0.5, -0.5)
+    axes.imshow(colours(scale(minutes)), aspect="auto", interpolation="nearest", extent=extent)
     used: list[Patch] = []
     for cause, (colour, hatch) in _BLOCK_STYLE.items():
-        look: dict[str, Any] = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "lw": 0.0}
+        look: Look = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "lw": 0.0}
         for row in range(n):
             bars = [(edges[begin], edges[end] - edges[begin]) for begin, end in _runs(causes[row] == cause)]
             axes.broken_barh(bars, (row - 0.5, 1.0), **look)
@@ -261,7 +235,8 @@ def _calendar(result: VisibilityResult) -> Figure:
         axes.axhline(row - 0.5, color="white", lw=1.6)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(n - 0.5, -0.5)
-    _dates(axes, edges)
+    axes.set_xlim(edges[0], edges[-1])
+    date_axis(axes)
     figure.colorbar(ScalarMappable(scale, colours), ax=axes, label="minutes per orbit", pad=0.015, aspect=max(8, 3 * n))
     if used:
         figure.legend(handles=used, loc="outside lower center", ncols=len(used), fontsize=9)

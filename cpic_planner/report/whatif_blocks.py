@@ -43,10 +43,10 @@ class Pair:
 
 def pairs_of(differences: Iterable[DifferenceRecord]) -> list[Pair]:
     """Return the pairs of strategies that differences are of, in their order."""
-    found: dict[tuple[str, str], Pair] = {}
+    pairs: dict[tuple[str, str], Pair] = {}
     for item in differences:
-        found.setdefault((item.first, item.second), Pair(item.first, item.second, {})).by[item.quantity] = item
-    return list(found.values())
+        pairs.setdefault((item.first, item.second), Pair(item.first, item.second, {})).by[item.quantity] = item
+    return list(pairs.values())
 
 
 _DIFFERENCES: tuple[doc.Column[Pair], ...] = (
@@ -71,35 +71,29 @@ def difference_table(pairs: Sequence[Pair]) -> doc.Table:
     return doc.table("Differences", caption, _DIFFERENCES, pairs)
 
 
-def _correction(item: StrategyOutcome) -> doc.Inline:
-    own = item.images
-    assert own is not None  # only such strategies are shown
-    if own.low is None or own.high is None:
-        return decimals(own.correction, 2)
-    return doc.lines(decimals(own.correction, 2), doc.small(interval_text(own.low, own.high)))
+def _correction(images: ImageSample) -> doc.Inline:
+    ends = "" if images.low is None or images.high is None else interval_text(images.low, images.high)
+    return doc.lines(decimals(images.correction, 2), doc.small(ends))
 
 
-def _corrected(item: StrategyOutcome) -> str:
-    assert item.images is not None  # only such strategies are shown
-    correction = item.images.correction
-    return MISSING if correction is None else decimals(correction * item.planets.mean, 2)
-
-
-def image_table(named: Callable[[StrategyOutcome], doc.Inline], confirmed: Sequence[StrategyOutcome]) -> doc.Table:
+def image_table(
+    named: Callable[[StrategyOutcome], doc.Inline], confirmed: Sequence[tuple[StrategyOutcome, ImageSample]]
+) -> doc.Table:
     """Return what images say of the detections of strategies; ``named`` writes their names."""
 
-    def own(text: Callable[[ImageSample], str]) -> Callable[[StrategyOutcome], str]:
-        return lambda item: "" if item.images is None else text(item.images)
+    def corrected(row: tuple[StrategyOutcome, ImageSample]) -> str:
+        correction = row[1].correction
+        return MISSING if correction is None else decimals(correction * row[0].planets.mean, 2)
 
-    columns: tuple[doc.Column[StrategyOutcome], ...] = (
-        doc.Column("Strategy", named, look="row left star"),
-        doc.Column("Detections", own(lambda images: count_text(images.detections)), "sampled"),
-        doc.Column("Sequences", own(lambda images: count_text(images.images)), "simulated"),
-        doc.Column("Expected", own(lambda images: decimals(images.expected, 1))),
-        doc.Column("Found", own(lambda images: count_text(images.found))),
-        doc.Column("Correction", _correction),
-        doc.Column("Planets found", _corrected, "corrected"),
-        doc.Column("Note", own(lambda images: images.note), look="left wide"),
+    columns: tuple[doc.Column[tuple[StrategyOutcome, ImageSample]], ...] = (
+        doc.Column("Strategy", lambda row: named(row[0]), look="row left star"),
+        doc.Column("Detections", lambda row: count_text(row[1].detections), "sampled"),
+        doc.Column("Sequences", lambda row: count_text(row[1].images), "simulated"),
+        doc.Column("Expected", lambda row: decimals(row[1].expected, 1)),
+        doc.Column("Found", lambda row: count_text(row[1].found)),
+        doc.Column("Correction", lambda row: _correction(row[1])),
+        doc.Column("Planets found", corrected, "corrected"),
+        doc.Column("Note", lambda row: row[1].note, look="left wide"),
     )
     caption = (
         "Detections of each strategy that were simulated as images, reduced and measured by the same rule, beside what "
@@ -132,12 +126,12 @@ def strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Iterat
     if item.description:
         yield doc.Paragraph(f"{item.description}.")
     if item.name != reference.name:
-        said: list[doc.Inline] = [f"Set as {reference.name} is."]
+        differences: list[doc.Inline] = [f"Set as {reference.name} is."]
         if changed := changed_settings(item.settings, reference.settings):
-            said = [f"Set otherwise than in {reference.name}: "]
+            differences = [f"Set otherwise than in {reference.name}: "]
             for number, (key, own, other) in enumerate(changed, 1):
-                said += [doc.code(key), f" {own} (there {other})", "; " if number < len(changed) else "."]
-        yield doc.Paragraph(said, "note")
+                differences += [doc.code(key), f" {own} (there {other})", "; " if number < len(changed) else "."]
+        yield doc.Paragraph(differences, "note")
     if not item.targets:
         yield doc.Paragraph("No star is visited.")
         return
@@ -156,16 +150,16 @@ def _value(item: SettingSource) -> doc.Inline:
 
 def source_table(sources: Sequence[SettingSource], n_strategies: int) -> doc.Table:
     """Return where settings are from, each for the strategies that have it."""
+
+    def used_by(item: SettingSource) -> str:
+        return "all" if len(item.strategies) == n_strategies else ", ".join(item.strategies)
+
     columns: tuple[doc.Column[SettingSource], ...] = (
         doc.Column("Setting", lambda item: doc.code(item.key), look="row left"),
         doc.Column("Value", _value),
         doc.Column("Standing", lambda item: item.confidence, look="left"),
         doc.Column("Source", lambda item: item.source, look="left wide"),
-        doc.Column(
-            "Strategies",
-            lambda item: "all" if len(item.strategies) == n_strategies else ", ".join(item.strategies),
-            look="left wide",
-        ),
+        doc.Column("Strategies", used_by, look="left wide"),
     )
     caption = "Settings that were stated with a source. P: published; I: inferred from published or measured numbers; "
     return doc.table("Sources of the settings", f"{caption}A: assumed.", columns, sources, look="compact")

@@ -8,18 +8,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cpic_core import FloatArray
-from cpic_planner.report.drawing import BAND_STYLE, Picture, literal, new_figure, save, style
+from cpic_planner.report import drawing
+from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, literal, new_figure, save, style
 from cpic_planner.report.numbers import significant
-from cpic_planner.report.whatif_maps import (
-    FEW,
-    Sweep,
-    left_out,
-    looks_of,
-    plain_log_axis,
-    row_label,
-    shown_rows,
-    sweep_of,
-)
+from cpic_planner.report.whatif_maps import FEW, Sweep, left_out, looks_of, row_label, shown_rows, sweep_of
 from cpic_planner.results import CurvePoint, StrategyOutcome, WhatIfResult
 
 if TYPE_CHECKING:
@@ -56,17 +48,16 @@ def curves_figure(result: WhatIfResult) -> Picture:
             axes.set(xlim=(0.0, end), ylim=(0.0, None))
         figure.supxlabel("telescope time used (h)", fontsize=10.5)
         figure.supylabel("planets found, new and known", fontsize=10.5)
-        told = _listed([f"{significant(budget, 4)} h" for budget in budgets])
+        budgets_text = _listed([f"{significant(budget, 4)} h" for budget in budgets])
         where = "dashed" if len(drawn) == len(budgets) else "dashed where on the axis" if drawn else "beyond the axis"
         best = max(strategies, key=lambda item: item.planets.mean)
         return save(
             figure,
-            "svg",
             alt=f"Planets found against telescope time for {len(strategies)} strategies; {best.name} ends highest, at "
             f"{significant(best.planets.mean)} planets after {significant(best.hours.mean)} hours.",
             caption="Planets found by the time that so many hours of telescope time were used, mean over universes"
             f"{shown} A line ends, at its marker, where 95 % of the surveys of the strategy "
-            f"have ended. Budget: {told} ({where}).",
+            f"have ended. Budget: {budgets_text} ({where}).",
         )
 
 
@@ -80,13 +71,12 @@ def convergence_figure(result: WhatIfResult) -> Picture:
     with style():
         figure, shown = _panels(result, "convergence")
         for axes in figure.axes:
-            plain_log_axis(axes)
+            drawing.plain_log_axis(axes)
         figure.supxlabel("universes", fontsize=10.5)
         figure.supylabel("planets found, new and known", fontsize=10.5)
         widest = max(item.planets.high - item.planets.low for item in result.strategies)
         return save(
             figure,
-            "svg",
             alt=f"Mean number of planets found against the number of universes up to {result.n_universes}.",
             caption="Has the Monte Carlo converged? Mean of the first universes"
             f"{shown} At the end the widest interval is {significant(widest, 2)} "
@@ -132,13 +122,9 @@ def _sweep_panels(strategies: Sequence[StrategyOutcome], sweep: Sweep, what: _Wh
         axes.grid(visible=True)
     for axes in grid.flat[len(sweep.lines) :]:
         axes.remove()
-    figure.legend(
-        [handles[value] for value in sweep.values],
-        [literal(f"{sweep.key}={value}") for value in sweep.values],
-        loc="outside upper center",
-        ncols=4,
-        fontsize=8.5,
-    )
+    texts = [literal(f"{sweep.key}={value}") for value in sweep.values]
+    lines = [handles[value] for value in sweep.values]
+    figure.legend(lines, texts, loc="outside upper center", ncols=4, fontsize=8.5)
     return figure
 
 
@@ -153,9 +139,8 @@ def _line(axes: Axes, item: StrategyOutcome, what: _What, colour: str, marker: s
         x = np.append(x[:n], end)
     if band:
         axes.fill_between(x, low, high, color=colour, alpha=_BAND_ALPHA, lw=0)
-    (line,) = axes.plot(
-        x, mean, color=colour, lw=1.6, marker=marker, ms=6.5, markevery=[len(x) - 1], label=row_label(item.name)
-    )
+    look: Look = {"color": colour, "lw": 1.6, "marker": marker, "ms": 6.5, "markevery": [len(x) - 1]}
+    (line,) = axes.plot(x, mean, label=row_label(item.name), **look)
     return line
 
 
@@ -181,21 +166,11 @@ def sweep_figure(result: WhatIfResult) -> Picture | None:
             for line, (colour, marker) in zip(lines, BAND_STYLE, strict=False):
                 members = sweep.lines[line]
                 at = [i for i, value in enumerate(sweep.values) if value in members]
-                found = [getattr(strategies[members[sweep.values[i]]], quantity) for i in at]
-                means = [item.mean for item in found]
-                errors = [[item.mean - item.low for item in found], [item.high - item.mean for item in found]]
-                axes.errorbar(
-                    places[at],
-                    means,
-                    yerr=np.maximum(errors, 0.0),
-                    color=colour,
-                    marker=marker,
-                    lw=1.5,
-                    ms=6,
-                    elinewidth=1.1,
-                    capsize=2.5,
-                    label=row_label(line),
-                )
+                estimates = [getattr(strategies[members[sweep.values[i]]], quantity) for i in at]
+                means = [item.mean for item in estimates]
+                errors = [[item.mean - item.low for item in estimates], [item.high - item.mean for item in estimates]]
+                look: Look = {"color": colour, "marker": marker, "lw": 1.5, "ms": 6, "elinewidth": 1.1, "capsize": 2.5}
+                axes.errorbar(places[at], means, yerr=np.maximum(errors, 0.0), label=row_label(line), **look)
             axes.grid(visible=True)
             axes.set_ylim(0.0, None)
         _value_axis(panels[0], sweep, places)
@@ -207,7 +182,6 @@ def sweep_figure(result: WhatIfResult) -> Picture | None:
         hidden = len(sweep.lines) - len(lines)
         return save(
             figure,
-            "svg",
             alt=f"Planets found against {sweep.key} for {len(lines)} strategies and {len(sweep.values)} values.",
             caption=f"Planets found for every value of {sweep.key}, with the 90 % interval of the mean. All points "
             "share the same universes, so two of them differ more surely than their intervals suggest: see the "

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpic_planner.report.drawing import BAND_STYLE, SCREEN_DPI, Picture, literal, new_figure, place_labels, save, style
+from cpic_planner.report import drawing
+from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, literal, new_figure, place_labels, save, style
 from cpic_planner.report.numbers import pretty_name
 from cpic_planner.report.sky_figures import map_longitude, marker_area, sky_axes
 from cpic_planner.results import StrategyOutcome, SurveyTarget, WhatIfResult
@@ -79,27 +80,22 @@ def sweep_of(strategies: Sequence[StrategyOutcome]) -> Sweep | None:
     keys = list(parsed[0][1]) if parsed else []
     if not keys or any(list(values) != keys for _, values in parsed):
         return None
-    seen = {key: {values[key].text: values[key] for _, values in parsed} for key in keys}
-    key = max(keys, key=lambda name: len(seen[name]))
-    if len(seen[key]) < 2:
+    settings_by_key = {key: {values[key].text: values[key] for _, values in parsed} for key in keys}
+    key = max(keys, key=lambda name: len(settings_by_key[name]))
+    if len(settings_by_key[key]) < 2:
         return None
     lines: dict[str, dict[str, int]] = {}
     for index, (base, values) in enumerate(parsed):
-        rest = " ".join(values[name].label for name in keys if name != key and len(seen[name]) > 1)
+        rest = " ".join(values[name].label for name in keys if name != key and len(settings_by_key[name]) > 1)
         lines.setdefault(f"{base} {rest}".strip(), {})[values[key].text] = index
-    texts, settings = list(seen[key]), list(seen[key].values())
+    texts, settings = list(settings_by_key[key]), list(settings_by_key[key].values())
     units = {"x" if item.text.startswith("x") and not item.unit else item.unit for item in settings}
-    found = [_number(item.value) for item in settings]
-    if None in found or len(units) > 1:
+    amounts = [_number(item.value) for item in settings]
+    if None in amounts or len(units) > 1:
         return Sweep(key, tuple(texts), None, "", lines)
-    ordered = sorted(zip(found, texts, strict=True))
-    return Sweep(
-        key,
-        tuple(text for _, text in ordered),
-        tuple(float(value) for value, _ in ordered),  # type: ignore[arg-type]
-        units.pop(),
-        lines,
-    )
+    ordered = sorted(zip(amounts, texts, strict=True))
+    numbers = tuple(float(value) for value, _ in ordered)  # type: ignore[arg-type]
+    return Sweep(key, tuple(text for _, text in ordered), numbers, units.pop(), lines)
 
 
 def _number(value: Any) -> float | None:
@@ -108,18 +104,6 @@ def _number(value: Any) -> float | None:
         return _number(value[0])
     plain = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     return float(value) if plain else None
-
-
-def plain_log_axis(axes: Axes) -> None:
-    """Make the x axis logarithmic, with few ticks that are written as everyday numbers."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axes.set_xscale("log")
-    low, high = axes.get_xlim()
-    wide = high > 40.0 * low
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=12))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def row_label(name: str) -> str:
@@ -154,13 +138,13 @@ def visited(result: WhatIfResult) -> dict[str, list[tuple[int, SurveyTarget]]]:
 
     Stars stand by the best rank that any strategy gives them.
     """
-    found: dict[str, list[tuple[int, SurveyTarget]]] = {}
+    visits: dict[str, list[tuple[int, SurveyTarget]]] = {}
     for i, strategy in enumerate(result.strategies):
         for target in strategy.targets:
             if target.slots:
-                found.setdefault(target.name, []).append((i, target))
-    order = sorted(found, key=lambda name: (min(target.rank for _, target in found[name]), name))
-    return {name: found[name] for name in order}
+                visits.setdefault(target.name, []).append((i, target))
+    order = sorted(visits, key=lambda name: (min(target.rank for _, target in visits[name]), name))
+    return {name: visits[name] for name in order}
 
 
 def calendar_figure(result: WhatIfResult) -> Picture | None:
@@ -190,17 +174,14 @@ def calendar_figure(result: WhatIfResult) -> Picture | None:
         axes.set_yticks(range(len(rows)), [_star_label(name, members) for name, members in rows.items()])
         axes.tick_params(axis="y", length=0)
         axes.set(ylim=(len(rows) - 0.5, -0.5), xlim=(begins[0] - step, begins[-1] + 2 * step))
-        _dates(axes)
+        drawing.date_axis(axes)
         axes.grid(visible=True, axis="x")
         hidden = len(stars) - len(rows)
-        drawn = (
-            "Shade: in how many strategies a visit is planned in that slot."
-            if many
-            else f"One mark for each slot of {step:g} days with a visit, a colour and shape for each strategy."
-        )
+        drawn = f"One mark for each slot of {step:g} days with a visit, a colour and shape for each strategy."
+        if many:
+            drawn = "Shade: in how many strategies a visit is planned in that slot."
         return save(
             figure,
-            "svg",
             alt=f"Calendar of visits of {len(rows)} stars by {len(result.strategies)} strategies.",
             caption=f"Planned visits, those held in reserve included; stars by the best rank that any strategy gives "
             f"them; ● marks stars with a known planet. {drawn} Stop rules cancel later visits once a planet is found."
@@ -223,16 +204,8 @@ def _marks(
             places[i][0].extend(middle[target.slots])
             places[i][1].extend([row + offsets[i]] * len(target.slots))
     for (x, y), item, (colour, marker) in zip(places, result.strategies, looks_of(result.strategies), strict=True):
-        axes.plot(
-            x,
-            y,
-            ls="none",
-            color=colour,
-            marker=marker,
-            ms=4.5 if len(rows) <= 20 else 3.2,
-            markeredgewidth=0,
-            label=row_label(item.name),
-        )
+        look: Look = {"color": colour, "marker": marker, "ms": 4.5 if len(rows) <= 20 else 3.2}
+        axes.plot(x, y, ls="none", markeredgewidth=0, label=row_label(item.name), **look)
     axes.figure.legend(loc="outside upper center", ncols=3, fontsize=9)
 
 
@@ -248,18 +221,9 @@ def _counts(
             counts[row, sorted(set(target.slots))] += 1.0
     edges = np.append(begins, begins[-1] + step)
     shown = np.ma.masked_equal(counts, 0.0)
-    mesh = axes.pcolormesh(
-        edges, np.arange(len(rows) + 1) - 0.5, shown, cmap="viridis_r", vmin=1.0, vmax=max(counts.max(), 2.0)
-    )
+    look: Look = {"cmap": "viridis_r", "vmin": 1.0, "vmax": max(counts.max(), 2.0)}
+    mesh = axes.pcolormesh(edges, np.arange(len(rows) + 1) - 0.5, shown, **look)
     axes.figure.colorbar(mesh, ax=axes, label=f"strategies, of {n}", pad=0.015, ticks=MaxNLocator(6, integer=True))
-
-
-def _dates(axes: Axes) -> None:
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
-    locator = AutoDateLocator(minticks=4, maxticks=13)
-    axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
 
 
 def stars_figure(result: WhatIfResult) -> Picture | None:
@@ -278,65 +242,37 @@ def stars_figure(result: WhatIfResult) -> Picture | None:
     # The most fruitful first: their labels are placed first, and they are drawn last.
     rows = [stars[name][0][1] for name in sorted(stars, key=lambda name: (-best[name], name))]
     values = np.array([best[row.name] for row in rows])
-    places = map_longitude([row.ra_deg for row in rows]), np.deg2rad([row.dec_deg for row in rows])
+    x, y = map_longitude([row.ra_deg for row in rows]), np.deg2rad([row.dec_deg for row in rows])
     areas = 2.0 * marker_area([row.v_mag for row in rows])
     hosts = np.array([any(target.known_planets for _, target in stars[row.name]) for row in rows])
-    found = values > 0
+    fruitful = values > 0
     with style():
         figure = new_figure(4.8)
         axes = sky_axes(figure)
-        if (~found).any():
-            axes.scatter(
-                places[0][~found],
-                places[1][~found],
-                s=areas[~found],
-                facecolors="white",
-                lw=0.9,
-                edgecolors="#777777",
-                zorder=3,
-                label=f"nothing found ({(~found).sum()})",
-            )
-        if found.any():
-            ends = values[found].min(), max(values[found].max(), 1.001 * values[found].min())
-            order = np.flatnonzero(found)[::-1]
-            dots = axes.scatter(
-                places[0][order],
-                places[1][order],
-                s=areas[order],
-                c=values[order],
-                cmap="viridis_r",
-                norm=LogNorm(*ends),
-                edgecolors="#333333",
-                linewidths=0.4,
-                zorder=4,
-            )
+        if (~fruitful).any():
+            look: Look = {"facecolors": "white", "lw": 0.9, "edgecolors": "#777777", "zorder": 3}
+            label = f"nothing found ({(~fruitful).sum()})"
+            axes.scatter(x[~fruitful], y[~fruitful], s=areas[~fruitful], label=label, **look)
+        if fruitful.any():
+            ends = values[fruitful].min(), max(values[fruitful].max(), 1.001 * values[fruitful].min())
+            order = np.flatnonzero(fruitful)[::-1]
+            look = {"cmap": "viridis_r", "norm": LogNorm(*ends), "edgecolors": "#333333", "linewidths": 0.4}
+            dots = axes.scatter(x[order], y[order], s=areas[order], c=values[order], zorder=4, **look)
             bar = figure.colorbar(dots, ax=axes, label="planets found per 100 h", shrink=0.8, pad=0.03)
             bar.ax.yaxis.set_major_formatter("{x:g}")
             bar.ax.yaxis.set_minor_formatter("{x:g}" if ends[1] < 20 * ends[0] else "")
         if hosts.any():
-            axes.scatter(
-                places[0][hosts],
-                places[1][hosts],
-                s=areas[hosts] + _RING_AREA,
-                facecolors="none",
-                lw=1.3,
-                edgecolors="#D55E00",
-                zorder=5,
-                label=f"known planet ({hosts.sum()})",
-            )
+            look = {"facecolors": "none", "lw": 1.3, "edgecolors": "#D55E00", "zorder": 5}
+            label = f"known planet ({hosts.sum()})"
+            axes.scatter(x[hosts], y[hosts], s=areas[hosts] + _RING_AREA, label=label, **look)
         figure.legend(loc="outside lower center", ncols=4)
-        place_labels(
-            axes,
-            places[0][:_LABELLED].tolist(),
-            places[1][:_LABELLED].tolist(),
-            [literal(pretty_name(row.name)) for row in rows[:_LABELLED]],
-            fontsize=9,
-            avoid=axes.get_xticklabels(),
-            reach_px=(np.sqrt((areas + _RING_AREA * hosts) / np.pi) * SCREEN_DPI / 72.0)[:_LABELLED].tolist(),
-        )
+        first = slice(_LABELLED)
+        reach = np.sqrt((areas + _RING_AREA * hosts) / np.pi)[first] * drawing.SCREEN_DPI / 72.0
+        names = [literal(pretty_name(row.name)) for row in rows[first]]
+        hours, px, py = axes.get_xticklabels(), x[first].tolist(), y[first].tolist()
+        place_labels(axes, px, py, names, fontsize=9, avoid=hours, reach_px=reach.tolist())
         return save(
             figure,
-            "svg",
             alt=f"Map of the sky with {len(rows)} visited stars; most planets for the time: "
             f"{', '.join(pretty_name(row.name) for row in rows[:3])}.",
             caption="Stars that any strategy visits. Colour: planets found, new and known, per 100 h of telescope time "

@@ -6,21 +6,12 @@ from functools import cached_property
 
 from catalogs import PLANET_CREDITS, data_credits, split_source
 from cpic_core import Registry
-from cpic_planner.report import document as doc
+from cpic_planner.report import document as doc, whatif_words as words
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import WHATIF_FIGURES
 from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, share_text, significant
 from cpic_planner.report.whatif_blocks import difference_table, image_table, pairs_of, source_table, strategy_blocks
 from cpic_planner.report.whatif_maps import shown_rows
-from cpic_planner.report.whatif_words import (
-    extent_text,
-    hanging_text,
-    interval_text,
-    lead_sentences,
-    planets_text,
-    shared_facts,
-    universe_facts,
-)
 from cpic_planner.report.words import method_credits, reading, terms, whatif_terms
 from cpic_planner.results import RankChange, StrategyOutcome, WhatIfResult
 
@@ -70,15 +61,15 @@ WHATIF_SECTIONS: Registry[doc.Section[WhatIfReport]] = Registry("section")
 def whatif_document(report: WhatIfReport) -> doc.Document:
     """Return the report of a comparison."""
     result = report.result
-    first, *others = lead_sentences(result)
+    first, *others = words.lead_sentences(result)
     named = f": {result.name}" if result.name else ""
-    told = f"{result.description}. " if result.description else ""
+    description = f"{result.description}. " if result.description else ""
     return doc.document_of(
         WHATIF_SECTIONS,
         report,
         title=f"CPI-C survey strategies{named}, configuration {result.config_hash}",
         heading=result.name or "Survey strategies",
-        about=f"{told}Survey strategies for CPI-C: {extent_text(result)}, played in the same "
+        about=f"{description}Survey strategies for CPI-C: {words.extent_text(result)}, played in the same "
         f"{count_text(result.n_universes)} synthetic universes with real stars.",
         summary=[doc.Paragraph(doc.strong(first), "lead"), *(doc.Paragraph(text, "lead") for text in others)],
     )
@@ -93,21 +84,22 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
         text = item.description if len(strategies) <= _DESCRIBED else ""
         return [report.named(item), doc.small(text) if text else ""]
 
+    def one_survey(item: StrategyOutcome) -> str:
+        return f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}"
+
     def counted(name: str) -> Callable[[StrategyOutcome], doc.Inline]:
         def cell(item: StrategyOutcome) -> doc.Inline:
-            found = getattr(item, name)
-            one = hanging_text(item) if name == "planets" else ""
-            interval = doc.small(interval_text(found.low, found.high))
-            return doc.lines(decimals(found.mean, 2), interval, doc.small(one) if one else "")
+            estimate = getattr(item, name)
+            one = words.hanging_text(item) if name == "planets" else ""
+            interval = doc.small(words.interval_text(estimate.low, estimate.high))
+            return doc.lines(decimals(estimate.mean, 2), interval, doc.small(one) if one else "")
 
         return cell
 
     columns: tuple[doc.Column[StrategyOutcome], ...] = (
         doc.Column("Strategy", described, look="row left described"),
         doc.Column("Planets found", counted("planets"), "new and known"),
-        doc.Column(
-            "One survey", lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}", "5 to 95 %"
-        ),
+        doc.Column("One survey", one_survey, "5 to 95 %"),
         doc.Column("New planets", counted("new_planets")),
         doc.Column("Known planets", counted("known_planets")),
         doc.Column("Characterised", counted("characterised_planets")),
@@ -140,6 +132,15 @@ def _hourly(item: StrategyOutcome) -> str:
     return significant(100 * item.planets.mean / item.hours.mean, 2) if item.hours.mean > 0 else MISSING
 
 
+def _hours(item: StrategyOutcome) -> doc.Inline:
+    ends = words.interval_text(item.hours.survey_low, item.hours.survey_high, 0)
+    return doc.lines(decimals(item.hours.mean, 0), doc.small(f"({ends})"))
+
+
+def _alarms(item: StrategyOutcome) -> str:
+    return f"{words.planets_text(item.noise_alarms.mean)}; {words.planets_text(item.background_alarms.mean)}"
+
+
 def _visits(item: StrategyOutcome) -> str:
     reserve = item.schedule.reserve_visits
     return count_text(item.schedule.visits) + (f" + {count_text(reserve)}" if reserve else "")
@@ -149,25 +150,14 @@ def _visits(item: StrategyOutcome) -> str:
 def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
     columns: tuple[doc.Column[StrategyOutcome], ...] = (
         doc.Column("Strategy", report.named, look="row left star"),
-        doc.Column(
-            "Telescope time",
-            lambda item: doc.lines(
-                decimals(item.hours.mean, 0),
-                doc.small(f"({interval_text(item.hours.survey_low, item.hours.survey_high, 0)})"),
-            ),
-            "h",
-        ),
+        doc.Column("Telescope time", _hours, "h"),
         doc.Column("Budget", lambda item: decimals(item.settings["time_budget_h"], 0), "h"),
         doc.Column("Planets", _hourly, "per 100 h"),
         doc.Column("Stars visited", lambda item: str(sum(star.planned_visits > 0 for star in item.targets))),
         doc.Column("Visits planned", _visits, "and in reserve"),
         doc.Column("Visits made", lambda item: decimals(sum(star.visits for star in item.targets), 1), "mean"),
         doc.Column("From the bound", lambda item: decimals(100 * item.schedule.distance, 1), "%"),
-        doc.Column(
-            "False alarms",
-            lambda item: f"{planets_text(item.noise_alarms.mean)}; {planets_text(item.background_alarms.mean)}",
-            "noise; background",
-        ),
+        doc.Column("False alarms", _alarms, "noise; background"),
     )
     caption = (
         "Telescope time holds slews, settling and occultations; in brackets the range of single surveys, 5 to 95 %. "
@@ -221,16 +211,10 @@ def _detected(report: WhatIfReport) -> Iterator[doc.Block]:
 
 @doc.section_of(WHATIF_SECTIONS, "images", "Confirmed by images")
 def _images(report: WhatIfReport) -> Iterator[doc.Block]:
-    confirmed = [item for item in report.result.strategies if item.images is not None]
+    confirmed = [(item, item.images) for item in report.result.strategies if item.images is not None]
     if not confirmed:
-        yield doc.Paragraph(
-            [
-                "No images were asked for: detections are those of the analytic model with the detection law that "
-                "stands under ",
-                doc.link("assumptions", "Assumptions"),
-                ".",
-            ]
-        )
+        none = "No images were asked for: detections are those of the analytic model with the detection law that stands"
+        yield doc.Paragraph([f"{none} under ", doc.link("assumptions", "Assumptions"), "."])
         return
     yield image_table(report.named, confirmed)
 
@@ -254,10 +238,10 @@ def _reading(report: WhatIfReport) -> Iterator[doc.Block]:
 def _assumptions(report: WhatIfReport) -> Iterator[doc.Block]:
     result, reference = report.result, report.reference
     yield doc.Heading("Of all strategies")
-    yield doc.Facts(universe_facts(result))
+    yield doc.Facts(words.universe_facts(result))
     others: doc.Inline = ["; the others differ as told under ", doc.link("details", "Each strategy")]
     yield doc.Heading([f"Of {reference.name}", others if len(result.strategies) > 1 else ""])
-    yield doc.Facts(shared_facts(reference.settings, reference.instrument))
+    yield doc.Facts(words.shared_facts(reference.settings, reference.instrument))
     if not result.sources:
         return
     rows = source_table(result.sources, len(result.strategies))

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from cpic_planner.queries import with_unit
 from cpic_planner.registry import LIBRARIES
 from cpic_planner.report.numbers import contrast_text, count_text, decimals, duration_text, percent_text, significant
-from cpic_planner.results import AssumedInstrument, DifferenceRecord, StrategyOutcome, WhatIfResult
+from cpic_planner.results import AssumedInstrument, StrategyOutcome, WhatIfResult
 from simulator.config import unit_of
 
 _SPENT = 0.95
@@ -55,10 +55,8 @@ def empty_text(item: StrategyOutcome) -> str:
         text = f"{item.name} plans {count_text(plan.visits)} visits only, {significant(plan.hours)} h"
     rule = f"A visit has to be worth {least:g} planets (scheduler.min_gain)."
     if needed > 1:
-        rule = (
-            f"Where {needed} visits have to show a planet, those of a star have to be worth {least:g} planets each "
-            "on average (scheduler.min_gain)."
-        )
+        worth = f"those of a star have to be worth {least:g} planets each on average (scheduler.min_gain)"
+        rule = f"Where {needed} visits have to show a planet, {worth}."
     if plan.bound <= 0.0:
         return f"{text}: no visit of its stars fits into the calendar and shows a planet. {rule}"
     bound = f"no calendar can be worth more than {significant(plan.bound, 2)}, this one is worth"
@@ -75,10 +73,14 @@ def extent_text(result: WhatIfResult) -> str:
     shares = " to ".join(percent_text(budget / (24.0 * days)) for budget in ends)
     n = len(result.strategies)
     each = "one strategy" if n == 1 else f"{count_text(n)} strategies"
-    return (
-        f"{each} with {hours} h of telescope time, {shares} of {count_text(round(days))} days "
-        f"({significant(days / 365.25, 2)} years) from {str(result.universe['start_utc'])[:10]}"
-    )
+    return f"{each} with {hours} h of telescope time, {shares} of {_span_text(result.universe)}"
+
+
+def _span_text(universe: Mapping[str, Any]) -> str:
+    """How long the survey is, and from when."""
+    days = float(universe["duration_days"])
+    years = significant(days / 365.25, 2)
+    return f"{count_text(round(days))} days ({years} years) from {str(universe['start_utc'])[:10]}"
 
 
 def planets_text(value: float) -> str:
@@ -90,61 +92,53 @@ def between(
     result: WhatIfResult, first: str, second: str, quantity: Literal["planets", "hours"]
 ) -> tuple[float, float, float] | None:
     """Return the mean of first minus second and the ends of its interval; none if the result has no such pair."""
-    pairs: dict[tuple[str, str], DifferenceRecord] = {
-        (item.first, item.second): item for item in result.differences if item.quantity == quantity
-    }
-    if (first, second) in pairs:
-        item = pairs[first, second]
-        return item.mean, item.low, item.high
-    if (second, first) in pairs:
-        item = pairs[second, first]
-        return -item.mean, -item.high, -item.low
+    for item in result.differences:
+        if item.quantity == quantity and (item.first, item.second) == (first, second):
+            return item.mean, item.low, item.high
+        if item.quantity == quantity and (item.first, item.second) == (second, first):
+            return -item.mean, -item.high, -item.low
     return None
 
 
 def lead_sentences(result: WhatIfResult) -> list[str]:
     """Return the summary, one sentence an item: the statement, the runner-up, and whether the budget binds."""
-    said = [result.statement]
+    sentences = [result.statement]
     empty = [text for item in result.strategies if (text := empty_text(item))]
-    said += empty[:_MOST_EMPTY]
+    sentences += empty[:_MOST_EMPTY]
     if len(empty) > _MOST_EMPTY:
-        said.append(f"Of {len(empty) - _MOST_EMPTY} other strategies, too, the calendar is empty or nearly so.")
+        sentences.append(f"Of {len(empty) - _MOST_EMPTY} other strategies, too, the calendar is empty or nearly so.")
     order = sorted(result.strategies, key=lambda item: -item.planets.mean)
-    told = {item.name for item in best_by_value(result.strategies).values()}  # the statement says it of these
-    others = [item for item in order if hanging_text(item) and item.name not in told]
+    in_statement = {item.name for item in best_by_value(result.strategies).values()}  # the statement says it of these
+    others = [item for item in order if hanging_text(item) and item.name not in in_statement]
     if others:
         listed = "; ".join(f"{item.name}: {hanging_text(item)}" for item in others[:_MOST_LISTED])
         more = f"; and so on for {len(others) - _MOST_LISTED} others" if len(others) > _MOST_LISTED else ""
-        said.append(f"Other yields hang on one planet, too. {listed}{more}.")
+        sentences.append(f"Other yields hang on one planet, too. {listed}{more}.")
     if len(order) > 1 and order[0].planets.mean > 0:
-        said += _runner_up(result, order[0], order[1])
+        sentences += _runner_up(result, order[0], order[1])
     budgets = sorted({float(item.settings["time_budget_h"]) for item in result.strategies})
     share = max(item.hours.mean / float(item.settings["time_budget_h"]) for item in result.strategies)
     if share < _SPENT:
         budget = f"its budget of {budgets[0]:g} h" if len(budgets) == 1 else "its budget"
         who = "The strategy uses" if len(order) == 1 else "No strategy uses more than"
-        said.append(
-            f"{who} {percent_text(share)} of {budget} on average: its rules on stars and visits end it before the time "
-            "does."
-        )
-    return said
+        used = f"{who} {percent_text(share)} of {budget} on average"
+        sentences.append(f"{used}: its rules on stars and visits end it before the time does.")
+    return sentences
 
 
 def _runner_up(result: WhatIfResult, best: StrategyOutcome, other: StrategyOutcome) -> list[str]:
-    found, hours = between(result, best.name, other.name, "planets"), between(result, best.name, other.name, "hours")
-    if found is None or hours is None:
+    difference, hours = (
+        between(result, best.name, other.name, "planets"),
+        between(result, best.name, other.name, "hours"),
+    )
+    if difference is None or hours is None:
         return []
-    mean, low, high = found
+    mean, low, high = difference
     more = f"{decimals(abs(hours[0]), 0)} h {'more' if hours[0] >= 0 else 'less'}"
+    planets, interval = f"{decimals(mean, 2)} planets", f"({interval_text(low, high)}), in {more}."
     if low > 0:
-        return [
-            f"In the same universes {best.name} finds {decimals(mean, 2)} planets more than {other.name}, the next "
-            f"best ({interval_text(low, high)}), in {more}."
-        ]
-    return [
-        f"The lead of {best.name} on {other.name}, the next best, may be chance: {decimals(mean, 2)} planets "
-        f"({interval_text(low, high)}), in {more}."
-    ]
+        return [f"In the same universes {best.name} finds {planets} more than {other.name}, the next best {interval}"]
+    return [f"The lead of {best.name} on {other.name}, the next best, may be chance: {planets} {interval}"]
 
 
 _FACTORS = ("assumptions.drift", "assumptions.throughput")
@@ -167,18 +161,11 @@ _METHODS = {"greedy": "best gain per hour first, with look-ahead", "milp": "mixe
 def universe_facts(result: WhatIfResult) -> list[tuple[str, str]]:
     """Return what all strategies share, as terms and texts."""
     shared = result.universe
-    days = float(shared["duration_days"])
+    limits = "Sun, Moon, Earth limb, solar panels, South Atlantic Anomaly, in low Earth orbit"
     facts = [
-        (
-            "Time",
-            f"{count_text(round(days))} days ({significant(days / 365.25, 2)} years) from "
-            f"{str(shared['start_utc'])[:10]}, planned in slots of {shared['slot_days']:g} days",
-        ),
+        ("Time", f"{_span_text(shared)}, planned in slots of {shared['slot_days']:g} days"),
         ("Instrument", f"{shared['instrument']}. Every default value has its source and confidence in the preset."),
-        (
-            "Orbit and pointing limits",
-            f"{shared['visibility']}: Sun, Moon, Earth limb, solar panels, South Atlantic Anomaly, in low Earth orbit",
-        ),
+        ("Orbit and pointing limits", f"{shared['visibility']}: {limits}"),
         ("Stars", result.catalogue),
         ("Known planets", result.known_planets or "left out"),
         ("Background stars", "not drawn" if shared["background"] == "off" else "drawn, as false alarms"),
@@ -209,8 +196,10 @@ def _population(population: Mapping[str, Any] | None) -> str:
     if population is None:
         return "none: only known planets are looked for"
     often = population.get("planets_per_star")
-    told = [str(population.get("description") or "")] + ([f"{often:g} planets per star"] if often is not None else [])
-    return f"{population.get('name') or 'own'}: {', '.join(filter(None, told))}"
+    details = [str(population.get("description") or "")] + (
+        [f"{often:g} planets per star"] if often is not None else []
+    )
+    return f"{population.get('name') or 'own'}: {', '.join(filter(None, details))}"
 
 
 def _targets(cuts: Mapping[str, Any]) -> str:
@@ -219,9 +208,8 @@ def _targets(cuts: Mapping[str, Any]) -> str:
         parts.append(f"V up to {cuts['v_mag_max']:g} mag")
     if cuts["distance_max_pc"] is not None:
         parts.append(f"within {cuts['distance_max_pc']:g} pc")
-    parts += [
-        word for key, word in (("dwarfs_only", "dwarfs only"), ("singles_only", "no close companions")) if cuts[key]
-    ]
+    parts += ["dwarfs only"] if cuts["dwarfs_only"] else []
+    parts += ["no close companions"] if cuts["singles_only"] else []
     parts += [f"{len(cuts['names'])} named stars"] if cuts["names"] else []
     parts += [f"{len(cuts['exclude'])} stars left out by name"] if cuts["exclude"] else []
     return ", ".join([*parts, *filter(None, [_HOSTS[cuts["known_planets"]]])])
@@ -245,10 +233,8 @@ def _revisits(rule: Mapping[str, Any]) -> str:
 def _follow_up(rule: Mapping[str, Any]) -> str:
     if not rule["bands"]:
         return "none"
-    return (
-        f"of planets found, in {', '.join(rule['bands'])}: {duration_text(rule['time_s'])} each, up to "
-        f"{rule['attempts']} attempts"
-    )
+    bands, time = ", ".join(rule["bands"]), duration_text(rule["time_s"])
+    return f"of planets found, in {bands}: {time} each, up to {rule['attempts']} attempts"
 
 
 def _detection(rule: Mapping[str, Any]) -> str:
@@ -281,8 +267,11 @@ def _assumed(assumed: Mapping[str, Any], used: AssumedInstrument | None) -> str:
         if used is not None:
             parts[-1] += f" ({used.visit_drift_nm:g} nm visit offset, {used.walk_nm_per_sqrt_hour:g} nm/√h walk)"
     if assumed["throughput"] != 1.0:
-        told = "" if used is None else ", ".join(f"{value:g} in {band}" for band, value in used.throughput.items())
-        parts.append(f"throughput of the optics × {assumed['throughput']:g}{f' ({told})' if told else ''}")
+        throughputs = (
+            "" if used is None else ", ".join(f"{value:g} in {band}" for band, value in used.throughput.items())
+        )
+        by_band = f" ({throughputs})" if throughputs else ""
+        parts.append(f"throughput of the optics × {assumed['throughput']:g}{by_band}")
     if assumed["exozodi"] is not None:
         parts.append(f"dust of {assumed['exozodi']:g} solar systems (zodi)")
     return ", ".join(parts) or "none"
@@ -299,11 +288,8 @@ def _stops(rule: Mapping[str, Any]) -> str:
 
 def _calendar(settings: Mapping[str, Any]) -> str:
     rule = settings["scheduler"]
-    method = _METHODS.get(rule["method"], rule["method"])
-    return (
-        f"{method}; at most {percent_text(settings['slot_share'])} of any slot; no visit worth less than "
-        f"{rule['min_gain']:g} planets"
-    )
+    method, share = _METHODS.get(rule["method"], rule["method"]), percent_text(settings["slot_share"])
+    return f"{method}; at most {share} of any slot; no visit worth less than {rule['min_gain']:g} planets"
 
 
 def changed_settings(settings: Mapping[str, Any], reference: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -318,11 +304,11 @@ def changed_settings(settings: Mapping[str, Any], reference: Mapping[str, Any]) 
 
 
 def _leaves(tree: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
-    found: list[tuple[str, Any]] = []
+    leaves: list[tuple[str, Any]] = []
     for key, value in tree.items():
         inside = isinstance(value, Mapping) and value
-        found += _leaves(value, f"{above}{key}.") if inside else [(f"{above}{key}", value)]
-    return found
+        leaves += _leaves(value, f"{above}{key}.") if inside else [(f"{above}{key}", value)]
+    return leaves
 
 
 def setting_text(value: Any, key: str = "") -> str:

@@ -16,13 +16,6 @@ from simulator.detectors import noise_terms
 #: Symbol of each status, so that badges do not rely on colour.
 STATUS_SYMBOLS: dict[str, str] = {"ok": "✓", "unreachable": "○", "saturated": "▲", "outside_field": "□", "invalid": "✕"}
 
-STATUS_WORDS: dict[str, str] = {
-    "ok": "ok",
-    "unreachable": "unreachable",
-    "saturated": "saturated",
-    "outside_field": "outside field",
-    "invalid": "invalid",
-}
 
 #: Whether a planet is detected; only the first has a mark, which is green.
 VERDICTS: dict[str, str] = {
@@ -139,6 +132,7 @@ FLAGS: dict[str, str] = {
     "exposure_beyond_max": "the exposure asked for is longer than the camera's longest",
 }
 
+_SMALLEST_GAIN = 1.005
 _CAPS = {
     "hole": "keeps the pixels inside the dark hole unsaturated",
     "register_tail": "keeps bright starlight beside the hole from trailing into it through the register",
@@ -159,7 +153,7 @@ def _spelled(words: Mapping[str, str], code: str) -> str:
 
 def status_text(status: str) -> str:
     """Return a status as words."""
-    return _spelled(STATUS_WORDS, status)
+    return _spelled({}, status)
 
 
 def verdict_text(verdict: str | None, status: str) -> str:
@@ -182,6 +176,12 @@ def remedy_text(remedy: str) -> str:
     return _spelled(REMEDIES, remedy)
 
 
+def remedies_text(remedies: Mapping[str, float]) -> str:
+    """Return what would raise the SNR, the most helpful first and by which factor; empty if nothing would."""
+    helpful = sorted(remedies.items(), key=lambda item: -item[1])
+    return "; ".join(f"×{factor:.2f} {remedy_text(name)}" for name, factor in helpful if factor >= _SMALLEST_GAIN)
+
+
 def short_limit(limit: str) -> str:
     """Return a limit in one or two words; empty for none."""
     return LIMITS[limit][0] if limit in LIMITS else _spelled({}, limit)
@@ -195,9 +195,7 @@ def limit_text(limit: str) -> str:
 def flag_text(flag: str) -> str:
     """Return a flag as words; unknown flags with spaces for underscores."""
     of_library = next((item.caveats[flag] for item in LIBRARIES.values() if flag in item.caveats), "")
-    return (
-        of_library or FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _catalogue_flags().get(flag, flag.replace("_", " "))
-    )
+    return of_library or FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _spelled(_catalogue_flags(), flag)
 
 
 def plus_minus(text: str) -> str:

@@ -17,7 +17,7 @@ from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.document import Document
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.numbers import pretty_name
-from cpic_planner.report.panels import Mark, Panels
+from cpic_planner.report.panels import Mark, MarkKind, Panels
 from cpic_planner.report.plan_sections import PlanReport, plan_document
 from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
 from cpic_planner.results import ConfirmResult, PlanResult, RankResult, SensitivityResult, WhatIfResult
@@ -61,62 +61,17 @@ def plan_html(
     """
     from cpic_planner.report.figures import panel_pictures, plan_figures
 
-    figures = plan_figures(plan, rank, limits=limits, holes=holes)
-    return render_plan(plan, rank, figures, panel_pictures(plan, panels), sensitivity=sensitivity, top_rows=top_rows)
-
-
-def render_plan(
-    plan: PlanResult,
-    rank: RankResult,
-    figures: Mapping[str, Picture],
-    images: Mapping[str, Picture],
-    *,
-    sensitivity: SensitivityResult | None = None,
-    top_rows: int = 50,
-) -> str:
-    """Return the report of a plan from finished pictures.
-
-    Parameters
-    ----------
-    plan, rank, figures, images, sensitivity, top_rows
-        As `cpic_planner.report.plan_sections.PlanReport`.
-    """
+    figures, images = plan_figures(plan, rank, limits=limits, holes=holes), panel_pictures(plan, panels)
     return page_html(plan_document(PlanReport(plan, rank, figures, images, sensitivity, top_rows)))
-
-
-def render_confirm(result: ConfirmResult, figures: Mapping[str, Picture], images: Mapping[str, Picture]) -> str:
-    """Return the report of a confirmed scene from finished pictures.
-
-    Parameters
-    ----------
-    result, figures, images
-        As `cpic_planner.report.confirm_sections.ConfirmReport`.
-    """
-    return page_html(confirm_document(ConfirmReport(result, figures, images)))
-
-
-def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
-    """Return the report of a comparison of survey strategies from finished pictures.
-
-    Parameters
-    ----------
-    result, figures
-        As `cpic_planner.report.whatif_sections.WhatIfReport`.
-    """
-    return page_html(whatif_document(WhatIfReport(result, figures)))
 
 
 def page_html(document: Document) -> str:
     """Return a document as one HTML file with inline style and data-URI images: no script, nothing fetched."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(
-        loader=PackageLoader("cpic_planner.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    trimmed: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True}
+    loader = PackageLoader("cpic_planner.report")
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **trimmed)
     return environment.get_template("page.html.j2").render(document=document)
 
 
@@ -149,23 +104,19 @@ def limit_curves(plan: PlanResult, model: EtcModel, targets: Targets | None = No
             star, _ = find_target(target.name, companions=plan.companions)
         else:
             star = targets.select(targets.name == target.name)
-        inner = model.metrics[row.band].hole_inner_corner_arcsec
-        separations = np.geomspace(inner * 1.001, model.metrics[row.band].owa_arcsec * 0.999, N_LIMIT_POINTS)
-        found = contrast_limit(
-            model, star, time_s=row.time_s or plan.time_s, separation_arcsec=separations.tolist(), bands=[row.band]
-        )
-        good = [(answer.separation_arcsec, answer.value) for answer in found if answer.value is not None]
+        zone = model.metrics[row.band]
+        separations = np.geomspace(zone.hole_inner_corner_arcsec * 1.001, zone.owa_arcsec * 0.999, N_LIMIT_POINTS)
+        time_s, places = row.time_s or plan.time_s, separations.tolist()
+        answers = contrast_limit(model, star, time_s=time_s, separation_arcsec=places, bands=[row.band])
+        good = [(answer.separation_arcsec, answer.value) for answer in answers if answer.value is not None]
         if good:
-            label = f"{pretty_name(target.name)}, {row.band}"
-            curves.append(LimitCurve(label, np.array([s for s, _ in good]), np.array([v for _, v in good])))
+            curves.append(LimitCurve(f"{pretty_name(target.name)}, {row.band}", *np.array(good).T))
     return curves
 
 
 def hole_edges(model: EtcModel) -> list[HoleEdges]:
     """Corners of each band's zone on the diagonal."""
-    return [
-        HoleEdges(band, metrics.hole_inner_corner_arcsec, metrics.owa_arcsec) for band, metrics in model.metrics.items()
-    ]
+    return [HoleEdges(band, zone.hole_inner_corner_arcsec, zone.owa_arcsec) for band, zone in model.metrics.items()]
 
 
 def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Scene | None = None) -> Panels:
@@ -186,23 +137,15 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
     nowhere = (images["science"] == 0) & (images["reference"] == 0)  # sums are drawn over the hole alone
     offsets: list[tuple[float | None, float | None]] = [(x, y) for x, y in body["planet_offsets_arcsec"]]
     roll_deg = model.strategy.rolls_deg[0]
-    marks = [
-        Mark(item["x_arcsec"], item["y_arcsec"], "candidate")
-        for item in (body["search"] or {"candidates": ()})["candidates"]
-        if item["detected"]
-    ]
+    candidates = body["search"]["candidates"] if body["search"] else ()
+    marks = [Mark(item["x_arcsec"], item["y_arcsec"], "candidate") for item in candidates if item["detected"]]
     if scene is not None:
         sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)[1:]
         several = sum(source.kind == "planet" for source in sources) > 1
-        marks += [
-            Mark(
-                source.x_arcsec,
-                source.y_arcsec,
-                "planet" if source.kind == "planet" else "star",
-                source.name if several or source.kind == "star" else "",
-            )
-            for source in sources
-        ]
+        for source in sources:
+            label = source.name if several or source.kind == "star" else ""
+            kind: MarkKind = "planet" if source.kind == "planet" else "star"
+            marks.append(Mark(source.x_arcsec, source.y_arcsec, kind, label))
         offsets = []
     x, y = offsets[0] if offsets else (None, None)
     return Panels(
@@ -272,11 +215,9 @@ def write_confirm_report(
     from cpic_planner.report.panel_figure import PanelSheet
 
     folder.write("measurements.csv", measurements_csv(result))
-    sheet = PanelSheet()
-    images = {
-        band: sheet.picture(panels_of(model, band, body, scene=scene), result.scene) for band, body in bodies.items()
-    }
-    for band, picture in images.items():
+    sheet, images = PanelSheet(), {}
+    for band, body in bodies.items():
+        images[band] = picture = sheet.picture(panels_of(model, band, body, scene=scene), result.scene)
         folder.write_bytes(PANELS.format(band=band), base64.b64decode(picture.uri.split(",", 1)[1]))
     figures = {}
     spectrum = spectrum_figure(scene, model.instrument, result.bands)
@@ -284,12 +225,12 @@ def write_confirm_report(
         figures = {"spectrum": spectrum, "calibration": snr_figure(result)}
     for fitted in albedo_fits(scene, model.instrument, result.bands):
         figures[f"Metallicity and clouds of {fitted.light.name}"] = _albedo_picture(fitted)
-    folder.write("report.html", render_confirm(result, figures, images))
+    folder.write("report.html", page_html(confirm_document(ConfirmReport(result, figures, images))))
 
 
 def _albedo_picture(fitted: FittedAlbedo) -> Picture:
     """The posterior, with the planet of the scene where it is one of the model's."""
-    from cpic_planner.report.albedo_figure import albedo_picture
+    from cpic_planner.report.validation_figures import albedo_picture
 
     light, truth = fitted.light, None
     albedo = light.planet.albedo
@@ -309,4 +250,4 @@ def write_whatif(folder: RunFolder, result: WhatIfResult) -> None:
     from cpic_planner.report.figures import whatif_figures
 
     folder.write("targets.csv", targets_csv(result))
-    folder.write("report.html", render_whatif(result, whatif_figures(result)))
+    folder.write("report.html", page_html(whatif_document(WhatIfReport(result, whatif_figures(result)))))

@@ -1,5 +1,6 @@
 """The first question that help, README and notebooks ask has an answer: a planet that is detected, with a time."""
 
+import inspect
 import json
 import re
 import shlex
@@ -15,7 +16,11 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.mark.parametrize("source", ["README.md", "help"])
 def test_first_command_detects(source, capsys):
-    text = etc_command.HELP.partition("Examples:")[2] if source == "help" else (ROOT / source).read_text("utf-8")
+    text = (
+        inspect.getdoc(etc_command.etc).partition("Examples:")[2]
+        if source == "help"
+        else (ROOT / source).read_text("utf-8")
+    )
     command = re.search(r"cpic (etc .*)", text)[1]
     assert main([*shlex.split(command), "--json"]) == 0
     answers = json.loads(capsys.readouterr().out)["answers"]

@@ -1,3 +1,4 @@
+import inspect
 import json
 import re
 from shlex import split
@@ -273,11 +274,11 @@ def test_a_plot_does_not_change_the_answer(call, tmp_path):
 def test_examples_of_the_help_work(capsys, tmp_path, monkeypatch):
     import shlex
 
-    from cpic_planner.cli.etc_command import HELP
+    from cpic_planner.cli.etc_command import etc
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_stars.csv").write_text("name,distance_pc,v_mag,sp_type\nmy star,5,4,G2V\n")
-    examples = re.findall(r"^  cpic (.*)$", HELP, re.M)
+    examples = re.findall(r"^  cpic (.*)$", inspect.getdoc(etc), re.M)
     assert len(examples) >= 9
     for example in examples:
         assert main(shlex.split(example)) == 0, example

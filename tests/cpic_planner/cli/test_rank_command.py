@@ -1,3 +1,4 @@
+import inspect
 import json
 import re
 import shlex
@@ -141,11 +142,11 @@ def test_contradictions_and_bad_input_are_one_line(refuses, few, options, words)
 
 
 def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
-    from cpic_planner.cli.rank_command import HELP
+    from cpic_planner.cli.rank_command import rank
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_stars.csv").write_bytes(Path(few).read_bytes())
-    examples = [line.split(" | ")[0] for line in re.findall(r"^  cpic (.*)$", HELP, re.M)]
+    examples = [line.split(" | ")[0] for line in re.findall(r"^  cpic (.*)$", inspect.getdoc(rank), re.M)]
     assert len(examples) >= 7
     for example in examples:
         words = shlex.split(example)

@@ -1,4 +1,5 @@
 import csv
+import inspect
 import re
 import shlex
 
@@ -114,12 +115,12 @@ def test_bad_input_is_one_line(refuses, options, words):
 
 
 def test_examples_of_the_help_are_accepted(capsys, tmp_path, monkeypatch):
-    from cpic_planner.cli.known_command import VISIBILITY_HELP
+    from cpic_planner.cli.known_command import visibility
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_limits.yaml").write_text("moon_deg: 40\n")
     (tmp_path / "my_stars.csv").write_text("name,distance_pc,v_mag,sp_type,ra_deg,dec_deg\nmy star,2,3,G2V,10,20\n")
-    examples = re.findall(r"^  cpic (.*)$", VISIBILITY_HELP, re.M)
+    examples = re.findall(r"^  cpic (.*)$", inspect.getdoc(visibility), re.M)
     assert len(examples) >= 5
     for example in examples:
         assert main(shlex.split(example)) == 0, example

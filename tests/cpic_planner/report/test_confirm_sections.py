@@ -1,8 +1,9 @@
 import pytest
 
+from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.image_figures import snr_figure
-from cpic_planner.report.write import render_confirm
+from cpic_planner.report.write import page_html
 
 HOSTILE = "<script>alert('x')</script>"
 
@@ -11,7 +12,7 @@ HOSTILE = "<script>alert('x')</script>"
 def page(confirmation):
     picture = Picture("data:image/png;base64,", "alt", "caption.")
     figures = {"calibration": snr_figure(confirmation), f"Clouds of {HOSTILE}": picture}
-    return render_confirm(confirmation, figures, {"F520": picture})
+    return page_html(confirm_document(ConfirmReport(confirmation, figures, {"F520": picture})))
 
 
 def test_nothing_is_loaded_from_outside_and_names_are_text(page, reader, words):
@@ -48,7 +49,11 @@ def test_search_positions_and_albedos(words):
 
 def test_a_scene_without_planets_has_its_search_alone(confirmation, read):
     update = {"bands": [], "positions": [], "albedos": [], "calibration": {"ratio": None, "error": None, "n_bands": 0}}
-    text = " ".join(" ".join(read(render_confirm(confirmation.model_copy(update=update), {}, {})).text).split())
+    text = " ".join(
+        " ".join(
+            read(page_html(confirm_document(ConfirmReport(confirmation.model_copy(update=update), {}, {})))).text
+        ).split()
+    )
     assert "0 planets in F520, F662" in text
     assert "nothing to compare with a prediction" in text
     assert "No band was measured, so" not in text
@@ -57,7 +62,7 @@ def test_a_scene_without_planets_has_its_search_alone(confirmation, read):
 
 def test_rolls_are_not_searched(confirmation, read):
     rolled = confirmation.model_copy(update={"searches": [], "reference_library": "roll"})
-    text = " ".join(" ".join(read(render_confirm(rolled, {}, {})).text).split())
+    text = " ".join(" ".join(read(page_html(confirm_document(ConfirmReport(rolled, {}, {})))).text).split())
     assert "Two rolls show every planet twice" in text
     assert "searched blind and measured" not in text
     assert "the star subtracted, measured at the known place" in text

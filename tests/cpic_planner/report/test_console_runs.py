@@ -5,7 +5,6 @@ import pytest
 from rich.console import Console
 
 from cpic_planner.report import print_whatif
-from cpic_planner.report.console_runs import print_visits
 from cpic_planner.results import ImageSample
 
 
@@ -16,10 +15,9 @@ def shown(function, *arguments, width=120):
 
 
 @pytest.mark.parametrize("width", [40, 60, 110, 200])
-@pytest.mark.parametrize("function", [print_whatif, print_visits])
-def test_it_fits_any_width(compared, function, width):
+def test_it_fits_any_width(compared, width):
     names = ["single_visit contrast=1e-8", "a", "b"]
-    assert max(len(line) for line in shown(function, compared(names), width=width).splitlines()) <= width
+    assert max(len(line) for line in shown(print_whatif, compared(names), width=width).splitlines()) <= width
 
 
 def test_summary_strategies_differences_and_report(compared):
@@ -79,11 +77,3 @@ def test_images_tell_their_correction(compared):
     item = result.strategies[0].model_copy(update={"images": none})
     text = shown(print_whatif, result.model_copy(update={"strategies": [item]}), width=200)
     assert "one: no detection was simulated as images: no detections" in text
-
-
-def test_stars_are_those_of_the_strategy_that_finds_most(compared):
-    text = " ".join(shown(print_visits, compared(["one", "two"])).split())
-    assert "two: first 3 of 3 stars by planets per hour" in text
-    assert "1 ε Eri 0.600 1.0 2.7 2.00 h 18 2028-03-01 F520, F662" in text
-    assert "one visits no star." in shown(print_visits, compared(["one"], empty=True))
-    assert "first 1 of 3" in shown(print_visits, compared(["one"]), 1)

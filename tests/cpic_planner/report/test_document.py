@@ -4,11 +4,11 @@ import pytest
 
 from cpic_core import Registry
 from cpic_planner.report import document as doc
-from cpic_planner.report.confirm_sections import CONFIRM_SECTIONS
+from cpic_planner.report.confirm_sections import CONFIRM_SECTIONS, ConfirmReport, confirm_document
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.plan_sections import PLAN_SECTIONS
-from cpic_planner.report.whatif_sections import WHATIF_SECTIONS
-from cpic_planner.report.write import page_html, render_confirm, render_plan, render_whatif
+from cpic_planner.report.plan_sections import PLAN_SECTIONS, PlanReport, plan_document
+from cpic_planner.report.whatif_sections import WHATIF_SECTIONS, WhatIfReport, whatif_document
+from cpic_planner.report.write import page_html
 
 HOSTILE = "<script>alert('x')</script>"
 PAGES = {"plan": PLAN_SECTIONS, "confirm": CONFIRM_SECTIONS, "whatif": WHATIF_SECTIONS}
@@ -29,9 +29,9 @@ def toy(report):
 def test_a_section_is_one_entry(kind, plan, rank, confirmation, compared, read):
     """It stands in the contents, under its heading, where it was put; without a block it does not show at all."""
     render = {
-        "plan": lambda: render_plan(plan, rank, {}, {}),
-        "confirm": lambda: render_confirm(confirmation, {}, {}),
-        "whatif": lambda: render_whatif(compared(), {}),
+        "plan": lambda: page_html(plan_document(PlanReport(plan, rank, {}, {}))),
+        "confirm": lambda: page_html(confirm_document(ConfirmReport(confirmation, {}, {}))),
+        "whatif": lambda: page_html(whatif_document(WhatIfReport(compared(), {}))),
     }[kind]
     page, entry = PAGES[kind], doc.Section("toys", "All the toys", toy)
     before = render()

@@ -6,9 +6,10 @@ import pytest
 
 from cpic_planner.registry import LIBRARIES, SCORES, Library
 from cpic_planner.report.drawing import Picture
+from cpic_planner.report.plan_sections import PlanReport, plan_document
 from cpic_planner.report.summary import calibration_sentence, summary_sentences
 from cpic_planner.report.words import dec_text, ra_text
-from cpic_planner.report.write import plan_html, render_plan
+from cpic_planner.report.write import page_html, plan_html
 from cpic_planner.results import PlanResult
 
 HOSTILE = "<script>alert('x')</script>"
@@ -40,7 +41,7 @@ def test_the_request_has_a_line_for_each_target_with_a_chosen_band(plan, rank, p
     for target in chosen:
         assert ra_text(target.ranked.ra_deg) in request
     without = plan.model_copy(update={"targets": []})
-    assert "nothing to ask for" in render_plan(without, rank, {}, {})
+    assert "nothing to ask for" in page_html(plan_document(PlanReport(without, rank, {}, {})))
 
 
 def test_hostile_name_is_text(page, words):
@@ -51,7 +52,7 @@ def test_hostile_name_is_text(page, words):
 
 def test_hostile_name_of_a_confirmed_target(plan, rank):
     target = plan.targets[0].model_copy(update={"name": '"><img src=x onerror=alert(1)>'})
-    page = render_plan(plan.model_copy(update={"targets": [target]}), rank, {}, {})
+    page = page_html(plan_document(PlanReport(plan.model_copy(update={"targets": [target]}), rank, {}, {})))
     assert "<img" not in page
 
 
@@ -110,7 +111,7 @@ def test_page_one_says_what_the_ranking_depends_on(words, page):
 
 
 def test_sentences_follow_the_options_of_the_run(plan, rank, read):
-    page = render_plan(plan, rank, {}, {})
+    page = page_html(plan_document(PlanReport(plan, rank, {}, {})))
     words = " ".join(read(page).text).split()
     words = " ".join(words)
     assert "the named template at any insolation" not in words  # a parametric albedo may follow the insolation
@@ -123,7 +124,7 @@ def test_sentences_follow_the_options_of_the_run(plan, rank, read):
         for target in plan.targets
     ]
     other = plan.model_copy(update={"targets": plain, "reference_library": "roll"})
-    words = " ".join(" ".join(read(render_plan(other, rank, {}, {})).text).split())
+    words = " ".join(" ".join(read(page_html(plan_document(PlanReport(other, rank, {}, {})))).text).split())
     assert "one more frame by frame" not in words
     assert "searched blind" not in words
     assert "reduced, measured at the known place" in words
@@ -131,7 +132,7 @@ def test_sentences_follow_the_options_of_the_run(plan, rank, read):
 
 
 def test_a_report_without_sensitivity_has_no_empty_section(plan, rank):
-    page = render_plan(plan, rank, {}, {})
+    page = page_html(plan_document(PlanReport(plan, rank, {}, {})))
     assert 'id="sensitivity"' not in page
     assert 'href="#sensitivity"' not in page
 
@@ -177,25 +178,29 @@ def test_size_with_five_targets_in_four_bands(page, plan):
 
 def test_same_text_twice(plan, rank):
     figures = {"sky": Picture("data:image/png;base64,", "alt", "caption.")}
-    assert render_plan(plan, rank, figures, {}) == render_plan(plan, rank, figures, {})
+    assert page_html(plan_document(PlanReport(plan, rank, figures, {}))) == page_html(
+        plan_document(PlanReport(plan, rank, figures, {}))
+    )
 
 
 def test_top_rows(plan, rank):
-    page = render_plan(plan, rank, {}, {}, top_rows=3)
+    page = page_html(plan_document(PlanReport(plan, rank, {}, {}, top_rows=3)))
     assert "First 3 of 20 ranked stars" in page
     assert "ε Ind A" not in page
 
 
 def test_plan_without_targets(plan, rank, read):
     empty = plan.model_copy(update={"targets": [], "calibration": {"ratio": None, "error": None, "n_bands": 0}})
-    text = " ".join(read(render_plan(empty, rank, {}, {})).text)
+    text = " ".join(read(page_html(plan_document(PlanReport(empty, rank, {}, {})))).text)
     assert "No target was confirmed" in text
 
 
 def test_target_without_a_confirmed_band(plan, rank, read):
     bands = [plan.targets[0].bands[3]]
     target = plan.targets[0].model_copy(update={"chosen_band": None, "bands": bands})
-    text = " ".join(read(render_plan(plan.model_copy(update={"targets": [target]}), rank, {}, {})).text)
+    text = " ".join(
+        read(page_html(plan_document(PlanReport(plan.model_copy(update={"targets": [target]}), rank, {}, {})))).text
+    )
     assert "the images show the planet in no band" in text
 
 
@@ -213,7 +218,7 @@ def test_page_one_says_how_the_etc_stands(page, words):
 
 def test_what_is_altered_is_named_before_anything_else(plan, rank, read):
     altered = plan.model_copy(update={"simulator_overrides": {"bands.*.t_opt": "x0.7", "detector.cic_e": 0.05}})
-    text = " ".join(" ".join(read(render_plan(altered, rank, {}, {})).text).split())
+    text = " ".join(" ".join(read(page_html(plan_document(PlanReport(altered, rank, {}, {})))).text).split())
     sentence = "Images altered: throughput ×0.7, clock_charge = 0.05 e-. Predictions are nominal."
     assert text.index(sentence) < text.index("stars were ranked")
 
@@ -267,7 +272,9 @@ def test_scores_and_libraries_bring_their_words(plan, rank, read):
     words = {"name": "toy_library", "meaning": "a toy box", "found": "a toy squeaks", "searched": "searched for toys"}
     with SCORES.holding(score), LIBRARIES.holding(type("Toy", (Library,), words)()):
         other = plan.model_copy(update={"reference_library": "toy_library"})
-        text = read(render_plan(other, rank.model_copy(update={"score_name": "toy_score"}), {}, {})).words
+        text = read(
+            page_html(plan_document(PlanReport(other, rank.model_copy(update={"score_name": "toy_score"}), {}, {})))
+        ).words
     for said in ("ranked by how many toys are seen", "by toy score: toys seen", "a toy box", "if a toy squeaks"):
         assert said in text
     assert "reduced, searched for toys: the planet" in text

@@ -2,8 +2,9 @@
 
 import pytest
 
+from cpic_planner.report.plan_sections import PlanReport, plan_document
 from cpic_planner.report.summary import dial_text, error_text, modelled_groups, modelled_sentence
-from cpic_planner.report.write import render_plan
+from cpic_planner.report.write import page_html
 
 
 def test_the_dial_in_words(plan):
@@ -55,7 +56,7 @@ def test_one_sentence_for_all_images(plan):
 
 
 def test_the_report_has_the_table_once_and_escapes_it(plan, rank, read):
-    page = render_plan(plan, rank, {}, {})
+    page = page_html(plan_document(PlanReport(plan, rank, {}, {})))
     assert page.count("What was modelled") == 2  # heading and contents
     assert "uniform &lt;b&gt;" in page
     words = read(page).words if hasattr(read(page), "words") else page
@@ -81,6 +82,6 @@ def test_a_band_without_a_valid_tier_says_so(plan, rank, make_modelled):
         }
     )
     changed = target.model_copy(update={"bands": [head, *target.bands[1:]]})
-    page = render_plan(plan.model_copy(update={"targets": [changed]}), rank, {}, {})
+    page = page_html(plan_document(PlanReport(plan.model_copy(update={"targets": [changed]}), rank, {}, {})))
     assert "take --fidelity standard" in page
     assert "✕" in page

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from cpic_planner.report import drawing
 from cpic_planner.report.whatif_maps import (
     FEW,
     calendar_figure,
     left_out,
     looks_of,
-    plain_log_axis,
     row_label,
     shown_rows,
     stars_figure,
@@ -175,7 +175,7 @@ def test_a_log_axis_has_everyday_numbers(limits, ticks):
 
     axes = Figure().subplots()
     axes.set_xlim(limits)
-    plain_log_axis(axes)
+    drawing.plain_log_axis(axes)
     axes.set_xlim(limits)
     axes.figure.canvas.draw()
     shown = [text.get_text() for text in axes.get_xticklabels() if limits[0] <= text.get_position()[0] <= limits[1]]

@@ -3,7 +3,8 @@ import pytest
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import WHATIF_FIGURES
 from cpic_planner.report.numbers import decimals
-from cpic_planner.report.write import render_whatif
+from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
+from cpic_planner.report.write import page_html
 from cpic_planner.results import ImageSample, PlanetShare, SettingSource
 
 HOSTILE = "<script>alert('x')</script>"
@@ -12,7 +13,7 @@ PICTURES = {key: Picture("data:image/svg+xml;base64,", f"alt {key}", f"caption {
 
 @pytest.fixture(scope="module")
 def page(compared):
-    return render_whatif(compared(), PICTURES)
+    return page_html(whatif_document(WhatIfReport(compared(), PICTURES)))
 
 
 def test_nothing_is_loaded_from_outside_and_names_are_text(page, reader, words):
@@ -61,7 +62,7 @@ def test_time_stars_changes_and_settings(words):
 def test_the_archive_is_named_where_its_table_is_used(compared, read, source, named):
     result = compared()
     result = result.model_copy(update={"universe": result.universe | {"known_planets": source}})
-    assert ("Akeson et al. 2013" in read(render_whatif(result, PICTURES)).words) == named
+    assert ("Akeson et al. 2013" in read(page_html(whatif_document(WhatIfReport(result, PICTURES)))).words) == named
 
 
 def test_the_strategy_that_finds_most_is_shaded(compared, reader):
@@ -78,14 +79,14 @@ def test_images_tell_their_correction(compared, read):
     shown = [
         item.model_copy(update={"images": own}) for item, own in zip(result.strategies, (sample, without), strict=True)
     ]
-    words = read(render_whatif(result.model_copy(update={"strategies": shown}), {})).words
+    words = read(page_html(whatif_document(WhatIfReport(result.model_copy(update={"strategies": shown}), {})))).words
     assert f"one 40 120 31.5 28 0.89 0.75 to 1.02 {0.889 * 0.512:.2f} 24 stars" in words
     assert "two 40 120 31.5 28 – – 24 stars" in words
     assert "No images were asked for" not in words
 
 
 def test_one_strategy_has_nothing_to_differ_from(compared, read):
-    page = render_whatif(compared(["one"]), {})
+    page = page_html(whatif_document(WhatIfReport(compared(["one"]), {})))
     words = read(page).words
     assert 'id="differences"' not in page
     assert "Changes of rank" not in words
@@ -93,7 +94,7 @@ def test_one_strategy_has_nothing_to_differ_from(compared, read):
 
 
 def test_nothing_found_is_an_answer(compared, read):
-    reader = read(render_whatif(compared(["one", "two"], empty=True), {}))
+    reader = read(page_html(whatif_document(WhatIfReport(compared(["one", "two"], empty=True), {}))))
     words = reader.words
     assert "Nothing is detected in any universe." in words
     assert "No strategy visits a star." in words
@@ -109,14 +110,14 @@ def test_other_pairs_and_other_verdicts(compared, read):
         for item in result.differences[:1]
     ]
     changed = result.model_copy(update={"differences": [*result.differences, *extra]})
-    words = read(render_whatif(changed, {})).words
+    words = read(page_html(whatif_document(WhatIfReport(changed, {})))).words
     assert "All other pairs (1)" in words
     assert "two three −0.300 −0.400 to −0.200 – – – 0.62 ✕ finds fewer" in words
 
 
 def test_many_strategies_keep_their_rows_but_not_all_their_stars(compared, read):
     names = [f"s{i}" for i in range(50)]
-    reader = read(render_whatif(compared(names), {}))
+    reader = read(page_html(whatif_document(WhatIfReport(compared(names), {}))))
     words = reader.words
     assert "The first strategy and the 39 that find most; targets.csv has the stars of all 50." in words
     assert sum(attributes.get("aria-label", "").startswith("Stars of") for _, attributes in reader.tags) == 40
@@ -132,19 +133,19 @@ def test_sources_of_the_settings(compared, read):
         ),
         SettingSource(key="slot_share", value=0.25, unit="", source="a guess", confidence="I", strategies=names[:1]),
     ]
-    page = render_whatif(result.model_copy(update={"sources": rows}), {})
+    page = page_html(whatif_document(WhatIfReport(result.model_copy(update={"sources": rows}), {})))
     words = read(page).words
     assert f"visit.time_s 36000, 60 s A {HOSTILE} all" in words
     assert f"slot_share 0.25 I a guess {names[0]}" in words
     assert HOSTILE not in page
-    assert "Where these numbers are from" not in render_whatif(result, {})
+    assert "Where these numbers are from" not in page_html(whatif_document(WhatIfReport(result, {})))
 
 
 def test_the_subtitle_and_the_yields_follow_the_run(compared):
     result = compared(["deep drift=x1 (0.05 nm)", "deep drift=0.1 nm"])
     share = PlanetShare(name="eps Eri b", share=0.68, planets=0.59)
     strategies = [item.model_copy(update={"leading_planet": share}) for item in result.strategies]
-    html = render_whatif(result.model_copy(update={"strategies": strategies}), {})
+    html = page_html(whatif_document(WhatIfReport(result.model_copy(update={"strategies": strategies}), {})))
     assert "2 strategies with 1752 h of telescope time, 20 % of 360 days" in html
     assert html.count("68 % of the planets found are eps Eri b") >= 2
     assert "deep drift=0.1 nm" in html
