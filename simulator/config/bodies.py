@@ -161,11 +161,8 @@ class Body(FrozenModel):
             if getattr(self, one) is None and getattr(self, other) is not None:
                 raise required(one, f"a value where {other} is given")
         if self.ra_deg is not None and self.separation_arcsec is not None:
-            raise InputError(
-                "ra_deg",
-                "given with separation_arcsec",
-                allowed="either ra_deg and dec_deg, or separation_arcsec and pa_deg",
-            )
+            allowed = "either ra_deg and dec_deg, or separation_arcsec and pa_deg"
+            raise InputError("ra_deg", "given with separation_arcsec", allowed=allowed)
         return self
 
 

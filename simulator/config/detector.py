@@ -119,12 +119,8 @@ class _AnyDetector(FrozenModel):
     @model_validator(mode="after")
     def _star_and_bias_fit(self) -> Self:
         if self.star_column >= self.n_columns or self.star_row >= self.n_rows:
-            raise InputError(
-                "star_column, star_row",
-                (self.star_column, self.star_row),
-                unit="px",
-                allowed=f"inside the frame of {self.n_columns} x {self.n_rows}",
-            )
+            allowed = f"inside the frame of {self.n_columns} x {self.n_rows}"
+            raise InputError("star_column, star_row", (self.star_column, self.star_row), unit="px", allowed=allowed)
         if self.bias_adu >= self.adc_max_adu:
             raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
         return self
@@ -219,34 +215,22 @@ class Detector(_AnyDetector, OwnVisible):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if min(self.active_shape) < 1:
-            raise InputError(
-                "layout",
-                self.layout.model_dump(),
-                unit="px",
-                allowed=f"borders that leave pixels in {self.n_columns} x {self.n_rows}",
-            )
+            allowed = f"borders that leave pixels in {self.n_columns} x {self.n_rows}"
+            raise InputError("layout", self.layout.model_dump(), unit="px", allowed=allowed)
         if self.exposure_min_s > self.exposure_max_s:
-            raise InputError(
-                "exposure_min_s",
-                self.exposure_min_s,
-                unit="s",
-                allowed=f"at most exposure_max_s = {self.exposure_max_s}",
-            )
+            allowed = f"at most exposure_max_s = {self.exposure_max_s}"
+            raise InputError("exposure_min_s", self.exposure_min_s, unit="s", allowed=allowed)
         if self.em_gain_max > 2.0 ** min(self.register_stages, 1000):
-            raise InputError(
-                "em_gain_max", self.em_gain_max, allowed=f"at most 2^{self.register_stages}, one doubling a stage"
-            )
+            allowed = f"at most 2^{self.register_stages}, one doubling a stage"
+            raise InputError("em_gain_max", self.em_gain_max, allowed=allowed)
         clocks = self.transfer
         for name, elements, loss in (
             ("parallel_cti", self.n_rows + clocks.store_rows, clocks.parallel_cti),
             ("serial_cti", self.n_columns + clocks.serial_elements, clocks.serial_cti),
         ):
             if elements * loss > MAX_LOSSES:
-                raise InputError(
-                    f"transfer.{name}",
-                    loss,
-                    allowed=f"at most {MAX_LOSSES / elements:.3g}, {MAX_LOSSES:g} over {elements} transfers",
-                )
+                allowed = f"at most {MAX_LOSSES / elements:.3g}, {MAX_LOSSES:g} over {elements} transfers"
+                raise InputError(f"transfer.{name}", loss, allowed=allowed)
         return self
 
     @property

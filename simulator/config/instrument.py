@@ -91,12 +91,8 @@ class Instrument(FrozenModel):
             section = self.channel(band.camera).section
             aperture, pixel = self.aperture_radius_arcsec(name), self.pixel_scale_arcsec(name)
             if not 1.0 <= aperture / pixel <= 20.0:
-                raise InputError(
-                    "pixel_scale_arcsec",
-                    pixel,
-                    unit="arcsec",
-                    allowed=f"1 to 20 pixels in the aperture radius of {name}, not {aperture / pixel:.3g}",
-                )
+                allowed = f"1 to 20 pixels in the aperture radius of {name}, not {aperture / pixel:.3g}"
+                raise InputError("pixel_scale_arcsec", pixel, unit="arcsec", allowed=allowed)
             inner = self.hole_inner_arcsec(name) + 2 * aperture
             if inner >= self.hole_outer_arcsec(name):
                 raise InputError(
@@ -265,12 +261,8 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
     else:
         known = preset_path("instrument", str(source))
         if known is None and not Path(source).exists():
-            raise InputError(
-                "instrument",
-                str(source),
-                allowed="a YAML file or a preset",
-                hint=f"presets: {', '.join(preset_names('instrument'))}",
-            )
+            hint = f"presets: {', '.join(preset_names('instrument'))}"
+            raise InputError("instrument", str(source), allowed="a YAML file or a preset", hint=hint)
         tree = load_mapping(source, "instrument", Instrument.model_fields) if known is None else _shipped(known)
         own = paths_beside(tree, Path(known or source).parent)
         if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):

@@ -50,11 +50,8 @@ class SpectrumTable(FrozenModel):
     @model_validator(mode="after")
     def _readable(self) -> SpectrumTable:
         if (self.photlam is None) == (self.flam is None):
-            raise InputError(
-                "photlam",
-                "missing" if self.flam is None else "given with flam",
-                allowed="photlam (ph/s/cm2/A) or flam (erg/s/cm2/A), one of the two",
-            )
+            allowed = "photlam (ph/s/cm2/A) or flam (erg/s/cm2/A), one of the two"
+            raise InputError("photlam", "missing" if self.flam is None else "given with flam", allowed=allowed)
         name = "photlam" if self.photlam is not None else "flam"
         values = self.photlam or self.flam or ()
         check_columns("wavelength_nm", self.wavelength_nm, name, values)
@@ -124,9 +121,8 @@ def spectrum_value(value: Any, models: tuple[str, ...]) -> str | SpectrumTable:
     if isinstance(value, str | Path):
         if value in models or (str(value) and Path(value).exists()):
             return str(value)
-        raise InputError(
-            "spectrum", str(value), allowed=f"{', '.join(models)}, or an existing file", hint=nearest(value, models)
-        )
+        allowed = f"{', '.join(models)}, or an existing file"
+        raise InputError("spectrum", str(value), allowed=allowed, hint=nearest(value, models))
     columns = _columns_of(value)
     if columns is None:
         raise InputError("spectrum", value, allowed=f"{', '.join(models)}, a file, or a table of numbers")

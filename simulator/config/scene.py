@@ -55,11 +55,8 @@ def place(host: SceneStar, body: Body) -> Place:
     sky = (body.ra_deg, body.dec_deg, host.ra_deg, host.dec_deg)
     separation = float(separation_arcsec(*sky))
     if separation > MAX_SEPARATION_ARCSEC:
-        raise InputError(
-            "ra_deg, dec_deg",
-            f"{separation:.6g} arcsec from cstar",
-            allowed=f"at most {MAX_SEPARATION_ARCSEC:g} arcsec, at the same epoch",
-        )
+        allowed = f"at most {MAX_SEPARATION_ARCSEC:g} arcsec, at the same epoch"
+        raise InputError("ra_deg, dec_deg", f"{separation:.6g} arcsec from cstar", allowed=allowed)
     return Place(separation, float(position_angle(*tangent_offset(*sky))))
 
 
@@ -192,19 +189,12 @@ class Scene(FrozenModel):
                 raise at(path, error) from None
         for number, source in enumerate(self.extended):
             if source.name in seen:
-                raise InputError(
-                    f"extended.{number}.name",
-                    source.name,
-                    allowed=f"a name of its own, not that of {seen[source.name]}",
-                )
+                allowed = f"a name of its own, not that of {seen[source.name]}"
+                raise InputError(f"extended.{number}.name", source.name, allowed=allowed)
             seen[source.name] = f"extended.{number}"
             if source.contrast_to(self.cstar.v_mag) > 1:
-                raise InputError(
-                    f"extended.{number}.v_mag",
-                    source.v_mag,
-                    unit="mag",
-                    allowed=f"at least that of cstar, {self.cstar.v_mag:g}",
-                )
+                allowed = f"at least that of cstar, {self.cstar.v_mag:g}"
+                raise InputError(f"extended.{number}.v_mag", source.v_mag, unit="mag", allowed=allowed)
         return self
 
     def is_lit(self, star: SceneStar) -> bool:

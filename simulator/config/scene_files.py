@@ -258,13 +258,8 @@ def _begun(sequences: tuple[SequenceConfig, ...], start_utc: Any) -> tuple[Seque
     """The sequences with the begin of the first."""
     own = [item.start_utc for item in sequences if item.start_utc is not None]
     if own:
-        raise InputError(
-            "start_utc",
-            start_utc,
-            unit="UTC",
-            allowed="for sequences without a begin of their own",
-            hint=f"one has {own[0]}",
-        )
+        allowed = "for sequences without a begin of their own"
+        raise InputError("start_utc", start_utc, unit="UTC", allowed=allowed, hint=f"one has {own[0]}")
     return (_changed(sequences[0], "start_utc", start_utc), *sequences[1:])
 
 

@@ -41,12 +41,8 @@ class PhysicalTracks(FrozenModel):
     def _loses(self) -> PhysicalTracks:
         _check_lengths(self.depth_um, self.max_length_um)
         if self.mean_loss_e_um < LOSS_WIDTHS * self.loss_width_e_um:
-            raise InputError(
-                "loss_width_e_um",
-                self.loss_width_e_um,
-                unit="e-/um",
-                allowed=f"at most mean_loss_e_um / {LOSS_WIDTHS} = {self.mean_loss_e_um / LOSS_WIDTHS:g}",
-            )
+            allowed = f"at most mean_loss_e_um / {LOSS_WIDTHS} = {self.mean_loss_e_um / LOSS_WIDTHS:g}"
+            raise InputError("loss_width_e_um", self.loss_width_e_um, unit="e-/um", allowed=allowed)
         return self
 
 
@@ -136,12 +132,9 @@ class ExtraLight(FrozenModel):
         if not isinstance(self.map_file, dict):
             return self.map_file
         if band not in self.map_file:
-            raise InputError(
-                "map_file",
-                f"no map of {band}",
-                allowed=f"a map of each band, or of {band} at least",
-                hint=f"there are maps of {', '.join(self.map_file) or 'no band'}",
-            )
+            allowed = f"a map of each band, or of {band} at least"
+            hint = f"there are maps of {', '.join(self.map_file) or 'no band'}"
+            raise InputError("map_file", f"no map of {band}", allowed=allowed, hint=hint)
         return self.map_file[band]
 
 
@@ -252,9 +245,8 @@ class DiscSource(_Scattered):
     @model_validator(mode="after")
     def _ordered(self) -> DiscSource:
         if self.inner_arcsec >= self.outer_arcsec:
-            raise InputError(
-                "inner_arcsec", self.inner_arcsec, unit="arcsec", allowed=f"below outer_arcsec = {self.outer_arcsec:g}"
-            )
+            allowed = f"below outer_arcsec = {self.outer_arcsec:g}"
+            raise InputError("inner_arcsec", self.inner_arcsec, unit="arcsec", allowed=allowed)
         if self.inner_arcsec == 0 and self.slope <= -2:
             raise InputError("slope", self.slope, allowed="above -2 where inner_arcsec is 0: the light must be finite")
         return self

@@ -215,12 +215,8 @@ def _surface(instrument: Instrument, band: str) -> FloatArray:
         raise InputError("dark_hole.surface_files", band, allowed="a surface for every band in use")
     surface = load_dm_surface(path)
     if math.lcm(len(surface), instrument.wavefront.samples) > MAX_SAMPLES:
-        raise InputError(
-            "dark_hole.surface_files",
-            path,
-            allowed=f"a map that shares a grid with the {instrument.wavefront.samples} samples of the static wavefront",
-            hint=f"it has {len(surface)} samples a side",
-        )
+        allowed = f"a map that shares a grid with the {instrument.wavefront.samples} samples of the static wavefront"
+        raise InputError("dark_hole.surface_files", path, allowed=allowed, hint=f"it has {len(surface)} samples a side")
     return surface
 
 
@@ -232,10 +228,7 @@ def _grid(steps: int, instrument: Instrument, band: str, knobs: Knobs) -> int:
         common = math.lcm(common, len(_surface(instrument, band)))
     samples = common * max(1, math.ceil(knobs.pupil_samples / common))
     if samples > MAX_SAMPLES:
-        raise InputError(
-            "wavefront.samples",
-            instrument.wavefront.samples,
-            allowed=f"a grid that shares one of at most {MAX_SAMPLES} samples with the {steps} steps of the apodizer",
-            hint="set coronagraph.apodizer_samples to that number",
-        )
+        allowed = f"a grid that shares one of at most {MAX_SAMPLES} samples with the {steps} steps of the apodizer"
+        hint = "set coronagraph.apodizer_samples to that number"
+        raise InputError("wavefront.samples", instrument.wavefront.samples, allowed=allowed, hint=hint)
     return samples

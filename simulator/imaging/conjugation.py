@@ -147,11 +147,8 @@ class Conjugation:
         settings: ControlSettings,
     ) -> None:
         if aberrations.opd_nm.shape != imager.transmission.shape:
-            raise InputError(
-                "aberrations",
-                aberrations.opd_nm.shape,
-                allowed=f"the pupil grid of the imager, {imager.transmission.shape}",
-            )
+            allowed = f"the pupil grid of the imager, {imager.transmission.shape}"
+            raise InputError("aberrations", aberrations.opd_nm.shape, allowed=allowed)
         nodes, weights = np.polynomial.legendre.leggauss(settings.n_wavelengths)
         self.wavelengths_m = center_m * (1.0 + 0.5 * settings.bandwidth * nodes)
         self.band, self.transmission, self.aberrations, self.mirror = (

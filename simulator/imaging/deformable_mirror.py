@@ -206,23 +206,14 @@ def load_dm_surface(path: str | Path, samples: int | None = None, *, unit: str |
     factor = _factor(name, header_unit if file.is_fits else "nm", unit)
     surface = real_map("dm_surface", name, found.data, sides=(2, MAX_SIDE)) * factor
     if np.abs(surface).max() > MAX_SURFACE_NM:
-        raise InputError(
-            "dm_surface",
-            name,
-            unit="nm",
-            allowed=f"heights within {MAX_SURFACE_NM:g} nm",
-            hint=f"found {np.abs(surface).max():.3g} nm; is the unit right?",
-        )
+        hint = f"found {np.abs(surface).max():.3g} nm; is the unit right?"
+        raise InputError("dm_surface", name, unit="nm", allowed=f"heights within {MAX_SURFACE_NM:g} nm", hint=hint)
     if samples is None:
         return surface
     repeat, rest = divmod(samples, len(surface))
     if rest or repeat < 1:
-        raise InputError(
-            "dm_surface",
-            name,
-            allowed=f"a map whose side divides the {samples} pupil samples",
-            hint=f"its side is {len(surface)}",
-        )
+        allowed = f"a map whose side divides the {samples} pupil samples"
+        raise InputError("dm_surface", name, allowed=allowed, hint=f"its side is {len(surface)}")
     return np.repeat(np.repeat(surface, repeat, axis=0), repeat, axis=1)
 
 

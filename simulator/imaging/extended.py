@@ -117,13 +117,8 @@ def _axis(middle: float, extent: float, step: float, reach: float | None) -> Flo
         if high <= low:
             low, high = -1, 1  # nothing of the source lies within the reach
     if high - low + 1 > MAX_POINTS:
-        raise InputError(
-            "step_arcsec",
-            step,
-            unit="arcsec",
-            allowed=f"at most {MAX_POINTS} points a side",
-            hint=f"the source needs {high - low + 1}; give reach_arcsec",
-        )
+        hint = f"the source needs {high - low + 1}; give reach_arcsec"
+        raise InputError("step_arcsec", step, unit="arcsec", allowed=f"at most {MAX_POINTS} points a side", hint=hint)
     return np.arange(low, high + 1, dtype=np.float64) * step
 
 
@@ -247,9 +242,8 @@ def _read(source: ImageSource) -> _Picture:
         found = named
     image = real_map(key, source.file, found.data, square=False)
     if image.min() < 0:
-        raise InputError(
-            key, source.file, allowed="no negative values", hint=f"{(image < 0).sum()} are, down to {image.min():.3g}"
-        )
+        allowed = "no negative values"
+        raise InputError(key, source.file, allowed=allowed, hint=f"{(image < 0).sum()} are, down to {image.min():.3g}")
     if not image.any():
         raise InputError(key, source.file, allowed="an image with light in it")
     stated = pixel_scale(key, source.file, found.header)
@@ -258,18 +252,12 @@ def _read(source: ImageSource) -> _Picture:
         stated = float(real_map(key, source.file, np.atleast_2d(scale.data), square=False)[0, 0])
     asked = source.pixel_scale_arcsec
     if asked is not None and stated is not None and abs(asked / stated - 1) > SCALE_TOLERANCE:
-        raise InputError(
-            "pixel_scale_arcsec", asked, unit="arcsec", allowed=f"{stated:g}, as the file says", hint=source.file
-        )
+        allowed = f"{stated:g}, as the file says"
+        raise InputError("pixel_scale_arcsec", asked, unit="arcsec", allowed=allowed, hint=source.file)
     pixel = stated if asked is None else asked
     if pixel is None:
-        raise InputError(
-            "pixel_scale_arcsec",
-            "missing",
-            unit="arcsec",
-            allowed="a value, or PIXSCALE or CDELT in the header",
-            hint=source.file,
-        )
+        allowed = "a value, or PIXSCALE or CDELT in the header"
+        raise InputError("pixel_scale_arcsec", "missing", unit="arcsec", allowed=allowed, hint=source.file)
     if not 0 < pixel <= 10:
         raise InputError("pixel_scale_arcsec", pixel, unit="arcsec", allowed="above 0, at most 10", hint=source.file)
     n_y, n_x = image.shape

@@ -224,9 +224,8 @@ def load_psf(
     _check_centre(path, off_axis)
     on_axis = None if found.on_axis is None else _image(path, "on_axis", found.on_axis, flags)
     if on_axis is not None and on_axis.shape != off_axis.shape:
-        raise InputError(
-            "psf on_axis", str(path), allowed=f"the shape of off_axis, {off_axis.shape}", hint=f"found {on_axis.shape}"
-        )
+        allowed = f"the shape of off_axis, {off_axis.shape}"
+        raise InputError("psf on_axis", str(path), allowed=allowed, hint=f"found {on_axis.shape}")
     pixel = _pixel(path, found.pixel_scale_arcsec, chosen, name)
     scale = _scale(path, float(off_axis.sum()), energy, flags)
     off_axis = off_axis * scale
@@ -249,9 +248,8 @@ def load_psf(
         behind = float(off_axis.sum())
         flags.append("apodizer_energy_of_stamp")
     elif not off_axis.sum() - ROUNDING <= behind <= 1 + ROUNDING:
-        raise InputError(
-            "psf apodizer_energy", behind, allowed=f"{off_axis.sum():.6g} (sum of off_axis) to 1", hint=str(path)
-        )
+        allowed = f"{off_axis.sum():.6g} (sum of off_axis) to 1"
+        raise InputError("psf apodizer_energy", behind, allowed=allowed, hint=str(path))
     if name and len(off_axis) / 2 < chosen.aperture_radius_arcsec(name) / pixel + 1:
         flags.append("core_beyond_stamp")
     for image in (on_axis, off_axis):
@@ -311,17 +309,12 @@ def _pixel(path: str | Path, stated: float | None, instrument: Instrument, band:
     """Pixel of the detector, that of the file having been compared with it."""
     detector = instrument.pixel_scale_arcsec(band) if band else instrument.detector.pixel_scale_arcsec
     if stated is None:
-        raise InputError(
-            "psf pixel_scale_arcsec", "missing", unit="arcsec", allowed=f"{detector:g}, the detector's", hint=str(path)
-        )
+        allowed = f"{detector:g}, the detector's"
+        raise InputError("psf pixel_scale_arcsec", "missing", unit="arcsec", allowed=allowed, hint=str(path))
     if not (stated > 0 and abs(stated / detector - 1) <= SCALE_TOLERANCE):
-        raise InputError(
-            "psf pixel_scale_arcsec",
-            stated,
-            unit="arcsec",
-            allowed=f"{detector:g} arcsec, the detector's pixel, to 1e-3",
-            hint="bin or resample the kernel to it, or change the instrument",
-        )
+        allowed = f"{detector:g} arcsec, the detector's pixel, to 1e-3"
+        hint = "bin or resample the kernel to it, or change the instrument"
+        raise InputError("psf pixel_scale_arcsec", stated, unit="arcsec", allowed=allowed, hint=hint)
     return detector
 
 
@@ -329,18 +322,13 @@ def _image(path: str | Path, name: str, data: NDArray[Any], flags: list[str]) ->
     key = f"psf {name}"
     image = real_map(key, path, data, sides=SIDES)
     if len(image) % 2 == 0:
-        raise InputError(
-            key,
-            str(path),
-            allowed="an odd number of pixels a side, the source on pixel n // 2",
-            hint=f"found {len(image)}",
-        )
+        allowed = "an odd number of pixels a side, the source on pixel n // 2"
+        raise InputError(key, str(path), allowed=allowed, hint=f"found {len(image)}")
     negative = image < 0
     if negative.any():
         if image.min() < -NEGATIVE * max(float(image.max()), 0.0):
-            raise InputError(
-                key, str(path), allowed="no negative values", hint=f"{negative.sum()} are, down to {image.min():.3g}"
-            )
+            allowed = "no negative values"
+            raise InputError(key, str(path), allowed=allowed, hint=f"{negative.sum()} are, down to {image.min():.3g}")
         image[negative] = 0.0
         flags.append("negative_rounding")
     return image
@@ -351,12 +339,8 @@ def _check_centre(path: str | Path, image: FloatArray) -> None:
     if not image.any():
         raise InputError("psf off_axis", str(path), allowed="an image with light in it")
     if max(abs(int(index) - centre) for index in peak) > 1:
-        raise InputError(
-            "psf off_axis",
-            str(path),
-            allowed=f"its peak on the centre pixel [{centre}, {centre}]",
-            hint=f"found on [{peak[0]}, {peak[1]}]",
-        )
+        allowed = f"its peak on the centre pixel [{centre}, {centre}]"
+        raise InputError("psf off_axis", str(path), allowed=allowed, hint=f"found on [{peak[0]}, {peak[1]}]")
 
 
 def _scale(path: str | Path, total: float, energy: float | None, flags: list[str]) -> float:
@@ -367,12 +351,9 @@ def _scale(path: str | Path, total: float, energy: float | None, flags: list[str
         flags.append("energy_scaled")
         return energy / total
     if total > 1 + ROUNDING:
-        raise InputError(
-            "psf off_axis",
-            str(path),
-            allowed="a sum of at most 1: fractions of the clear disc's energy",
-            hint=f"it sums to {total:.6g}; if normalised to its peak, give energy, the sum to scale to",
-        )
+        allowed = "a sum of at most 1: fractions of the clear disc's energy"
+        hint = f"it sums to {total:.6g}; if normalised to its peak, give energy, the sum to scale to"
+        raise InputError("psf off_axis", str(path), allowed=allowed, hint=hint)
     if abs(total - 1) <= ROUNDING:
         flags.append("sums_to_one")
     return 1.0

@@ -143,9 +143,8 @@ class HoleZone:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not (math.isfinite(self.outer_arcsec) and 0 < self.inner_arcsec < self.outer_arcsec):
-            raise InputError(
-                "hole edges", (self.inner_arcsec, self.outer_arcsec), unit="arcsec", allowed="0 < inner < outer"
-            )
+            allowed = "0 < inner < outer"
+            raise InputError("hole edges", (self.inner_arcsec, self.outer_arcsec), unit="arcsec", allowed=allowed)
         for name, value, known in (("mode", self.mode, HoleMode), ("side", self.side, HoleSide)):
             if value not in get_args(known):
                 raise InputError(name, value, allowed=", ".join(get_args(known)))

@@ -80,12 +80,8 @@ def measure_floor(
     if not place.any():  # a hole smaller than the aperture: centres inside it must do
         place = hole
     if not place.any():
-        raise InputError(
-            "coronagraph.inner_lambda_d",
-            zone.inner_arcsec,
-            unit="arcsec per axis",
-            allowed=f"an inner edge well inside the outer edge, {zone.outer_arcsec} arcsec",
-        )
+        allowed = f"an inner edge well inside the outer edge, {zone.outer_arcsec} arcsec"
+        raise InputError("coronagraph.inner_lambda_d", zone.inner_arcsec, unit="arcsec per axis", allowed=allowed)
     separation = np.hypot(y_centres[:, None], x_centres)[place]
     weights = overlap_weights(radius / pixel)
 

@@ -101,12 +101,8 @@ class Psf:
         reach = self.imager.zone.outer_arcsec + self.imager.aperture_radius_arcsec
         least = 2 * math.ceil(reach / self.pixel_scale_arcsec) + 1
         if self.knobs.stamp_pixels < least:
-            raise InputError(
-                "stamp_pixels",
-                self.knobs.stamp_pixels,
-                unit="px",
-                allowed=f"at least {least} for metrics: the dark hole and an aperture",
-            )
+            allowed = f"at least {least} for metrics: the dark hole and an aperture"
+            raise InputError("stamp_pixels", self.knobs.stamp_pixels, unit="px", allowed=allowed)
         figures = stamp_figures(self.imager, self.on_axis, self.off_axis) | {"strehl": strehl(self.imager)}
         arrays = stored.to_arrays() | {name: np.asarray(value) for name, value in figures.items()}
         return PsfMetrics.from_arrays(arrays)

@@ -99,12 +99,8 @@ def _fits_bytes(known: dict[str, Any]) -> bytes:
 def _from_npz(path: str | Path, file: MapFile) -> StampFile:
     off_axis, on_axis, band = (file.named(name) for name in ("off_axis", "on_axis", "band"))
     if off_axis is None:
-        raise InputError(
-            "psf",
-            str(path),
-            allowed="an npz file with an array named off_axis",
-            hint=f"it has {', '.join(item.name for item in file.maps)}",
-        )
+        allowed = "an npz file with an array named off_axis"
+        raise InputError("psf", str(path), allowed=allowed, hint=f"it has {', '.join(item.name for item in file.maps)}")
     numbers: dict[str, float] = {}
     for name in ("pixel_scale_arcsec", *_CARDS):
         item = file.named(name)
@@ -127,12 +123,8 @@ def _from_fits(path: str | Path, file: MapFile) -> StampFile:
     if off_axis is None and on_axis is None and len(file.maps) == 1:
         off_axis = file.maps[0]
     if off_axis is None:
-        raise InputError(
-            "psf",
-            str(path),
-            allowed="a FITS file with an image OFF_AXIS, or a single image",
-            hint=f"its images are {[item.name for item in file.maps]}",
-        )
+        allowed = "a FITS file with an image OFF_AXIS, or a single image"
+        raise InputError("psf", str(path), allowed=allowed, hint=f"its images are {[item.name for item in file.maps]}")
     scales = [
         scale
         for item in (off_axis, on_axis)

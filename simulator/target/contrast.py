@@ -180,12 +180,8 @@ def _ratio(albedo: np.ndarray, radius_rjup: np.ndarray, distance_au: np.ndarray,
         size = radius_rjup * (JUPITER_RADIUS_KM / AU_KM) / distance_au
         ratio = albedo * size * size * np.asarray(phi)
     if not np.all(np.isfinite(ratio)):
-        raise InputError(
-            "contrast",
-            float(ratio[~np.isfinite(ratio)].flat[0]),
-            allowed="a finite ratio",
-            hint="a radius or albedo is too large, or a distance too small",
-        )
+        hint = "a radius or albedo is too large, or a distance too small"
+        raise InputError("contrast", float(ratio[~np.isfinite(ratio)].flat[0]), allowed="a finite ratio", hint=hint)
     return _plain(ratio)
 
 

@@ -275,9 +275,8 @@ def _from_library(magnitude: float, spectral_type: str | None, given: _Parameter
     from simulator.target.stellar_libraries import library_photlam
 
     if spectral_type is None:
-        raise InputError(
-            "spectral_type", "missing", allowed="an MK type of the library, A0 to M6", hint='or model="grid"'
-        )
+        allowed = "an MK type of the library, A0 to M6"
+        raise InputError("spectral_type", "missing", allowed=allowed, hint='or model="grid"')
     wavelength_nm, template, flags = library_photlam(spectral_type)
     typical = stellar_parameters(spectral_type)
     photlam = _normalised(wavelength_nm, template, magnitude)
