@@ -83,9 +83,8 @@ def photon_weights(y_pixels: FloatArray, x_pixels: FloatArray, radius_pixels: fl
     """
     t = (np.arange(STRIPS) + 0.5) / STRIPS * 2 - 1
     chord = np.sqrt(np.clip(radius_pixels**2 - (x_pixels[:, None] - t) ** 2, 0.0, None))
-    spread = _triangle_cumulative(y_pixels[:, None, None] + chord) - _triangle_cumulative(
-        y_pixels[:, None, None] - chord
-    )
+    y = y_pixels[:, None, None]
+    spread = _triangle_cumulative(y + chord) - _triangle_cumulative(y - chord)
     weights: FloatArray = spread @ (1 - np.abs(t)) * (2 / STRIPS)
     return weights
 

@@ -20,7 +20,7 @@ MAX_SAMPLES = 2048
 
 def configured_mirror(instrument: Instrument) -> DeformableMirror:
     """The mirror of an instrument."""
-    return DeformableMirror(**{name: getattr(instrument.mirror, name) for name in type(instrument.mirror).model_fields})
+    return DeformableMirror(**dict(instrument.mirror))
 
 
 def aberrations_of(instrument: Instrument) -> Aberrations | None:
@@ -28,13 +28,7 @@ def aberrations_of(instrument: Instrument) -> Aberrations | None:
     wavefront = instrument.wavefront
     if wavefront.perfect:
         return None
-    drawn = draw_aberrations(
-        wavefront.seed,
-        samples=wavefront.samples,
-        opd_rms_nm=wavefront.opd_rms_nm,
-        amplitude_rms=wavefront.amplitude_rms,
-        psd_slope=wavefront.psd_slope,
-    )
+    drawn = draw_aberrations(**wavefront.model_dump(exclude={"jitter_mas"}))
     return drawn.pointed(cell_means(configured_apodizer(instrument), wavefront.samples))
 
 
@@ -123,11 +117,8 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
     if control == "surface":
         surface = _surface(instrument, band)
         samples = math.lcm(len(surface), instrument.wavefront.samples)
-        return (
-            (aberrations or flat_aberrations(instrument.wavefront.samples))
-            .upsampled(samples)
-            .plus_opd(2.0 * upsample(surface, samples))
-        )
+        aberrations = aberrations or flat_aberrations(instrument.wavefront.samples)
+        return aberrations.upsampled(samples).plus_opd(2.0 * upsample(surface, samples))
     solver, aberrations, mirror = _bench(instrument, band)
     state = hole_state(instrument, band, solver, aberrations, mirror)
     if instrument.wavefront.perfect and not state.commands_nm.any():

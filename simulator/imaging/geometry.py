@@ -75,14 +75,9 @@ class BandGeometry:
             If the instrument has no such band.
         """
         own = instrument.mask_half_width_arcsec(band)
-        return cls(
-            lambda_d_arcsec=instrument.lambda_d_arcsec(band),
-            pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
-            aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
-            mask_half_width_arcsec=own if mask_half_width_arcsec is None else mask_half_width_arcsec,
-            zone=zone_of(instrument, band),
-            stamp_pixels=stamp_pixels,
-        )
+        scales = instrument.lambda_d_arcsec(band), instrument.pixel_scale_arcsec(band)
+        mask = own if mask_half_width_arcsec is None else mask_half_width_arcsec
+        return cls(*scales, instrument.aperture_radius_arcsec(band), mask, zone_of(instrument, band), stamp_pixels)
 
     @property
     def hole(self) -> NDArray[np.bool_]:

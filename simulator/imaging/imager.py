@@ -18,7 +18,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -128,18 +127,9 @@ class Imager:
     @functools.cached_property
     def content_key(self) -> str:
         """Digest of everything that images depend on: equal for two models of the same optics."""
-        parts = (
-            self.band,
-            self.diameter_m,
-            self.pixel_scale_arcsec,
-            self.mask_half_width_arcsec,
-            self.knobs,
-            self.aperture_radius_arcsec,
-            self.zone,
-            self.lambda_d_arcsec,
-            self.jitter_arcsec,
-        )
-        digest = hashlib.sha256(repr(parts).encode())
+        mask = self.band, self.diameter_m, self.pixel_scale_arcsec, self.mask_half_width_arcsec
+        hole = self.knobs, self.aperture_radius_arcsec, self.zone, self.lambda_d_arcsec, self.jitter_arcsec
+        digest = hashlib.sha256(repr((*mask, *hole)).encode())
         maps = [] if self.static is None else [self.static.opd_nm, self.static.amplitude]
         for array in (self.wavelengths_m, self.weights, self.transmission, *maps):
             digest.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
@@ -264,10 +254,12 @@ class Imager:
         """Band-averaged intensity, as energy per detector pixel area, without jitter."""
         if engine == "matrix":
             return self._grid(y_arcsec, x_arcsec).intensity(opd_nm)
-        fields = (
-            self.field(index, y_arcsec, x_arcsec, opd_nm=opd_nm, engine=engine) for index in range(self.weights.size)
-        )
-        return self._summed(fields, (len(y_arcsec), len(x_arcsec)))
+        total = np.zeros((len(y_arcsec), len(x_arcsec)))
+        for index, weight in enumerate(self.weights):
+            part = self.field(index, y_arcsec, x_arcsec, opd_nm=opd_nm, engine=engine)
+            total += float(weight) * (part.real**2 + part.imag**2)
+        total *= self.pixel_solid_angle_sr
+        return total
 
     def image(
         self,
@@ -297,13 +289,6 @@ class Imager:
         values = (y.size + x.size) * len(self.transmission) * self.wavelengths_m.size
         waves = _kept_waves if values <= KEPT_WAVES else _kept_waves.__wrapped__
         return FocalGrid(self, *waves(self, y.tobytes(), x.tobytes()))
-
-    def _summed(self, fields: Iterable[ComplexArray], shape: tuple[int, int]) -> FloatArray:
-        total = np.zeros(shape)
-        for weight, part in zip(self.weights, fields, strict=True):
-            total += float(weight) * (part.real**2 + part.imag**2)
-        total *= self.pixel_solid_angle_sr
-        return total
 
 
 @dataclass(frozen=True)
@@ -364,7 +349,7 @@ class FocalGrid:
             scale = math.sqrt(float(weight) * imager.pixel_solid_angle_sr)
             parts = parts_of(scale * real, scale * imaginary, y.cosine.dtype)
             add_intensity(total, parts, self.rows[index], self.columns[index])
-        return unfolded(total, y, x)
+        return unfolded(total, (y.n_nodes, x.n_nodes), (y.sides, x.sides))
 
     def image(self, opd_nm: FloatArray | None = None) -> FloatArray:
         """Pixel-integrated image."""

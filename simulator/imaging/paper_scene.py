@@ -63,10 +63,8 @@ def paper_scene_image(
     columns = _lattice("x_centres_arcsec", x_centres_arcsec, pixel)
     image = np.zeros((rows.size, columns.size))
     places = [_cell(part, axis[0], pixel) for part, axis in zip(sources.arrays[1::-1], (rows, columns), strict=True)]
-    near = [
-        (cell >= -CELLS * reach) & (cell < CELLS * (n + reach)) for cell, n in zip(places, image.shape, strict=True)
-    ]
-    inside = near[0] & near[1]
+    lengths = zip(places, image.shape, strict=True)
+    inside = np.logical_and(*((cell >= -CELLS * reach) & (cell < CELLS * (n + reach)) for cell, n in lengths))
     if not inside.any():
         return image
     kernels = _binned_kernels(Optics.of(imager), reach)

@@ -18,7 +18,7 @@ from simulator.imaging.geometry import BandGeometry, HoleStatus
 from simulator.imaging.imager import Engine, Imager, Optics, centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import band_transfer
+from simulator.imaging.transfer import BandTransfer
 from simulator.knobs import FIDELITIES, Knobs
 from simulator.target import stellar_spectrum
 
@@ -132,13 +132,10 @@ class Psf:
         cores = [aperture_sums(psf.off_axis, weights)[middle, middle] for psf in (self, best)]
         peak, hole = float(best.off_axis.max()), self.geometry.hole
         difference = (self.on_axis - best.on_axis)[hole] / peak
-        return PsfError(
-            tier=self.knobs.tier,
-            peak=abs(float(self.off_axis.max()) / peak - 1.0),
-            aperture=abs(float(cores[0] / cores[1]) - 1.0),
-            hole_mean=abs(float(self.on_axis[hole].mean() / best.on_axis[hole].mean()) - 1.0),
-            hole_rms=float(np.sqrt((difference**2).mean())),
-        )
+        aperture = abs(float(cores[0] / cores[1]) - 1.0)
+        hole_mean = abs(float(self.on_axis[hole].mean() / best.on_axis[hole].mean()) - 1.0)
+        hole_rms = float(np.sqrt((difference**2).mean()))
+        return PsfError(self.knobs.tier, abs(float(self.off_axis.max()) / peak - 1.0), aperture, hole_mean, hole_rms)
 
     @numeric_context()
     def at(self, x_arcsec: float, y_arcsec: float) -> FloatArray:
@@ -224,16 +221,7 @@ def single_band_psf(
     kept = built.knobs.stamp_pixels < LARGE_STAMP_PIXELS and built.transmission.size <= KEPT_PUPIL
     stamps = _stamps if kept else _stamps.__wrapped__
     imager, on_axis, off_axis = stamps(Optics.of(built), engine)
-    return Psf(
-        band=band,
-        on_axis=on_axis,
-        off_axis=off_axis,
-        pixel_scale_arcsec=imager.pixel_scale_arcsec,
-        knobs=imager.knobs,
-        imager=imager,
-        instrument=instrument,
-        spectrum=light,
-    )
+    return Psf(band, on_axis, off_axis, imager.pixel_scale_arcsec, imager.knobs, imager, instrument, light)
 
 
 @functools.lru_cache(maxsize=N_KEPT)
@@ -255,14 +243,8 @@ def _stamp(imager: Imager, *, masked: bool, engine: Engine) -> FloatArray:
     if engine == "matrix" and imager.knobs.stamp_pixels >= LARGE_STAMP_PIXELS:
         centres = centred_axis(imager.knobs.stamp_pixels, imager.pixel_scale_arcsec)
         width = imager.mask_half_width_arcsec if masked else 0.0
-        return scene_image(
-            band_transfer(imager),
-            centres,
-            centres,
-            imager.pixel_scale_arcsec,
-            PointSources([0.0], [0.0], [1.0]),
-            mask_half_width_arcsec=width,
-        )
+        pixels, star = (centres, centres, imager.pixel_scale_arcsec), PointSources([0.0], [0.0], [1.0])
+        return scene_image(BandTransfer(imager), *pixels, star, mask_half_width_arcsec=width)
     axis = imager.stamp_axis(masked=masked)
     return imager.image(axis, axis, engine=engine)
 
@@ -302,8 +284,6 @@ def wide_on_axis(
     ndarray, shape ``shape``
     """
     imager = build_imager(instrument, band, Knobs(wavelength_nodes=wavelength_nodes, pixel_nodes=1))
-    y, x = (
-        imager.axis(centred_axis(n, imager.pixel_scale_arcsec, centre), masked=True)
-        for n, centre in zip(shape, star_pixel, strict=True)
-    )
-    return imager.image(y, x, source_arcsec=star_arcsec)
+    places = zip(shape, star_pixel, strict=True)
+    axes = [imager.axis(centred_axis(n, imager.pixel_scale_arcsec, star), masked=True) for n, star in places]
+    return imager.image(*axes, source_arcsec=star_arcsec)

@@ -125,23 +125,14 @@ def _from_fits(path: str | Path, file: MapFile) -> StampFile:
     if off_axis is None:
         allowed = "a FITS file with an image OFF_AXIS, or a single image"
         raise InputError("psf", str(path), allowed=allowed, hint=f"its images are {[item.name for item in file.maps]}")
-    scales = [
-        scale
-        for item in (off_axis, on_axis)
-        if item is not None
-        if (scale := pixel_scale("psf", path, item.header)) is not None
-    ]
+    found = [pixel_scale("psf", path, item.header) for item in (off_axis, on_axis) if item is not None]
+    scales = [scale for scale in found if scale is not None]
     if scales and abs(scales[-1] / scales[0] - 1) > SCALE_TOLERANCE:
         raise InputError("psf pixel_scale_arcsec", scales[-1], unit="arcsec", allowed=f"that of OFF_AXIS, {scales[0]}")
     numbers = {name: header_number("psf", path, off_axis.header, card) for name, card in _CARDS.items()}
     named = [str(off_axis.header[card]).strip() for card in _BAND_CARDS if card in off_axis.header]
-    return StampFile(
-        off_axis.data,
-        None if on_axis is None else on_axis.data,
-        scales[0] if scales else None,
-        next(iter(named), None),
-        **numbers,
-    )
+    other, scale = None if on_axis is None else on_axis.data, scales[0] if scales else None
+    return StampFile(off_axis.data, other, scale, next(iter(named), None), **numbers)
 
 
 CELLS_PER_PIXEL = 10

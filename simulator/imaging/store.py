@@ -51,9 +51,8 @@ METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian
 
 def _settings(instrument: Instrument) -> ControlSettings:
     hole = instrument.dark_hole
-    return replace(
-        default_settings(hole.mode, METHOD[hole.control]), bandwidth=hole.bandwidth, hold_star=hole.hold_star
-    )
+    usual = default_settings(hole.mode, METHOD[hole.control])
+    return replace(usual, bandwidth=hole.bandwidth, hold_star=hole.hold_star)
 
 
 def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
@@ -150,10 +149,8 @@ def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mir
     mirror : DeformableMirror
     """
     zone = solver.zone
-    announce(
-        f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: seconds on a free "
-        "processor, minutes where the hole is hard to reach"
-    )
+    takes = "seconds on a free processor, minutes where the hole is hard to reach"
+    announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: {takes}")
     return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=_settings(instrument))
 
 
@@ -182,16 +179,9 @@ def from_arrays(arrays: dict[str, NDArray[Any]], solver: Imager) -> HoleResult:
     """
     commands = np.array(arrays["commands_nm"], dtype=np.float64)
     commands.flags.writeable = False
-    search = Search(
-        commands,
-        tuple(float(value) for value in arrays["history"]),
-        tuple(bool(value) for value in arrays["strong"]),
-        str(arrays["ended"]),  # type: ignore[arg-type]
-    )
-    names = [field.name for field in fields(HoleScore)]
-    before, wide, own = (
-        HoleScore(**dict(zip(names, (float(value) for value in row), strict=True))) for row in arrays["scores"]
-    )
+    history, strong = tuple(map(float, arrays["history"])), tuple(map(bool, arrays["strong"]))
+    search = Search(commands, history, strong, str(arrays["ended"]))  # type: ignore[arg-type]
+    before, wide, own = (HoleScore(*map(float, row)) for row in arrays["scores"])
     limit = float(arrays["limit_contrast"])
     kind = DarkHole if wide.mean <= limit else UnreachedHole
     return kind(solver.band, solver.zone, str(arrays["method"]), commands, search, before, wide, own, limit)  # type: ignore[arg-type]
