@@ -178,8 +178,7 @@ def time_holes(clock: Clock, instrument: Instrument) -> list[str]:
     assert aberrations is not None
     aberrations = aberrations.upsampled(len(imager.transmission))
     settings = default_settings("4q")
-    centre_m = instrument.band(HOLE_BAND).center_nm * 1e-9
-    problem = Conjugation(imager, centre_m, aberrations, mirror, imager.zone, settings)
+    problem = Conjugation(imager, aberrations, mirror, imager.zone, settings)
     rest = np.zeros(mirror.alive.shape)
     ours = f"Jacobian, {HOLE_BAND}, one wavelength, {rest.size} actuators"
     clock.run(ours, lambda: problem.jacobian(rest, 0))

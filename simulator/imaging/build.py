@@ -120,7 +120,7 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
         aberrations = aberrations or flat_aberrations(instrument.wavefront.samples)
         return aberrations.upsampled(samples).plus_opd(2.0 * upsample(surface, samples))
     solver, aberrations, mirror = _bench(instrument, band)
-    state = hole_state(instrument, band, solver, aberrations, mirror)
+    state = hole_state(instrument, solver, aberrations, mirror)
     if instrument.wavefront.perfect and not state.commands_nm.any():
         return None
     samples = len(solver.transmission)
@@ -144,7 +144,7 @@ def dark_hole_of(instrument: Instrument, band: str) -> HoleResult:
     """
     if instrument.dark_hole.control in ("off", "surface"):
         raise InputError("dark_hole.control", instrument.dark_hole.control, allowed="conjugation, single_jacobian")
-    return hole_state(instrument, band, *_bench(instrument, band))
+    return hole_state(instrument, *_bench(instrument, band))
 
 
 def hole_state_of(instrument: Instrument, band: str, mean_contrast: float) -> HoleStatus:

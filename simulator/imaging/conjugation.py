@@ -119,9 +119,7 @@ class Conjugation:
     ----------
     imager : Imager
         Optical model; its ``transform`` and pupil grid are used as they are.
-    center_m : float
-        Centre of the controlled wavelengths.
-    aberrations : Aberrations
+    static : Aberrations
         Static wavefront on the imager's pupil grid.
     mirror : DeformableMirror
         The mirror.
@@ -132,21 +130,15 @@ class Conjugation:
     """
 
     def __init__(
-        self,
-        imager: Imager,
-        center_m: float,
-        aberrations: Aberrations,
-        mirror: DeformableMirror,
-        zone: HoleZone,
-        settings: ControlSettings,
+        self, imager: Imager, static: Aberrations, mirror: DeformableMirror, zone: HoleZone, settings: ControlSettings
     ) -> None:
-        if aberrations.opd_nm.shape != imager.transmission.shape:
+        if static.opd_nm.shape != imager.transmission.shape:
             allowed = f"the pupil grid of the imager, {imager.transmission.shape}"
-            raise InputError("aberrations", aberrations.opd_nm.shape, allowed=allowed)
+            raise InputError("aberrations", static.opd_nm.shape, allowed=allowed)
         nodes, weights = np.polynomial.legendre.leggauss(settings.n_wavelengths)
-        self.wavelengths_m = center_m * (1.0 + 0.5 * settings.bandwidth * nodes)
+        self.wavelengths_m = imager.center_m * (1.0 + 0.5 * settings.bandwidth * nodes)
         self.band, self.transmission = imager.band, imager.transmission
-        self.aberrations, self.mirror = aberrations, mirror
+        self.aberrations, self.mirror = static, mirror
         step, margin = (value * imager.lambda_d_arcsec for value in (settings.step_lambda_d, settings.margin_lambda_d))
         y, x = zone.control_axes(step, margin)
         self.n_y, self.n_x = y.size, x.size

@@ -174,10 +174,9 @@ def solve_dark_hole(
     settings = settings or default_settings(mode)
     if limit_contrast is None:
         limit_contrast = SINGLE_LIMIT if settings.method == "single_jacobian" else LIMIT_CONTRAST[mode]
-    center_m = imager.lambda_d_arcsec * imager.diameter_m / ARCSEC_PER_RAD
-    problem = Conjugation(imager, center_m, aberrations, mirror, zone, settings)
+    problem = Conjugation(imager, aberrations, mirror, zone, settings)
     wide_nodes, wide_weights = np.polynomial.legendre.leggauss(SCORE_WAVELENGTHS)
-    wavelengths = center_m * (1.0 + 0.5 * settings.bandwidth * wide_nodes)
+    wavelengths = imager.center_m * (1.0 + 0.5 * settings.bandwidth * wide_nodes)
 
     def score(commands: FloatArray) -> HoleScore:
         return score_hole(imager, aberrations, mirror, commands, zone, wavelengths, 0.5 * wide_weights)

@@ -125,14 +125,7 @@ class ExternalPsf:
         InputError
             If no band was named.
         """
-        return stamp_metrics(
-            self.on_axis,
-            self.off_axis,
-            self.instrument,
-            self._named_band,
-            mask_half_width_arcsec=self.mask_half_width_arcsec,
-            apodizer_energy=self.apodizer_energy,
-        )
+        return stamp_metrics(self.on_axis, self.off_axis, self._named_band, self.geometry, self.apodizer_energy)
 
     @functools.cached_property
     def _open(self) -> FloatArray:
@@ -288,12 +281,8 @@ def save_psf(psf: Stamps, path: str | Path) -> Path:
     if width is None and hasattr(psf, "instrument"):
         width = psf.instrument.mask_half_width_arcsec(psf.band)
     behind = getattr(psf, "apodizer_energy", getattr(getattr(psf, "imager", None), "apodizer_energy", None))
-    return write_stamps(
-        StampFile(
-            images["off_axis"], images["on_axis"], float(psf.pixel_scale_arcsec), psf.band or None, width, behind
-        ),
-        place,
-    )
+    numbers = float(psf.pixel_scale_arcsec), psf.band or None, width, behind
+    return write_stamps(StampFile(images["off_axis"], images["on_axis"], *numbers), place)
 
 
 def _band(path: str | Path, stated: str | None, asked: str | None, instrument: Instrument) -> str:

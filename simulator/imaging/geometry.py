@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,6 +78,11 @@ class BandGeometry:
         scales = instrument.lambda_d_arcsec(band), instrument.pixel_scale_arcsec(band)
         mask = own if mask_half_width_arcsec is None else mask_half_width_arcsec
         return cls(*scales, instrument.aperture_radius_arcsec(band), mask, zone_of(instrument, band), stamp_pixels)
+
+    def figures(self) -> dict[str, Any]:
+        """Lengths and hole as fields of `simulator.imaging.metrics.StampMetrics`."""
+        lengths = {name: value for name, value in vars(self).items() if name.endswith("_arcsec")}
+        return lengths | {f"hole_{name}": value for name, value in vars(self.zone).items()}
 
     @property
     def hole(self) -> NDArray[np.bool_]:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from cpic_core import FloatArray, InputError, load_quietly
 from simulator.config import ARCSEC_PER_RAD
-from simulator.imaging.geometry import HoleZone
+from simulator.imaging.geometry import BandGeometry, HoleZone
 from simulator.imaging.pupil import Aberrations
 from simulator.imaging.pupil_symmetry import (
     HalfWaves,
@@ -113,6 +113,17 @@ class Imager:
         """Energy that the apodizer passes, relative to the clear disc."""
         step = self.diameter_m / len(self.transmission)
         return float((self.transmission**2).sum() * step**2 / self._clear_area)
+
+    @property
+    def center_m(self) -> float:
+        """Wavelength of the band's centre, m."""
+        return self.lambda_d_arcsec * self.diameter_m / ARCSEC_PER_RAD
+
+    @property
+    def geometry(self) -> BandGeometry:
+        """Lengths and hole of the band."""
+        scales = self.lambda_d_arcsec, self.pixel_scale_arcsec, self.aperture_radius_arcsec, self.mask_half_width_arcsec
+        return BandGeometry(*scales, self.zone, self.knobs.stamp_pixels)
 
     @property
     def hole_arcsec(self) -> tuple[float, float]:

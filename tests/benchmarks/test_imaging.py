@@ -82,7 +82,6 @@ def test_jacobian(timed):
     imager, aberrations = bare_imager(INSTRUMENT, "F662"), aberrations_of(INSTRUMENT)
     problem = Conjugation(
         imager,
-        INSTRUMENT.band("F662").center_nm * 1e-9,
         aberrations.upsampled(len(imager.transmission)),
         configured_mirror(INSTRUMENT),
         imager.zone,
