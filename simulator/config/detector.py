@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cpic_core import InputError
 from simulator.config.base import FrozenModel, flipped
@@ -116,14 +116,12 @@ class _AnyDetector(FrozenModel):
     bias_adu: Annotated[float, Field(ge=0, le=60000)]
     switches: Switches
 
-    @model_validator(mode="after")
-    def _star_and_bias_fit(self) -> Self:
+    def _check_values(self) -> None:
         if self.star_column >= self.n_columns or self.star_row >= self.n_rows:
             allowed = f"inside the frame of {self.n_columns} x {self.n_rows}"
             raise InputError("star_column, star_row", (self.star_column, self.star_row), unit="px", allowed=allowed)
         if self.bias_adu >= self.adc_max_adu:
             raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
-        return self
 
     @property
     def multiplies(self) -> bool:
@@ -212,8 +210,8 @@ class Detector(_AnyDetector, OwnVisible):
     bias_structure: BiasStructure
     switches: CameraSwitches
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _check_values(self) -> None:
+        super()._check_values()
         if min(self.active_shape) < 1:
             allowed = f"borders that leave pixels in {self.n_columns} x {self.n_rows}"
             raise InputError("layout", self.layout.model_dump(), unit="px", allowed=allowed)
@@ -231,7 +229,6 @@ class Detector(_AnyDetector, OwnVisible):
             if elements * loss > MAX_LOSSES:
                 allowed = f"at most {MAX_LOSSES / elements:.3g}, {MAX_LOSSES:g} over {elements} transfers"
                 raise InputError(f"transfer.{name}", loss, allowed=allowed)
-        return self
 
     @property
     def active_shape(self) -> tuple[int, int]:

@@ -6,8 +6,6 @@ The light of a scene's stars, worked out when it is asked for.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -16,7 +14,7 @@ import numpy as np
 from catalogs import Albedo, Band, Spectrum, load_stellar_grid, luminosity_from_v, stellar_parameters
 from cpic_core import InputError
 from simulator.band_integrals import band_integral, band_projection, product_samples
-from simulator.config import STAR_MODELS, Place, Planet, SceneStar, SpectrumTable, at, true_distance_au
+from simulator.config import STAR_MODELS, Place, Planet, SceneStar, SpectrumTable, inside, true_distance_au
 from simulator.target.albedo import albedo_notes, albedo_table, needs_insolation, phase_value
 from simulator.target.contrast import contrast_at
 from simulator.target.spectrum_table import photon_flux, read_spectrum
@@ -177,15 +175,6 @@ def _samples(planet: LitPlanet) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 _Parameters: TypeAlias = tuple[float, str | None, float | None, float | None, float | None]
 ORIGIN = Place(0.0, 0.0)
 """Where the central star stands."""
-
-
-@contextmanager
-def inside(path: str) -> Iterator[None]:
-    """Name the place in the scene in every refusal."""
-    try:
-        yield
-    except InputError as error:
-        raise at(path, error) from None
 
 
 def table_spectrum(table: SpectrumTable) -> Spectrum:
