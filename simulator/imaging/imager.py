@@ -26,18 +26,9 @@ from numpy.typing import NDArray
 
 from cpic_core import FloatArray, InputError, load_quietly
 from simulator.config import ARCSEC_PER_RAD
+from simulator.imaging import pupil_symmetry as parity
 from simulator.imaging.geometry import BandGeometry, HoleZone
 from simulator.imaging.pupil import Aberrations
-from simulator.imaging.pupil_symmetry import (
-    HalfWaves,
-    add_intensity,
-    field_of,
-    half_waves,
-    parts_of,
-    quadrants_of,
-    unfolded,
-    unit_phases,
-)
 from simulator.imaging.sampling import PixelAxis, integrate_pixels, pixel_axis
 from simulator.knobs import Knobs
 
@@ -195,12 +186,13 @@ class Imager:
     def _kept_quadrants(self) -> list[tuple[FloatArray, FloatArray]]:
         return [_split(self.pupil(index)) for index in range(self.wavelengths_m.size)]
 
-    def waves(self, angles_arcsec: FloatArray, wavelength_m: float) -> HalfWaves:
+    def waves(self, angles_arcsec: FloatArray, wavelength_m: float) -> parity.HalfWaves:
         """`transform` of one axis by parity: real matrices, with the same envelope and area element."""
         step = self.diameter_m / len(self.transmission)
         scale = step / math.sqrt(wavelength_m) / self._clear_area**0.25
         dtype = np.empty(0, self.knobs.field_dtype).real.dtype
-        return half_waves(angles_arcsec / ARCSEC_PER_RAD / wavelength_m * step, len(self.transmission), scale, dtype)
+        cycles = angles_arcsec / ARCSEC_PER_RAD / wavelength_m * step
+        return parity.half_waves(cycles, len(self.transmission), scale, dtype)
 
     def transform(self, angles_arcsec: FloatArray, wavelength_m: float) -> ComplexArray:
         """Matrix of one axis: pupil samples to focal-plane field, sinc envelope and area element included."""
@@ -330,15 +322,17 @@ class FocalGrid:
     """
 
     imager: Imager
-    rows: tuple[HalfWaves, ...]
-    columns: tuple[HalfWaves, ...]
+    rows: tuple[parity.HalfWaves, ...]
+    columns: tuple[parity.HalfWaves, ...]
     y: PixelAxis | None = None
     x: PixelAxis | None = None
 
     def transformed(self, index: int, pupil: NDArray[Any]) -> ComplexArray:
         """Any pupil map in the focal plane, shape (k_y, k_x)."""
         rows = self.rows[index]
-        field: ComplexArray = field_of(parts_of(*_split(pupil), rows.cosine.dtype), rows, self.columns[index])
+        field: ComplexArray = parity.field_of(
+            parity.parts_of(*_split(pupil), rows.cosine.dtype), rows, self.columns[index]
+        )
         return field
 
     def field(self, index: int, opd_nm: FloatArray | None = None) -> ComplexArray:
@@ -349,18 +343,18 @@ class FocalGrid:
         """Band-averaged intensity at the nodes, as energy per pixel area."""
         imager, y, x = self.imager, self.rows[0], self.columns[0]
         total = np.zeros((1 + y.mirrored, 1 + x.mirrored, len(y.cosine), len(x.cosine)))
-        screen = None if opd_nm is None else quadrants_of(opd_nm)
+        screen = None if opd_nm is None else parity.quadrants_of(opd_nm)
         largest = 0.0 if opd_nm is None else float(np.abs(opd_nm).max())
         for index, (wavelength, weight) in enumerate(zip(imager.wavelengths_m, imager.weights, strict=True)):
             real, imaginary = imager.quadrants(index)
             if screen is not None:
                 per_nm = 2.0 * math.pi / (float(wavelength) * 1e9)
-                cosine, sine = unit_phases(per_nm * screen, per_nm * largest)
+                cosine, sine = parity.unit_phases(per_nm * screen, per_nm * largest)
                 real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
             scale = math.sqrt(float(weight) * imager.pixel_solid_angle_sr)
-            parts = parts_of(scale * real, scale * imaginary, y.cosine.dtype)
-            add_intensity(total, parts, self.rows[index], self.columns[index])
-        return unfolded(total, (y.n_nodes, x.n_nodes), (y.sides, x.sides))
+            parts = parity.parts_of(scale * real, scale * imaginary, y.cosine.dtype)
+            parity.add_intensity(total, parts, self.rows[index], self.columns[index])
+        return parity.unfolded(total, (y.n_nodes, x.n_nodes), (y.sides, x.sides))
 
     def image(self, opd_nm: FloatArray | None = None) -> FloatArray:
         """Pixel-integrated image."""
@@ -374,11 +368,13 @@ class FocalGrid:
 
 
 def _split(pupil: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
-    return quadrants_of(pupil.real), quadrants_of(pupil.imag)
+    return parity.quadrants_of(pupil.real), parity.quadrants_of(pupil.imag)
 
 
 @functools.lru_cache(maxsize=N_KEPT_GRIDS)
-def _kept_waves(imager: Imager, y: bytes, x: bytes) -> tuple[tuple[HalfWaves, ...], tuple[HalfWaves, ...]]:
+def _kept_waves(
+    imager: Imager, y: bytes, x: bytes
+) -> tuple[tuple[parity.HalfWaves, ...], tuple[parity.HalfWaves, ...]]:
     """Transforms to the nodes of two axes, given as the bytes of their angles."""
     rows = tuple(imager.waves(np.frombuffer(y), float(wavelength)) for wavelength in imager.wavelengths_m)
     if x == y:

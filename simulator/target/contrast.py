@@ -38,9 +38,8 @@ def lambert_phase(phase_deg: ArrayLike) -> np.ndarray | float:
     """
     supplement = np.deg2rad(180.0 - checked_phase(phase_deg))
     small = supplement < _SERIES_BELOW_RAD
-    result = np.where(
-        small, _series(np.where(small, supplement, 0.0)), np.sin(supplement) - supplement * np.cos(supplement)
-    )
+    plain = np.sin(supplement) - supplement * np.cos(supplement)
+    result = np.where(small, _series(np.where(small, supplement, 0.0)), plain)
     return _plain(result / np.pi)
 
 

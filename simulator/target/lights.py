@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -211,7 +211,7 @@ class LitStar:
         star = self.star
         model = table_spectrum(star.spectrum) if isinstance(star.spectrum, SpectrumTable) else star.spectrum
         with inside(self.path):
-            return _spectrum(*self._parameters, model)
+            return _spectrum(self._parameters, model)
 
     @property
     def _parameters(self) -> _Parameters:
@@ -248,12 +248,10 @@ class LitStar:
         if teff is None and star.spectral_type is not None:
             teff = stellar_parameters(star.spectral_type).teff_k
         if star.distance_pc is None or teff is None:
-            raise InputError(
-                f"{self.path}.{'distance_pc' if star.distance_pc is None else 'teff_k'}",
-                "missing",
-                allowed="a value, where the insolation of a planet follows from the star's luminosity",
-                hint="or give luminosity_lsun, or the planet's insolation_au",
-            )
+            key = f"{self.path}.{'distance_pc' if star.distance_pc is None else 'teff_k'}"
+            allowed = "a value, where the insolation of a planet follows from the star's luminosity"
+            hint = "or give luminosity_lsun, or the planet's insolation_au"
+            raise InputError(key, "missing", allowed=allowed, hint=hint)
         return luminosity_from_v(star.v_mag, star.distance_pc, teff), ("luminosity_derived",)
 
     def rate_e_s_cm2(self, band: Band) -> float:
@@ -265,30 +263,23 @@ class LitStar:
         model = self.star.spectrum
         if model in STAR_MODELS and "spectrum" not in self.__dict__:
             with inside(self.path):
-                return _kept_rate(*self._parameters, model, band)
+                return _kept_rate(self._parameters, model, band)
         star = self.spectrum
         with inside(f"{self.path}.spectrum"):
             return band_integral(band, star.wavelength_nm, star.photlam), star.flags
 
 
-def _spectrum(
-    v_mag: float,
-    spectral_type: str | None,
-    teff_k: float | None,
-    log_g: float | None,
-    metallicity: float | None,
-    model: StarModel,
-) -> StarSpectrum:
+def _spectrum(asked: _Parameters, model: StarModel) -> StarSpectrum:
+    v_mag, spectral_type, teff_k, log_g, metallicity = asked
     return stellar_spectrum(v_mag, spectral_type, teff_k=teff_k, log_g=log_g, metallicity=metallicity, model=model)
 
 
 @functools.lru_cache(maxsize=4096)
-def _kept_rate(*asked: Any) -> tuple[float, tuple[str, ...]]:
+def _kept_rate(asked: _Parameters, model: str, band: Band) -> tuple[float, tuple[str, ...]]:
     """Rate and flags of a star of a shipped model, from `LitStar._parameters`, model and band.
 
     The field of a scene is asked for again by every visit and every prediction. Files are not kept: they may change.
     """
-    *parameters, band = asked
-    star = _spectrum(*parameters)
+    star = _spectrum(asked, model)
     with inside("spectrum"):
         return band_integral(band, star.wavelength_nm, star.photlam), star.flags

@@ -375,14 +375,10 @@ def _bracket(name: str, nodes: np.ndarray, value: float) -> list[tuple[int, floa
 
 
 def _lorentz(wavelength_nm: np.ndarray, lines: tuple[tuple[float, float, float], ...]) -> np.ndarray:
-    return sum(
-        (height / (1.0 + ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines),
-        np.zeros_like(wavelength_nm),
-    )
+    parts = (height / (1.0 + ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines)
+    return sum(parts, np.zeros_like(wavelength_nm))
 
 
 def _gauss(wavelength_nm: np.ndarray, lines: tuple[tuple[float, float, float], ...]) -> np.ndarray:
-    return sum(
-        (height * np.exp(-0.5 * ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines),
-        np.zeros_like(wavelength_nm),
-    )
+    parts = (height * np.exp(-0.5 * ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines)
+    return sum(parts, np.zeros_like(wavelength_nm))

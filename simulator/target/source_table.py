@@ -11,6 +11,7 @@ import numpy as np
 
 from cpic_core import InputError
 from simulator.target.lights import LitPlanet, LitStar
+from simulator.target.star_spectrum import synphot_source
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,14 +20,8 @@ if TYPE_CHECKING:
 
 
 Kind: TypeAlias = Literal["cstar", "planet", "star"]
-_NUMBERS = {
-    "x_arcsec": "arcsec",
-    "y_arcsec": "arcsec",
-    "separation_arcsec": "arcsec",
-    "pa_deg": "deg",
-    "distance_au": "AU",
-    "insolation_au": "AU",
-}
+_NUMBERS = dict.fromkeys(("x_arcsec", "y_arcsec", "separation_arcsec"), "arcsec") | {"pa_deg": "deg"}
+_NUMBERS |= dict.fromkeys(("distance_au", "insolation_au"), "AU")
 _COLUMNS = ("name", "kind", *_NUMBERS, "flags", "spectrum")
 
 
@@ -93,14 +88,8 @@ class SpectralSource:
     @functools.cached_property
     def spectrum(self) -> SourceSpectrum:
         """The spectrum as a synphot source, PHOTLAM over Angstrom."""
-        from synphot import SourceSpectrum
-        from synphot.models import Empirical1D
-
         meta = {"name": self.name, "kind": self.kind, "flags": self.flags}
-        # Without fill_value synphot continues the edge values for ever.
-        return SourceSpectrum(
-            Empirical1D, points=self.wavelength_nm * 10.0, lookup_table=self.photlam, fill_value=0.0, meta=meta
-        )
+        return synphot_source(self.wavelength_nm, self.photlam, meta)
 
     def __getitem__(self, column: str) -> Any:
         if column not in _COLUMNS and column not in ("wavelength_nm", "photlam", "contrast"):
@@ -208,7 +197,7 @@ class SourceTable(Sequence[SpectralSource]):
 
     def to_pandas(self) -> pd.DataFrame:
         """Return the table, without the spectra, as a data frame; flags joined by ``|``."""
-        return _frame([self])
+        return pd.DataFrame(_columns([self]))
 
     def to_table(self) -> QTable:
         """Return the table, without the spectra, as an astropy table with units; flags joined by ``|``."""
@@ -247,14 +236,14 @@ class SourceBatch(Sequence[SourceTable]):
 
     def to_pandas(self) -> pd.DataFrame:
         """Return all rows, without the spectra, as one data frame with a first column ``scene``."""
-        return _frame(self.tables, scene=True)
+        return pd.DataFrame(_columns(self.tables, scene=True))
 
     def to_table(self) -> QTable:
         """Return all rows, without the spectra, as one astropy table with a first column ``scene``."""
         return _qtable(self.tables, scene=True)
 
 
-def _columns(tables: Sequence[SourceTable], scene: bool) -> dict[str, Any]:
+def _columns(tables: Sequence[SourceTable], *, scene: bool = False) -> dict[str, Any]:
     rows = [row for table in tables for row in table.rows]
     columns: dict[str, Any] = {}
     if scene:
@@ -264,13 +253,7 @@ def _columns(tables: Sequence[SourceTable], scene: bool) -> dict[str, Any]:
     return columns | {"flags": ["|".join(row.flags) for row in rows]}
 
 
-def _frame(tables: Sequence[SourceTable], *, scene: bool = False) -> pd.DataFrame:
-    import pandas as pd
-
-    return pd.DataFrame(_columns(tables, scene))
-
-
 def _qtable(tables: Sequence[SourceTable], *, scene: bool = False) -> QTable:
     from astropy.table import QTable
 
-    return QTable(_columns(tables, scene), units=_NUMBERS)
+    return QTable(_columns(tables, scene=scene), units=_NUMBERS)
