@@ -30,6 +30,7 @@ from simulator.config.instrument import (
     ARCSEC_PER_RAD as ARCSEC_PER_RAD,
     BandConfig as BandConfig,
     Instrument as Instrument,
+    InstrumentLike as InstrumentLike,
     load_instrument as load_instrument,
 )
 from simulator.config.light import (

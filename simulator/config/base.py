@@ -255,11 +255,7 @@ def unit_of(key: str) -> str:
 
 
 def canonical_keys(
-    tree: Mapping[Any, Any],
-    fields: Iterable[str],
-    aliases: Mapping[str, str],
-    *,
-    hints: Mapping[str, str] | None = None,
+    tree: Mapping[Any, Any], fields: Iterable[str], aliases: Mapping[str, str], hints: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
     """Return a mapping with its keys spelled as the model's fields and its numbers as plain numbers.
 

@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, PrivateAttr
 
@@ -213,6 +213,10 @@ class Instrument(FrozenModel):
     def aperture_pixels(self, band: str) -> float:
         """Area of the photometric aperture in pixels."""
         return math.pi * (self.aperture_radius_arcsec(band) / self.pixel_scale_arcsec(band)) ** 2
+
+
+InstrumentLike: TypeAlias = Instrument | Mapping[str, Any] | str | Path | None
+"""What the functions of the package take for an instrument; None is the default preset."""
 
 
 def load_instrument(source: str | Path | Mapping[str, Any] | None = None) -> Instrument:

@@ -13,7 +13,7 @@ from cpic_core import InputError
 from simulator.config import scene as scene_file
 from simulator.config.base import canonical_keys, inside, required, to_unit, validate
 from simulator.config.bodies import Planet
-from simulator.config.instrument import Instrument, load_instrument, paths_beside
+from simulator.config.instrument import Instrument, InstrumentLike, load_instrument, paths_beside
 from simulator.config.presets import preset_tree
 from simulator.config.scene import Scene
 from simulator.config.simulation import SequenceConfig, SimulationConfig, meaningful_keys, of_no_use
@@ -152,9 +152,7 @@ SIMULATION_KEYS = (*_TOP, "sequence")
 """Keys of a file of a simulation."""
 
 
-def load_simulation(
-    source: SimulationSource, *, instrument: Instrument | Mapping[str, Any] | str | Path | None = None
-) -> SimulationConfig:
+def load_simulation(source: SimulationSource, *, instrument: InstrumentLike = None) -> SimulationConfig:
     """Load a simulation from a YAML path, a preset name or a mapping.
 
     Parameters

@@ -3,7 +3,6 @@
 import functools
 import hashlib
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import FloatArray, InputError, numeric_context
-from simulator.config import Instrument, content_hash, load_instrument
+from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.map_files import real_map
 from simulator.imaging.metrics import StampMetrics
@@ -162,11 +161,7 @@ class ExternalPsf:
 
 @numeric_context()
 def load_psf(
-    path: str | Path,
-    *,
-    instrument: Instrument | Mapping[str, Any] | str | None = None,
-    band: str | None = None,
-    energy: float | None = None,
+    path: str | Path, *, instrument: InstrumentLike = None, band: str | None = None, energy: float | None = None
 ) -> ExternalPsf:
     """Load point-spread functions made by other software.
 

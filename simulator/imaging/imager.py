@@ -34,6 +34,7 @@ from simulator.knobs import Knobs
 
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 Engine = Literal["hcipy", "matrix"]
+Waves = tuple[parity.HalfWaves, ...]  # of one axis, one for each wavelength
 KEPT_SAMPLES = 2**22  # of pupil fields over all wavelengths that an imager keeps: 64 MB
 KEPT_WAVES = 2**19  # values of a grid's transforms that are kept for the next one with the same nodes: 4 MB
 N_KEPT_GRIDS = 24
@@ -322,17 +323,16 @@ class FocalGrid:
     """
 
     imager: Imager
-    rows: tuple[parity.HalfWaves, ...]
-    columns: tuple[parity.HalfWaves, ...]
+    rows: Waves
+    columns: Waves
     y: PixelAxis | None = None
     x: PixelAxis | None = None
 
     def transformed(self, index: int, pupil: NDArray[Any]) -> ComplexArray:
         """Any pupil map in the focal plane, shape (k_y, k_x)."""
         rows = self.rows[index]
-        field: ComplexArray = parity.field_of(
-            parity.parts_of(*_split(pupil), rows.cosine.dtype), rows, self.columns[index]
-        )
+        parts = parity.parts_of(*_split(pupil), rows.cosine.dtype)
+        field: ComplexArray = parity.field_of(parts, rows, self.columns[index])
         return field
 
     def field(self, index: int, opd_nm: FloatArray | None = None) -> ComplexArray:
@@ -353,7 +353,7 @@ class FocalGrid:
                 real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
             scale = math.sqrt(float(weight) * imager.pixel_solid_angle_sr)
             parts = parity.parts_of(scale * real, scale * imaginary, y.cosine.dtype)
-            parity.add_intensity(total, parts, self.rows[index], self.columns[index])
+            parity.add_intensity(total, parts, self.rows[index], self.columns[index], None)
         return parity.unfolded(total, (y.n_nodes, x.n_nodes), (y.sides, x.sides))
 
     def image(self, opd_nm: FloatArray | None = None) -> FloatArray:
@@ -372,9 +372,7 @@ def _split(pupil: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
 
 
 @functools.lru_cache(maxsize=N_KEPT_GRIDS)
-def _kept_waves(
-    imager: Imager, y: bytes, x: bytes
-) -> tuple[tuple[parity.HalfWaves, ...], tuple[parity.HalfWaves, ...]]:
+def _kept_waves(imager: Imager, y: bytes, x: bytes) -> tuple[Waves, Waves]:
     """Transforms to the nodes of two axes, given as the bytes of their angles."""
     rows = tuple(imager.waves(np.frombuffer(y), float(wavelength)) for wavelength in imager.wavelengths_m)
     if x == y:

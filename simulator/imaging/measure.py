@@ -38,12 +38,7 @@ class FloorTable:
 
 
 def measure_floor(
-    imager: Imager,
-    psd_slope: float,
-    *,
-    n_visits: int = N_VISITS,
-    visit_nm: tuple[float, ...] = VISIT_NM,
-    seed: int = SEED,
+    imager: Imager, psd_slope: float, n_visits: int = N_VISITS, visit_nm: Sequence[float] = VISIT_NM, seed: int = SEED
 ) -> FloorTable:
     """Monte Carlo over ``n_visits`` visits, each paired as science with the next as reference.
 

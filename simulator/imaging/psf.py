@@ -2,16 +2,14 @@
 
 import functools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
 from catalogs import Spectrum
 from cpic_core import FloatArray, InputError, numeric_context
-from simulator.config import Instrument, load_instrument
+from simulator.config import Instrument, InstrumentLike, load_instrument
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.build import build_imager, hole_state_of
 from simulator.imaging.geometry import BandGeometry, HoleStatus
@@ -170,7 +168,7 @@ def single_band_psf(
     band: str,
     *,
     fidelity: str | Knobs = "standard",
-    instrument: Instrument | Mapping[str, Any] | str | Path | None = None,
+    instrument: InstrumentLike = None,
     spectrum: str | Spectrum | None = None,
     engine: Engine = "matrix",
 ) -> Psf:

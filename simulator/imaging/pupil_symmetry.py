@@ -183,11 +183,7 @@ def parts_of(real: FloatArray, imaginary: FloatArray, dtype: Any = np.float64) -
 
 
 def add_intensity(
-    total: FloatArray,
-    parts: RealArray,
-    y: HalfWaves,
-    x: HalfWaves,
-    envelopes: tuple[FloatArray, FloatArray] | None = None,
+    total: FloatArray, parts: RealArray, y: HalfWaves, x: HalfWaves, envelopes: tuple[FloatArray, FloatArray] | None
 ) -> None:
     """Add the squared modulus of the field to that of others.
 
@@ -199,7 +195,7 @@ def add_intensity(
         From `parts_of`.
     y, x : HalfWaves
         Axes of the nodes.
-    envelopes : tuple of ndarray, shapes (s_y, k_y) and (s_x, k_x), optional
+    envelopes : tuple of ndarray or None, shapes (s_y, k_y) and (s_x, k_x)
         Factors on the squared modulus by side and node of either axis, for waves without envelope.
     """
     for place, field in _sides(parts, y, x):

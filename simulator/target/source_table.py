@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
@@ -117,9 +117,6 @@ class SourceTable(Sequence[SpectralSource]):
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __iter__(self) -> Iterator[SpectralSource]:
-        return iter(self.rows)
-
     @overload
     def __getitem__(self, key: int) -> SpectralSource: ...
     @overload
@@ -197,7 +194,7 @@ class SourceTable(Sequence[SpectralSource]):
 
     def to_pandas(self) -> pd.DataFrame:
         """Return the table, without the spectra, as a data frame; flags joined by ``|``."""
-        return pd.DataFrame(_columns([self]))
+        return _frame([self])
 
     def to_table(self) -> QTable:
         """Return the table, without the spectra, as an astropy table with units; flags joined by ``|``."""
@@ -218,9 +215,6 @@ class SourceBatch(Sequence[SourceTable]):
     def __len__(self) -> int:
         return len(self.tables)
 
-    def __iter__(self) -> Iterator[SourceTable]:
-        return iter(self.tables)
-
     @overload
     def __getitem__(self, key: int | str) -> SourceTable: ...
     @overload
@@ -236,7 +230,7 @@ class SourceBatch(Sequence[SourceTable]):
 
     def to_pandas(self) -> pd.DataFrame:
         """Return all rows, without the spectra, as one data frame with a first column ``scene``."""
-        return pd.DataFrame(_columns(self.tables, scene=True))
+        return _frame(self.tables, scene=True)
 
     def to_table(self) -> QTable:
         """Return all rows, without the spectra, as one astropy table with a first column ``scene``."""
@@ -251,6 +245,12 @@ def _columns(tables: Sequence[SourceTable], *, scene: bool = False) -> dict[str,
     columns |= {name: [getattr(row, name) for row in rows] for name in ("name", "kind")}
     columns |= {name: np.array([getattr(row, name) for row in rows], dtype=np.float64) for name in _NUMBERS}
     return columns | {"flags": ["|".join(row.flags) for row in rows]}
+
+
+def _frame(tables: Sequence[SourceTable], *, scene: bool = False) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(_columns(tables, scene=scene))
 
 
 def _qtable(tables: Sequence[SourceTable], *, scene: bool = False) -> QTable:

@@ -9,13 +9,12 @@ import numpy as np
 
 from cpic_core import InputError, numeric_context
 from simulator import config
-from simulator.config import Instrument, Scene, StarColumns
+from simulator.config import Instrument, InstrumentLike, Scene, StarColumns
 from simulator.passbands import Passbands
 from simulator.target.lights import ORIGIN, LitPlanet, LitStar
 from simulator.target.positions import sky_to_detector
 from simulator.target.source_table import Kind, SourceBatch, SourceTable, SpectralSource
 
-_InstrumentLike: TypeAlias = Instrument | Mapping[str, Any] | str | None
 SceneLike: TypeAlias = Scene | Mapping[str, Any] | str | Path
 
 
@@ -46,20 +45,12 @@ class Source:
     flags: tuple[str, ...] = ()
 
 
-@overload
-def scene_sources(scene: Scene, instrument: Instrument, band: str, *, roll_deg: float = 0.0) -> tuple[Source, ...]: ...
-@overload
-def scene_sources(
-    scene: Sequence[Scene], instrument: Instrument, band: str, *, roll_deg: float = 0.0
-) -> tuple[tuple[Source, ...], ...]: ...
-def scene_sources(
-    scene: Scene | Sequence[Scene], instrument: Instrument, band: str, *, roll_deg: float = 0.0
-) -> tuple[Source, ...] | tuple[tuple[Source, ...], ...]:
+def scene_sources(scene: Scene, instrument: Instrument, band: str, *, roll_deg: float = 0.0) -> tuple[Source, ...]:
     """Point sources of a scene in one band, the central star first.
 
     Parameters
     ----------
-    scene : Scene or sequence of Scene
+    scene : Scene
     instrument : Instrument
     band : str
     roll_deg : float
@@ -68,7 +59,6 @@ def scene_sources(
     Returns
     -------
     tuple of Source
-        For a sequence of scenes, a tuple of such tuples.
 
     Raises
     ------
@@ -76,18 +66,11 @@ def scene_sources(
         If a spectrum or albedo does not cover the band, or a parameter is outside its model; the key says of which
         object.
     """
-    if not isinstance(scene, Scene):
-        numbered = enumerate(scene)
-        return tuple(_band_sources(one, instrument, band, roll_deg, f"scenes.{number}") for number, one in numbered)
-    return _band_sources(scene, instrument, band, roll_deg, "scene")
-
-
-def _band_sources(scene: Scene, instrument: Instrument, band: str, roll_deg: float, path: str) -> tuple[Source, ...]:
     passbands = Passbands.from_instrument(instrument)
     passband = passbands.bands[passbands.index(band)]
     area = instrument.telescope.area_cm2
     found: list[Source] = []
-    for row in _rows(scene, roll_deg, instrument.detector.parity, path):
+    for row in _rows(scene, roll_deg, instrument.detector.parity, "scene"):
         where = (row.name, row.kind, row.x_arcsec, row.y_arcsec)
         if isinstance(row.light, LitPlanet):
             contrast = row.light.band_contrast(passband)
@@ -142,18 +125,18 @@ def extended_rates(scene: Scene, instrument: Instrument, band: str) -> tuple[Ext
 
 @overload
 def spectrum_generator(
-    scene: SceneLike, *, roll_deg: float = 0.0, instrument: _InstrumentLike = None
+    scene: SceneLike, *, roll_deg: float = 0.0, instrument: InstrumentLike = None
 ) -> SourceTable: ...
 @overload
 def spectrum_generator(
     scene: Sequence[Scene | Mapping[str, Any] | Path] | StarColumns,
     *,
     roll_deg: float = 0.0,
-    instrument: _InstrumentLike = None,
+    instrument: InstrumentLike = None,
 ) -> SourceBatch: ...
 @numeric_context()
 def spectrum_generator(
-    scene: SceneLike | Iterable[SceneLike] | StarColumns, *, roll_deg: float = 0.0, instrument: _InstrumentLike = None
+    scene: SceneLike | Iterable[SceneLike] | StarColumns, *, roll_deg: float = 0.0, instrument: InstrumentLike = None
 ) -> SourceTable | SourceBatch:
     """Positions and spectra of every object of a scene.
 
