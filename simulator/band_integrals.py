@@ -178,23 +178,6 @@ def check_table(what: str, wavelength_nm: ArrayLike, values: ArrayLike) -> tuple
     return wavelength, column
 
 
-def check_positive(name: str, value: float, unit: str) -> float:
-    """Return a float; refuse what is not finite and above 0.
-
-    Parameters
-    ----------
-    name : str
-        Name that a refusal gives.
-    value : float
-        Number(s).
-    unit : str
-        Unit of the value, in words; empty without one.
-    """
-    if not (np.isfinite(value) and value > 0.0):
-        raise InputError(name, value, unit=unit, allowed="above 0")
-    return float(value)
-
-
 def gauss_rule(points: np.ndarray, masses: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Gauss rule of a discrete measure: recurrence by Stieltjes, nodes and weights by Golub & Welsch (1969).
 

@@ -199,11 +199,8 @@ def pixel_scale(key: str, path: str | Path, header: Mapping[str, Any]) -> float 
     InputError
         If a card is no number above 0, or two disagree.
     """
-    found: dict[str, float] = {}
-    for card in _SCALE_KEYS:
-        value = header_number(key, path, header, card)
-        if value is not None:
-            found[card] = value
+    stated = {card: header_number(key, path, header, card) for card in _SCALE_KEYS}
+    found = {card: value for card, value in stated.items() if value is not None}
     cd = [[header_number(key, path, header, f"CD{i}_{j}") for j in (1, 2)] for i in (1, 2)]
     if any(value is not None for row in cd for value in row):
         matrix = np.array([[value or 0.0 for value in row] for row in cd])

@@ -254,10 +254,8 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
         "wing_profile": profile,
         "wing_map": wing_map,
         "wing_map_step_arcsec": WING_STEP_ARCSEC,
-        "floor_visit_nm": floor.visit_nm,
-        "floor_separation_arcsec": floor.separation_arcsec,
-        "floor_sigma": floor.sigma,
     }
+    values |= {f"floor_{name}": array for name, array in vars(floor).items()}
     return PsfMetrics.from_arrays({name: np.asarray(value) for name, value in values.items()})
 
 

@@ -81,9 +81,7 @@ def load_apodizer(name_or_path: str | Path, *, kind: Kind = "amplitude", samples
         file = read_maps("apodizer", name)
     else:
         raise InputError("apodizer", name, allowed=f"an npz or FITS file, or one of: {', '.join(shipped_apodizers())}")
-    found = file.maps[0] if file.is_fits else file.named("transmission", *KINDS)
-    if found is None and len(file.maps) == 1:
-        found = file.maps[0]
+    found = file.maps[0] if file.is_fits or len(file.maps) == 1 else file.named("transmission", *KINDS)
     if found is None:
         raise InputError("apodizer", name, allowed="an npz file with an array named transmission")
     if found.name.lower() in KINDS and found.name.lower() != kind:

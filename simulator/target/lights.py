@@ -200,11 +200,6 @@ class LitStar:
     path: str
     place: Place = ORIGIN
 
-    @property
-    def name(self) -> str:
-        """Name of the star."""
-        return self.star.name
-
     @functools.cached_property
     def spectrum(self) -> StarSpectrum:
         """Spectrum at the telescope, scaled to the V magnitude, with the parameters used and flags."""

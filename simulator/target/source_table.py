@@ -97,6 +97,17 @@ class SpectralSource:
         return getattr(self, column)
 
 
+class _Numbers:
+    """Column of a table: one number for each row, nan where there is none."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, table: SourceTable | None, owner: type | None = None) -> np.ndarray:
+        rows = () if table is None else table.rows
+        return np.array([getattr(row, self._name) for row in rows], dtype=np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class SourceTable(Sequence[SpectralSource]):
     """Sources of one scene, the central star first.
@@ -149,35 +160,18 @@ class SourceTable(Sequence[SpectralSource]):
         """``cstar``, ``planet`` or ``star``."""
         return tuple(row.kind for row in self.rows)
 
-    @property
-    def x_arcsec(self) -> np.ndarray:
-        """Offsets along detector columns."""
-        return self._numbers("x_arcsec")
-
-    @property
-    def y_arcsec(self) -> np.ndarray:
-        """Offsets along detector rows."""
-        return self._numbers("y_arcsec")
-
-    @property
-    def separation_arcsec(self) -> np.ndarray:
-        """Separations from the central star."""
-        return self._numbers("separation_arcsec")
-
-    @property
-    def pa_deg(self) -> np.ndarray:
-        """Position angles, degrees east of north."""
-        return self._numbers("pa_deg")
-
-    @property
-    def distance_au(self) -> np.ndarray:
-        """True distances of planets from their star; nan where a source has none."""
-        return self._numbers("distance_au")
-
-    @property
-    def insolation_au(self) -> np.ndarray:
-        """Insolations used for albedos; nan where it has no part."""
-        return self._numbers("insolation_au")
+    x_arcsec = _Numbers()
+    """Offsets along detector columns."""
+    y_arcsec = _Numbers()
+    """Offsets along detector rows."""
+    separation_arcsec = _Numbers()
+    """Separations from the central star."""
+    pa_deg = _Numbers()
+    """Position angles, degrees east of north."""
+    distance_au = _Numbers()
+    """True distances of planets from their star; nan where a source has none."""
+    insolation_au = _Numbers()
+    """Insolations used for albedos; nan where it has no part."""
 
     @property
     def flags(self) -> tuple[tuple[str, ...], ...]:
@@ -188,9 +182,6 @@ class SourceTable(Sequence[SpectralSource]):
     def spectrum(self) -> tuple[SourceSpectrum, ...]:
         """Spectra as synphot sources, PHOTLAM over Angstrom."""
         return tuple(row.spectrum for row in self.rows)
-
-    def _numbers(self, name: str) -> np.ndarray:
-        return np.array([getattr(row, name) for row in self.rows], dtype=np.float64)
 
     def to_pandas(self) -> pd.DataFrame:
         """Return the table, without the spectra, as a data frame; flags joined by ``|``."""

@@ -201,14 +201,14 @@ def _numbered(number: int, scene: SceneLike) -> Scene:
 
 def _rows(scene: Scene, roll_deg: float, parity: int, path: str) -> Iterable[SpectralSource]:
     host = LitStar(scene.cstar, f"{path}.cstar", ORIGIN)
-    lights: list[tuple[Kind, LitStar | LitPlanet]] = [("cstar", host)]
+    lights: list[tuple[str, Kind, LitStar | LitPlanet]] = [(scene.cstar.name, "cstar", host)]
     for number, planet in enumerate(scene.planets):
-        lights.append(
-            ("planet", LitPlanet(planet, f"{path}.planets.{number}", config.place(scene.cstar, planet), host))
-        )
+        where = config.place(scene.cstar, planet)
+        lights.append((planet.name, "planet", LitPlanet(planet, f"{path}.planets.{number}", where, host)))
     for number, star in enumerate(scene.stars):
         if scene.is_lit(star):
-            lights.append(("star", LitStar(star, f"{path}.stars.{number}", config.place(scene.cstar, star))))
-    x, y = sky_to_detector(*np.transpose([light.place for _, light in lights]), roll_deg=roll_deg, parity=parity)
-    for (kind, light), *offset in zip(lights, x.tolist(), y.tolist(), strict=True):
-        yield SpectralSource(light.name, kind, offset[0], offset[1], light)
+            where = config.place(scene.cstar, star)
+            lights.append((star.name, "star", LitStar(star, f"{path}.stars.{number}", where)))
+    x, y = sky_to_detector(*np.transpose([light.place for *_, light in lights]), roll_deg=roll_deg, parity=parity)
+    for (name, kind, light), *offset in zip(lights, x.tolist(), y.tolist(), strict=True):
+        yield SpectralSource(name, kind, offset[0], offset[1], light)
