@@ -82,10 +82,10 @@ def v_projection(samples_nm: np.ndarray) -> np.ndarray:
 def _on_samples(samples_nm: np.ndarray, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Return what the weights at `x` mean for a function that is linear between its samples."""
     right = np.clip(np.searchsorted(samples_nm, x), 1, samples_nm.size - 1)
-    share = (x - samples_nm[right - 1]) / (samples_nm[right] - samples_nm[right - 1])
+    fraction = (x - samples_nm[right - 1]) / (samples_nm[right] - samples_nm[right - 1])
     size = samples_nm.size
-    upper = np.bincount(right, weights=weight * share, minlength=size)
-    return upper + np.bincount(right - 1, weights=weight * (1.0 - share), minlength=size)
+    upper = np.bincount(right, weights=weight * fraction, minlength=size)
+    return upper + np.bincount(right - 1, weights=weight * (1.0 - fraction), minlength=size)
 
 
 def band_integral(band: Band, wavelength_nm: np.ndarray, photlam: np.ndarray) -> float:

@@ -325,11 +325,11 @@ def _at_insolation(mean: np.ndarray, source: Albedo | AlbedoFamily, insolation_a
         return np.asarray(mean[..., 0, :])
     if insolation_au is None:
         raise InputError("insolation_au", "missing", unit="au", allowed="a value is required for this albedo")
-    ends, share = source.corners(insolation_au)
+    ends, weights = source.corners(insolation_au)
     shape = np.broadcast_shapes(mean.shape[:-2], ends.shape[:-1])
     mean = np.broadcast_to(mean, (*shape, *mean.shape[-2:]))
     two = np.take_along_axis(mean, np.broadcast_to(ends, (*shape, 2))[..., None], axis=-2)
-    return np.asarray(np.einsum("...e,...eb->...b", share, two))
+    return np.asarray(np.einsum("...e,...eb->...b", weights, two))
 
 
 @functools.lru_cache(maxsize=64)

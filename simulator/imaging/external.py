@@ -15,7 +15,7 @@ from simulator.config import Instrument, InstrumentLike, content_hash, load_inst
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.map_files import real_map
 from simulator.imaging.metrics import StampMetrics
-from simulator.imaging.sampling import open_pixels, placed
+from simulator.imaging.sampling import displaced, open_pixels
 from simulator.imaging.stamps import StampFile, read_stamps, stamp_metrics, write_stamps
 
 SIDES = (9, 2201)
@@ -156,7 +156,7 @@ class ExternalPsf:
         if not (math.isfinite(x_arcsec) and math.isfinite(y_arcsec)):
             raise InputError("x_arcsec, y_arcsec", (x_arcsec, y_arcsec), unit="arcsec", allowed="finite numbers")
         offset = (float(part) / self.pixel_scale_arcsec for part in (y_arcsec, x_arcsec))
-        return placed(self.off_axis, *offset) * self._open
+        return displaced(self.off_axis, *offset) * self._open
 
 
 @numeric_context()

@@ -164,8 +164,8 @@ class HoleZone:
         r = np.maximum(np.asarray(separation_arcsec, dtype=np.float64), 1e-12)
         from_inner = np.arcsin(np.minimum(self.inner_arcsec / r, 1.0))
         first = np.maximum(from_inner, np.arccos(np.minimum(self.outer_arcsec / r, 1.0)))
-        share = 1.0 if self.mode == "4q" else 0.5
-        return share * np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
+        fraction = 1.0 if self.mode == "4q" else 0.5
+        return fraction * np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
 
     def axes(self, half_axis: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Axes y and x of the zone, given the points of one positive half axis in ascending order."""

@@ -199,7 +199,7 @@ def shifted(kernel: FloatArray, dy_pixels: float, dx_pixels: float) -> FloatArra
     return np.asarray(np.fft.irfft2(spectrum, s=padded.shape)[rim:-rim, rim:-rim])
 
 
-def placed(kernel: FloatArray, y_pixels: float, x_pixels: float) -> FloatArray:
+def displaced(kernel: FloatArray, y_pixels: float, x_pixels: float) -> FloatArray:
     """Kernel with its centre at an offset from the centre pixel, on a stamp of the same size.
 
     Whole pixels are moved as they are; the rest is a Fourier shift. Light beyond the kernel's own stamp is 0, and so

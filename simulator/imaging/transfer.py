@@ -300,15 +300,15 @@ def _bell_integral(u: FloatArray) -> FloatArray:
     from scipy.special import i0e
 
     nodes, weights = np.polynomial.legendre.leggauss(48)
-    share = np.where(u >= 1.0, 1.0, 0.0)
+    integral = np.where(u >= 1.0, 1.0, 0.0)
     flank = np.abs(u) < 1.0
     span = u[flank] + 1.0
     points = 0.5 * span[:, None] * (nodes + 1.0) - 1.0
     root = np.sqrt(np.maximum(1.0 - points**2, 0.0))
     part = 0.5 * span * ((i0e(BELL * root) * np.exp(BELL * (root - 1.0))) @ weights)
     root = np.sqrt(1.0 - nodes**2)
-    share[flank] = part / ((i0e(BELL * root) * np.exp(BELL * (root - 1.0))) @ weights)
-    return share
+    integral[flank] = part / ((i0e(BELL * root) * np.exp(BELL * (root - 1.0))) @ weights)
+    return integral
 
 
 def _odd_fast_length(least: float) -> int:

@@ -139,9 +139,9 @@ class AlbedoGrid:
 
         bright = np.zeros((phase.size, near.size))
         full = np.zeros(near.size)
-        for (_, _, share), mean in zip(corners, means, strict=True):
-            bright += share * PchipInterpolator(axes.phase_deg[list(chosen)], mean[1:])(phase.ravel())
-            full += share * mean[0]
+        for (_, _, weight), mean in zip(corners, means, strict=True):
+            bright += weight * PchipInterpolator(axes.phase_deg[list(chosen)], mean[1:])(phase.ravel())
+            full += weight * mean[0]
         bright = bright.reshape(*phase.shape, near.size)
         place = np.searchsorted(near, ends)
         above = (weights * np.take_along_axis(bright, place, axis=-1)).sum(axis=-1)
@@ -174,8 +174,8 @@ def _family(grid: AlbedoGrid, corners: tuple[tuple[int, int, float], ...]) -> Al
     nodes = itertools.product(corners, axes.insolation_au)
     models = [Model(axes.log10_mh[metal], axes.fsed[fsed], au, axes.phase_deg[0]) for (fsed, metal, _), au in nodes]
     wavelength_nm, albedo = _on_one_sampling(grid.path, grid.models.spectra(models))
-    shares = np.array([share for _, _, share in corners])
-    family = np.tensordot(shares, albedo.reshape(len(corners), axes.insolation_au.size, -1), axes=1)
+    weights = np.array([weight for _, _, weight in corners])
+    family = np.tensordot(weights, albedo.reshape(len(corners), axes.insolation_au.size, -1), axes=1)
     for array in (wavelength_nm, family):
         array.setflags(write=False)
     documented = min(_DOCUMENTED_TO_NM, float(wavelength_nm[-1]))
