@@ -14,6 +14,12 @@ from numpy.typing import ArrayLike
 from catalogs import Band, load_johnson_v, load_reference_spectrum
 from cpic_core import InputError
 
+LENGTHS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "microns": 1e3, "angstrom": 0.1, "angstroms": 0.1} | {
+    prefix + metres: scale
+    for prefix, scale in (("nano", 1.0), ("micro", 1e3))
+    for metres in ("meter", "meters", "metre", "metres")
+}
+"""Nanometres in the units of wavelength that files name, in small letters."""
 _ANGSTROM_PER_NM = 10.0
 _GAUSS = 1.0 / np.sqrt(3.0)
 
@@ -76,10 +82,10 @@ def v_projection(samples_nm: np.ndarray) -> np.ndarray:
 def _on_samples(samples_nm: np.ndarray, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Return what the weights at `x` mean for a function that is linear between its samples."""
     right = np.clip(np.searchsorted(samples_nm, x), 1, samples_nm.size - 1)
-    share = (x - samples_nm[right - 1]) / (samples_nm[right] - samples_nm[right - 1])
+    fraction = (x - samples_nm[right - 1]) / (samples_nm[right] - samples_nm[right - 1])
     size = samples_nm.size
-    upper = np.bincount(right, weights=weight * share, minlength=size)
-    return upper + np.bincount(right - 1, weights=weight * (1.0 - share), minlength=size)
+    upper = np.bincount(right, weights=weight * fraction, minlength=size)
+    return upper + np.bincount(right - 1, weights=weight * (1.0 - fraction), minlength=size)
 
 
 def band_integral(band: Band, wavelength_nm: np.ndarray, photlam: np.ndarray) -> float:
@@ -170,23 +176,6 @@ def check_table(what: str, wavelength_nm: ArrayLike, values: ArrayLike) -> tuple
     if not (np.all(np.isfinite(column)) and column.min() >= 0.0):
         raise InputError(f"{what} values", float(column.min()), allowed="finite, not negative")
     return wavelength, column
-
-
-def check_positive(name: str, value: float, unit: str) -> float:
-    """Return a float; refuse what is not finite and above 0.
-
-    Parameters
-    ----------
-    name : str
-        Name that a refusal gives.
-    value : float
-        Number(s).
-    unit : str
-        Unit of the value, in words; empty without one.
-    """
-    if not (np.isfinite(value) and value > 0.0):
-        raise InputError(name, value, unit=unit, allowed="above 0")
-    return float(value)
 
 
 def gauss_rule(points: np.ndarray, masses: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:

@@ -18,30 +18,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catalogs import (
-    Albedo,
-    Band,
-    GridFlags,
-    Spectrum,
-    StellarGrid,
-    band_from_file,
-    load_albedo,
-    load_bands,
-    load_reference_spectrum,
-    load_stellar_grid,
-)
+import catalogs
+from catalogs import Albedo, Band, Spectrum, StellarGrid
 from cpic_core import InputError, check_finite, check_number, numeric_context
-from simulator.band_integrals import (
-    band_integral,
-    band_projection,
-    band_quadrature,
-    check_covers,
-    check_table,
-    gauss_rule,
-    v_photon_rate,
-    v_projection,
-    vega_v_photon_rate,
-)
+from simulator import band_integrals as integrals
 from simulator.knobs import AlbedoFamily
 
 if TYPE_CHECKING:
@@ -90,7 +70,7 @@ class Passbands:
         InputError
             If there is no band, a name occurs twice, or a band reaches beyond the stellar grid (300-1750 nm).
         """
-        chosen = load_bands() if bands is None else bands
+        chosen = catalogs.load_bands() if bands is None else bands
         return _integrate(tuple(chosen.values() if isinstance(chosen, Mapping) else chosen))
 
     @classmethod
@@ -144,11 +124,11 @@ class Passbands:
         nodes, weights = self.grid.corners(teff_k, log_g, metallicity)
         electrons = np.einsum("...k,...kb->...b", weights, self.node_rates[nodes])
         v_photons = np.einsum("...k,...k->...", weights, self.node_v[nodes])
-        scale = area * vega_v_photon_rate() * 10.0 ** (-0.4 * magnitude) / v_photons
+        scale = area * integrals.vega_v_photon_rate() * 10.0 ** (-0.4 * magnitude) / v_photons
         result: np.ndarray = scale[..., None] * electrons
         return result
 
-    def grid_flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> GridFlags:
+    def grid_flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> catalogs.GridFlags:
         """Return which parameters lie outside the stellar grid and are clamped; ``.any`` joins the three.
 
         Parameters
@@ -178,9 +158,9 @@ class Passbands:
         InputError
             If the spectrum is malformed, negative or does not cover a band.
         """
-        wavelength, flux = check_table("spectrum", wavelength_nm, photlam)
+        wavelength, flux = integrals.check_table("spectrum", wavelength_nm, photlam)
         area = _area(area_cm2)
-        return area * np.array([band_integral(band, wavelength, flux) for band in self.bands])
+        return area * np.array([integrals.band_integral(band, wavelength, flux) for band in self.bands])
 
     def sky_rate_e_s_arcsec2(self, mag_arcsec2: ArrayLike, area_cm2: float) -> np.ndarray:
         """Return the detected rate of a sky of solar colour, e-/s/arcsec2, shape (..., band).
@@ -234,7 +214,7 @@ class Passbands:
             If the planet is unknown, the table is malformed, negative or does not cover a band, or the insolation
             is missing.
         """
-        source = load_albedo(albedo) if isinstance(albedo, str) else albedo
+        source = catalogs.load_albedo(albedo) if isinstance(albedo, str) else albedo
         wanted = slice(None) if only is None else slice(self.index(only), self.index(only) + 1)
         nodes, weights = self.grid.corners(teff_k, log_g, metallicity)
         # Grid interpolation is linear in surface flux, so the same weights serve numerator and denominator.
@@ -245,7 +225,7 @@ class Passbands:
 
     def albedo_flags(self, albedo: str | Albedo | AlbedoFamily) -> np.ndarray:
         """Return, per band, whether the albedo is ``extrapolated`` (its origin undocumented)."""
-        table = load_albedo(albedo) if isinstance(albedo, str) else albedo
+        table = catalogs.load_albedo(albedo) if isinstance(albedo, str) else albedo
         return np.array([band.support_nm[1] > table.documented_to_nm for band in self.bands])
 
     def wavelength_nodes(self, name: str, n: int, *, spectrum: Spectrum | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -283,13 +263,13 @@ class Passbands:
         # Cells much finer than the polynomials: two points in each are enough.
         samples = [np.linspace(low, high, 64 * n + 1)]
         if spectrum is not None:
-            wavelength, flux = check_table("spectrum", spectrum.wavelength_nm, spectrum.photlam)
-            check_covers("spectrum", wavelength, band)
+            wavelength, flux = integrals.check_table("spectrum", spectrum.wavelength_nm, spectrum.photlam)
+            integrals.check_covers("spectrum", wavelength, band)
             samples.append(wavelength)
-        x, measure = band_quadrature(band, *samples)
+        x, measure = integrals.band_quadrature(band, *samples)
         if spectrum is not None:
             measure = measure * np.interp(x, wavelength, flux)
-        return gauss_rule(x, measure, n)
+        return integrals.gauss_rule(x, measure, n)
 
 
 def _magnitude(name: str, value: ArrayLike, unit: str) -> np.ndarray:
@@ -313,7 +293,9 @@ def _band(name: str, config: BandConfig) -> Band:
     band = Band(name, *numbers)
     if config.transmission_file is None:
         return band
-    read = band_from_file(config.transmission_file, name, t_opt=config.t_opt, qe=config.qe, camera=config.camera)
+    read = catalogs.band_from_file(
+        config.transmission_file, name, t_opt=config.t_opt, qe=config.qe, camera=config.camera
+    )
     return replace(band, curve=read.curve)
 
 
@@ -323,13 +305,15 @@ def _integrate(bands: tuple[Band, ...]) -> Passbands:
     names = [band.name for band in bands]
     if not bands or len(set(names)) != len(names):
         raise InputError("bands", names, allowed="at least one band, each name once")
-    grid = load_stellar_grid()
-    sun = load_reference_spectrum("sun")
+    grid = catalogs.load_stellar_grid()
+    sun = catalogs.load_reference_spectrum("sun")
     samples = grid.wavelength_nm
-    table = _node_table(grid, [v_projection(samples), *(band_projection(band, samples) for band in bands)])
+    table = _node_table(
+        grid, [integrals.v_projection(samples), *(integrals.band_projection(band, samples) for band in bands)]
+    )
     node_rates, node_v = np.ascontiguousarray(table[:, 1:]), np.ascontiguousarray(table[:, 0])
-    sun_at_v0 = vega_v_photon_rate() / v_photon_rate(sun.wavelength_nm, sun.photlam)
-    sun_rates = sun_at_v0 * np.array([band_integral(band, sun.wavelength_nm, sun.photlam) for band in bands])
+    sun_at_v0 = integrals.vega_v_photon_rate() / integrals.v_photon_rate(sun.wavelength_nm, sun.photlam)
+    sun_rates = sun_at_v0 * np.array([integrals.band_integral(band, sun.wavelength_nm, sun.photlam) for band in bands])
     for array in (node_rates, node_v, sun_rates):
         array.setflags(write=False)
     return Passbands(bands, grid, node_rates, node_v, sun_rates)
@@ -341,11 +325,11 @@ def _at_insolation(mean: np.ndarray, source: Albedo | AlbedoFamily, insolation_a
         return np.asarray(mean[..., 0, :])
     if insolation_au is None:
         raise InputError("insolation_au", "missing", unit="au", allowed="a value is required for this albedo")
-    ends, share = source.corners(insolation_au)
+    ends, weights = source.corners(insolation_au)
     shape = np.broadcast_shapes(mean.shape[:-2], ends.shape[:-1])
     mean = np.broadcast_to(mean, (*shape, *mean.shape[-2:]))
     two = np.take_along_axis(mean, np.broadcast_to(ends, (*shape, 2))[..., None], axis=-2)
-    return np.asarray(np.einsum("...e,...eb->...b", share, two))
+    return np.asarray(np.einsum("...e,...eb->...b", weights, two))
 
 
 @functools.lru_cache(maxsize=64)
@@ -353,10 +337,10 @@ def _at_insolation(mean: np.ndarray, source: Albedo | AlbedoFamily, insolation_a
 def _albedo_nodes(passbands: Passbands, albedo: Albedo | AlbedoFamily, only: str | None) -> np.ndarray:
     """Return band integrals of stellar flux x albedo at the grid nodes, shape (node, albedo, band)."""
     rows = albedo.albedo if isinstance(albedo, AlbedoFamily) else [albedo.albedo]
-    tables = [check_table("albedo", albedo.wavelength_nm, row) for row in rows]
+    tables = [integrals.check_table("albedo", albedo.wavelength_nm, row) for row in rows]
     bands = [band for band in passbands.bands if only is None or band.name == only]
     samples = passbands.grid.wavelength_nm
-    columns = [band_projection(band, samples, table) for table in tables for band in bands]
+    columns = [integrals.band_projection(band, samples, table) for table in tables for band in bands]
     return _node_table(passbands.grid, columns).reshape(-1, len(tables), len(bands))
 
 

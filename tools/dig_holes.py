@@ -16,7 +16,7 @@ from cpic_core import write_npz
 from simulator.config import Instrument, load_instrument, preset_names
 from simulator.imaging import metrics_key
 from simulator.imaging.build import dig
-from simulator.imaging.store import DIGITS, measure, shipped_hole, shipped_metrics, to_arrays
+from simulator.imaging.store import DIGITS, measure, shipped_file, to_arrays
 
 
 def _packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
@@ -54,11 +54,11 @@ def rebuild(folder: str | Path, *, holes: bool = True) -> list[Path]:
     for instrument, band in _shipped_bands():
         if holes:
             state, hole = dig(instrument, band)
-            written.append(Path(folder) / shipped_hole(hole, band).name)
+            written.append(Path(folder) / shipped_file("hole", hole, band).name)
             write_npz(written[-1], to_arrays(state) | {"key": np.asarray(hole)})
         key, arrays = metrics_key(instrument, band), measure(instrument, band)
         exact = instrument.name == "cpic_default" and band in instrument.visible_bands()
-        written.append(Path(folder) / shipped_metrics(key, band).name)
+        written.append(Path(folder) / shipped_file("metrics", key, band).name)
         write_npz(written[-1], (arrays if exact else _packed(arrays)) | {"key": np.asarray(key)})
     return written
 
@@ -67,7 +67,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Rebuild the shipped files."""
     parser = argparse.ArgumentParser(prog="python -m tools.dig_holes", description=__doc__)
     parser.add_argument("--keep-holes", action="store_true", help="measure the metrics only")
-    parser.add_argument("--out", type=Path, default=shipped_metrics("", "").parent, help="folder (the package's data)")
+    data = shipped_file("metrics", "", "").parent
+    parser.add_argument("--out", type=Path, default=data, help="folder (the package's data)")
     options = parser.parse_args(argv)
     began = time.perf_counter()
     for path in rebuild(options.out, holes=not options.keep_holes):

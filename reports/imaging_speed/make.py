@@ -32,7 +32,7 @@ from simulator.imaging.imager import Imager
 from simulator.imaging.paper_scene import CELLS, paper_scene_image
 from simulator.imaging.psf import forget_stamps, wide_on_axis
 from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import band_transfer
+from simulator.imaging.transfer import BandTransfer
 from simulator.knobs import FIDELITIES, Knobs
 
 HERE = Path(__file__).resolve().parent
@@ -142,7 +142,7 @@ def time_psfs(clock: Clock, instrument: Instrument) -> list[str]:
     run(
         exact,
         lambda: scene_image(
-            band_transfer(imager),
+            BandTransfer(imager),
             centres,
             centres,
             imager.pixel_scale_arcsec,
@@ -178,8 +178,7 @@ def time_holes(clock: Clock, instrument: Instrument) -> list[str]:
     assert aberrations is not None
     aberrations = aberrations.upsampled(len(imager.transmission))
     settings = default_settings("4q")
-    centre_m = instrument.band(HOLE_BAND).center_nm * 1e-9
-    problem = Conjugation(imager, centre_m, aberrations, mirror, imager.zone, settings)
+    problem = Conjugation(imager, aberrations, mirror, imager.zone, settings)
     rest = np.zeros(mirror.alive.shape)
     ours = f"Jacobian, {HOLE_BAND}, one wavelength, {rest.size} actuators"
     clock.run(ours, lambda: problem.jacobian(rest, 0))
@@ -252,7 +251,7 @@ def convolution(side: int, kernel_side: int) -> Callable[[], Any]:
 def ours_of(imager: Imager, y: FloatArray, x: FloatArray, sources: PointSources) -> FloatArray:
     """The exact scene behind the mask."""
     return scene_image(
-        band_transfer(imager),
+        BandTransfer(imager),
         y,
         x,
         imager.pixel_scale_arcsec,

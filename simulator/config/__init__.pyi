@@ -5,6 +5,7 @@ from simulator.config.base import (
     canonical_keys as canonical_keys,
     content_hash as content_hash,
     deep_merge as deep_merge,
+    inside as inside,
     limits_of as limits_of,
     nearest as nearest,
     to_unit as to_unit,
@@ -29,6 +30,7 @@ from simulator.config.instrument import (
     ARCSEC_PER_RAD as ARCSEC_PER_RAD,
     BandConfig as BandConfig,
     Instrument as Instrument,
+    InstrumentLike as InstrumentLike,
     load_instrument as load_instrument,
 )
 from simulator.config.light import (

@@ -9,9 +9,10 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Annotated, Any, TypeVar, get_args
+from contextlib import contextmanager
+from typing import Annotated, Any, ClassVar, Self, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
 from cpic_core import InputError, in_unit
@@ -24,10 +25,48 @@ class FrozenModel(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True)
 
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        self._check_values()
+        return self
+
+    def _check_values(self) -> None:
+        """Refuse values that do not go together; each model says what must hold."""
+
     @property
     def content_hash(self) -> str:
         """Hash of the values (16 hex digits): equal content, equal hash, whatever the order of keys."""
         return content_hash(self.model_dump(mode="json"))
+
+
+class SpelledModel(FrozenModel):
+    """A configuration whose keys people also write otherwise: `canonical_keys` reads them.
+
+    Attributes
+    ----------
+    ALIASES : dict
+        Keys by their other names.
+    HINTS : dict
+        What to write instead of keys that are no other names.
+    MORE_KEYS : tuple of str
+        Keys that `_read` turns into fields.
+    """
+
+    ALIASES: ClassVar[dict[str, str]] = {}
+    HINTS: ClassVar[dict[str, str]] = {}
+    MORE_KEYS: ClassVar[tuple[str, ...]] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled(cls, tree: Any) -> Any:
+        if not isinstance(tree, Mapping):
+            return tree
+        return cls._read(canonical_keys(tree, (*cls.model_fields, *cls.MORE_KEYS), cls.ALIASES, hints=cls.HINTS))
+
+    @classmethod
+    def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
+        """Values by the model's own keys."""
+        return tree
 
 
 def canonical_json(tree: Any) -> str:
@@ -142,13 +181,8 @@ def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> Inp
     if kind == "value_error" and isinstance(context.get("error"), InputError):
         inner: InputError = context["error"]
         named = path.split(".")[-1] == inner.key
-        return InputError(
-            path if named else f"{path}.{inner.key}" if path else inner.key,
-            inner.value,
-            unit=inner.unit,
-            allowed=inner.allowed,
-            hint=inner.hint,
-        )
+        whole = path if named else f"{path}.{inner.key}" if path else inner.key
+        return InputError(whole, inner.value, unit=inner.unit, allowed=inner.allowed, hint=inner.hint)
     message = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     if kind in _RANGE_KINDS and limits:
         message = limits
@@ -206,56 +240,22 @@ def _metadata(annotation: Any) -> Iterator[Any]:
         yield from _metadata(item)
 
 
-_UNITS = (
-    ("_nm_per_sqrt_hour", "nm/sqrt(h)"),
-    ("_mas", "mas"),
-    ("_zodis", "zodi"),
-    ("_km", "km"),
-    ("_h", "h"),
-    ("_days", "d"),
-    ("_mag_max", "mag"),
-    ("_per_s_cm2", "1/s/cm2"),
-    ("_e_s", "e-/s"),
-    ("_deg_s", "deg/s"),
-    ("_e_um", "e-/um"),
-    ("_um", "um"),
-    ("_e_adu", "e-/ADU"),
-    ("_mag_arcsec2", "mag/arcsec2"),
-    ("_mas_yr", "mas/yr"),
-    ("_lsun", "L_sun"),
-    ("_lambda_d", "lambda/D"),
-    ("_arcsec", "arcsec"),
-    ("_rjup", "R_Jup"),
-    ("_deg", "deg"),
-    ("_nm", "nm"),
-    ("_adu", "ADU"),
-    ("_au", "au"),
-    ("_pc", "pc"),
-    ("_mag", "mag"),
-    ("_k", "K"),
-    ("_e", "e-"),
-    ("_s", "s"),
-    ("_m", "m"),
-    ("_pixel", "px"),
-    ("_pixels", "px"),
-)
+_UNITS = {name: name for name in ("arcsec", "au", "deg", "h", "km", "m", "mag", "mas", "nm", "pc", "s", "um")}
+_UNITS |= {"adu": "ADU", "days": "d", "e": "e-", "k": "K", "lambda_d": "lambda/D", "lsun": "L_sun", "mag_max": "mag"}
+_UNITS |= {"pixel": "px", "pixels": "px", "rjup": "R_Jup", "zodis": "zodi", "per_s_cm2": "1/s/cm2", "deg_s": "deg/s"}
+_UNITS |= {"e_adu": "e-/ADU", "e_s": "e-/s", "e_um": "e-/um", "mag_arcsec2": "mag/arcsec2", "mas_yr": "mas/yr"}
+_UNITS |= {"nm_per_sqrt_hour": "nm/sqrt(h)"}
 
 
 def unit_of(key: str) -> str:
     """Unit named by the suffix of a key, ``""`` if none; that of an item of a list is that of the list."""
     key = re.sub(r"(\.\d+)+$", "", key)
-    for suffix, unit in _UNITS:
-        if key.endswith(suffix):
-            return unit
-    return ""
+    tails = (key[mark.end() :] for mark in re.finditer("_", key))
+    return next((_UNITS[tail] for tail in tails if tail in _UNITS), "")
 
 
 def canonical_keys(
-    tree: Mapping[Any, Any],
-    fields: Iterable[str],
-    aliases: Mapping[str, str],
-    *,
-    hints: Mapping[str, str] | None = None,
+    tree: Mapping[Any, Any], fields: Iterable[str], aliases: Mapping[str, str], hints: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
     """Return a mapping with its keys spelled as the model's fields and its numbers as plain numbers.
 
@@ -334,6 +334,32 @@ def at(path: str, error: InputError) -> InputError:
     error : InputError
     """
     return InputError(f"{path}.{error.key}", error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
+
+
+@contextmanager
+def inside(path: str) -> Iterator[None]:
+    """Refusals under the path of the body or sequence that they concern.
+
+    Parameters
+    ----------
+    path : str
+        Path of the key, such as ``planets.0``.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise at(path, error) from None
+
+
+def other_names(**names: str) -> dict[str, str]:
+    """Keys by their other names.
+
+    Parameters
+    ----------
+    **names : str
+        Other names of each key, with spaces between.
+    """
+    return {name: key for key, words in names.items() for name in words.split()}
 
 
 def _plain(value: Any) -> Any:

@@ -11,11 +11,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, StrictBool, model_validator
+from pydantic import BeforeValidator, Field, StrictBool
 
 from catalogs import stellar_parameters
 from cpic_core import InputError
-from simulator.config.base import FrozenModel, canonical_keys, required
+from simulator.config.base import SpelledModel, other_names, required
 from simulator.config.light import STAR_MODELS, AlbedoValue, PlanetLight, Real, SpectrumTable, StarLight
 
 _NUMBER = r"\d+(?:\.\d*)?"
@@ -100,34 +100,8 @@ RightAscension = Annotated[float | None, BeforeValidator(lambda x: None if x is 
 Declination = Annotated[float | None, BeforeValidator(lambda x: None if x is None else declination_deg(x))]
 Magnitude = Annotated[Real, Field(ge=-30, le=40)]
 
-_PLACE_ALIASES = {
-    "ra": "ra_deg",
-    "dec": "dec_deg",
-    "separation": "separation_arcsec",
-    "position_angle": "pa_deg",
-    "position_angle_deg": "pa_deg",
-    "pangle": "pa_deg",
-    "pa": "pa_deg",
-    "model": "spectrum",
-    "magnitude": "v_mag",
-    "magnitude_v": "v_mag",
-    "teff": "teff_k",
-}
-_STAR_ALIASES = _PLACE_ALIASES | {
-    "sp_type": "spectral_type",
-    "sptype": "spectral_type",
-    "logg": "log_g",
-    "distance": "distance_pc",
-    "luminosity": "luminosity_lsun",
-}
-_PLANET_ALIASES = _PLACE_ALIASES | {
-    "radius": "radius_rjup",
-    "phase": "phase_deg",
-    "phase_angle": "phase_deg",
-    "phase_angle_deg": "phase_deg",
-    "coe_metal": "log10_mh",
-    "coe_cloud": "log10_fsed",
-}
+_ALIASES = other_names(ra_deg="ra", dec_deg="dec", separation_arcsec="separation", spectrum="model", teff_k="teff")
+_ALIASES |= other_names(pa_deg="position_angle position_angle_deg pangle pa", v_mag="magnitude magnitude_v")
 _ALBEDO_KEYS = ("log10_mh", "log10_fsed", "mh", "fsed", "insolation_au", "phase_function")
 _PLANET_HINTS = {
     "distance": "distance_au is the planet's true distance from its star; the star's own is cstar.distance_pc",
@@ -137,7 +111,7 @@ _PLANET_HINTS = {
 }
 
 
-class Body(FrozenModel):
+class Body(SpelledModel):
     """What every source has: a name, a place, and perhaps a brightness and a spectrum of its own.
 
     The place is either ``ra_deg`` and ``dec_deg`` (same epoch as the central star's) or ``separation_arcsec`` and
@@ -150,23 +124,14 @@ class Body(FrozenModel):
     separation_arcsec: Annotated[Real, Field(ge=0, le=MAX_SEPARATION_ARCSEC)] | None = None
     pa_deg: Annotated[Real, Field(ge=-360, le=360)] | None = None
 
-    @model_validator(mode="after")
-    def _whole_pairs(self) -> Body:
-        for one, other in (
-            ("ra_deg", "dec_deg"),
-            ("dec_deg", "ra_deg"),
-            ("separation_arcsec", "pa_deg"),
-            ("pa_deg", "separation_arcsec"),
-        ):
-            if getattr(self, one) is None and getattr(self, other) is not None:
-                raise required(one, f"a value where {other} is given")
+    def _check_values(self) -> None:
+        for pair in (("ra_deg", "dec_deg"), ("separation_arcsec", "pa_deg")):
+            for one, other in (pair, pair[::-1]):
+                if getattr(self, one) is None and getattr(self, other) is not None:
+                    raise required(one, f"a value where {other} is given")
         if self.ra_deg is not None and self.separation_arcsec is not None:
-            raise InputError(
-                "ra_deg",
-                "given with separation_arcsec",
-                allowed="either ra_deg and dec_deg, or separation_arcsec and pa_deg",
-            )
-        return self
+            allowed = "either ra_deg and dec_deg, or separation_arcsec and pa_deg"
+            raise InputError("ra_deg", "given with separation_arcsec", allowed=allowed)
 
 
 class SceneStar(Body):
@@ -179,6 +144,8 @@ class SceneStar(Body):
     ``companion`` (a star of the field, a calibrator) stays where a scene leaves companions out.
     """
 
+    ALIASES = _ALIASES | other_names(spectral_type="sp_type sptype", log_g="logg", distance_pc="distance")
+    ALIASES |= other_names(luminosity_lsun="luminosity")
     v_mag: Magnitude
     spectral_type: str | None = None
     teff_k: Annotated[Real, Field(ge=100, le=1e6)] | None = None
@@ -189,20 +156,14 @@ class SceneStar(Body):
     luminosity_lsun: Annotated[Real, Field(gt=0, le=1e8)] | None = None
     companion: StrictBool = True
 
-    @model_validator(mode="before")
-    @classmethod
-    def _keys(cls, tree: Any) -> Any:
-        return canonical_keys(tree, cls.model_fields, _STAR_ALIASES) if isinstance(tree, Mapping) else tree
-
-    @model_validator(mode="after")
-    def _typed(self) -> SceneStar:
+    def _check_values(self) -> None:
+        super()._check_values()
         if self.spectral_type is not None:
             stellar_parameters(self.spectral_type)
         elif self.spectrum == "pickles":
             raise required("spectral_type", "an MK type such as K1V for spectrum: pickles")
         elif self.teff_k is None and self._needs_parameters():
             raise required("spectral_type", "an MK type such as K1V, or teff_k in K")
-        return self
 
     def _needs_parameters(self) -> bool:
         """Whether the spectrum is made from parameters: by a model or a tree of them, not by a file or table."""
@@ -223,6 +184,10 @@ class Planet(Body):
     ``v_mag``.
     """
 
+    ALIASES = _ALIASES | other_names(radius_rjup="radius", phase_deg="phase phase_angle phase_angle_deg")
+    ALIASES |= other_names(log10_mh="coe_metal", log10_fsed="coe_cloud")
+    HINTS = _PLANET_HINTS
+    MORE_KEYS = _ALBEDO_KEYS
     radius_rjup: Annotated[Real, Field(gt=0, le=10)] | None = None
     distance_au: Annotated[Real, Field(gt=0, le=1e12)] | None = None
     phase_deg: Annotated[Real, Field(ge=0, le=180)] | None = None
@@ -236,16 +201,12 @@ class Planet(Body):
         """Whether the light is the star's, reflected."""
         return self.spectrum == "reflected"
 
-    @model_validator(mode="before")
     @classmethod
-    def _keys(cls, tree: Any) -> Any:
-        if not isinstance(tree, Mapping):
-            return tree
-        known = (*cls.model_fields, *_ALBEDO_KEYS)
-        return _with_albedo(canonical_keys(tree, known, _PLANET_ALIASES, hints=_PLANET_HINTS))
+    def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
+        return _with_albedo(tree)
 
-    @model_validator(mode="after")
-    def _lit(self) -> Planet:
+    def _check_values(self) -> None:
+        super()._check_values()
         if self.reflects:
             _refuse(self, ("teff_k", "v_mag"), "spectrum: reflected", "a key of a planet with light of its own")
             for name, why in (("radius_rjup", "radius in R_Jup"), ("phase_deg", "0 to 180 deg")):
@@ -254,7 +215,7 @@ class Planet(Body):
             file = getattr(self.albedo, "file", None)
             if file is not None and not Path(file).is_file():
                 raise InputError("albedo.file", file, allowed="an existing file")
-            return self
+            return
         _refuse(self, ("albedo",), "light of its own", "a key of a planet in reflected light")
         if self.spectrum != "blackbody":
             _refuse(self, ("teff_k",), "a given spectrum", "a key of spectrum: blackbody")
@@ -262,7 +223,6 @@ class Planet(Body):
             raise required("teff_k", "a temperature in K for spectrum: blackbody")
         elif self.radius_rjup is None and self.v_mag is None:
             raise required("radius_rjup", "a radius in R_Jup, or v_mag, for spectrum: blackbody")
-        return self
 
 
 def _refuse(planet: Planet, names: tuple[str, ...], light: str, allowed: str) -> None:

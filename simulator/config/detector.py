@@ -9,36 +9,11 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cpic_core import InputError
+from simulator import detectors
 from simulator.config.base import FrozenModel, flipped
-from simulator.detectors import (
-    INFRARED,
-    VISIBLE,
-    BiasStructure,
-    Chain,
-    ChargeTransfer,
-    ClockInduced,
-    Coupled,
-    DarkCurrent,
-    FullWell,
-    InfraredFlaws,
-    InfraredPersistence,
-    LargestGain,
-    LossAtFullWell,
-    Nonlinearity,
-    PixelFlaws,
-    ReadNoiseElectrons,
-    ResetElectrons,
-    StageCharge,
-    Stages,
-    Switches,
-    dark_law_e_s,
-    numbers_model,
-    ramp_factors,
-    switches_model,
-)
 
 # Expected losses of an electron on its whole way. Three are followed; more happen to (n c)^4 / 24, 3e-4 of them here.
 MAX_LOSSES = 0.3
@@ -48,15 +23,15 @@ ReadoutMode = Literal["single", "cds", "up_the_ramp"]
 Section = tuple[slice, slice]
 
 if TYPE_CHECKING:
-    CameraSwitches: TypeAlias = Switches
-    InfraredSwitches: TypeAlias = Switches
+    CameraSwitches: TypeAlias = detectors.Switches
+    InfraredSwitches: TypeAlias = detectors.Switches
     OwnVisible: TypeAlias = FrozenModel
     OwnInfrared: TypeAlias = FrozenModel
 else:
-    CameraSwitches = switches_model("CameraSwitches", __name__, VISIBLE)
-    InfraredSwitches = switches_model("InfraredSwitches", __name__, INFRARED)
-    OwnVisible = numbers_model("OwnVisible", __name__, VISIBLE)
-    OwnInfrared = numbers_model("OwnInfrared", __name__, INFRARED)
+    CameraSwitches = detectors.switches_model("CameraSwitches", __name__, detectors.VISIBLE)
+    InfraredSwitches = detectors.switches_model("InfraredSwitches", __name__, detectors.INFRARED)
+    OwnVisible = detectors.numbers_model("OwnVisible", __name__, detectors.VISIBLE)
+    OwnInfrared = detectors.numbers_model("OwnInfrared", __name__, detectors.INFRARED)
 
 
 class FrameLayout(FrozenModel):
@@ -99,7 +74,7 @@ class _AnyDetector(FrozenModel):
     has active pixels only.
     """
 
-    chain: ClassVar[Chain]
+    chain: ClassVar[detectors.Chain]
     set_name: ClassVar[str]
     """Name of the random streams of its calibration set."""
 
@@ -108,26 +83,20 @@ class _AnyDetector(FrozenModel):
     star_column: Annotated[int, Field(ge=0)]
     star_row: Annotated[int, Field(ge=0)]
     pixel_um: Annotated[float, Field(ge=1, le=100)]
-    full_well_e: FullWell
-    dark_e_s: DarkCurrent
-    read_noise_e: ReadNoiseElectrons
+    full_well_e: detectors.FullWell
+    dark_e_s: detectors.DarkCurrent
+    read_noise_e: detectors.ReadNoiseElectrons
     gain_e_adu: Annotated[float, Field(gt=0, le=1e5)]
     adc_bits: Annotated[int, Field(ge=8, le=16)]
     bias_adu: Annotated[float, Field(ge=0, le=60000)]
-    switches: Switches
+    switches: detectors.Switches
 
-    @model_validator(mode="after")
-    def _star_and_bias_fit(self) -> Self:
+    def _check_values(self) -> None:
         if self.star_column >= self.n_columns or self.star_row >= self.n_rows:
-            raise InputError(
-                "star_column, star_row",
-                (self.star_column, self.star_row),
-                unit="px",
-                allowed=f"inside the frame of {self.n_columns} x {self.n_rows}",
-            )
+            allowed = f"inside the frame of {self.n_columns} x {self.n_rows}"
+            raise InputError("star_column, star_row", (self.star_column, self.star_row), unit="px", allowed=allowed)
         if self.bias_adu >= self.adc_max_adu:
             raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
-        return self
 
     @property
     def multiplies(self) -> bool:
@@ -193,61 +162,48 @@ class _AnyDetector(FrozenModel):
 class Detector(_AnyDetector, OwnVisible):
     """EMCCD and its frame; read noise at the register output."""
 
-    chain: ClassVar[Chain] = VISIBLE
+    chain: ClassVar[detectors.Chain] = detectors.VISIBLE
     set_name: ClassVar[str] = "visible"
 
     pixel_scale_arcsec: Annotated[float, Field(gt=0, le=1)]
     parity: Literal[-1, 1]
     layout: FrameLayout
-    register_full_well_e: FullWell
-    register_stages: Stages
-    em_gain_max: LargestGain
+    register_full_well_e: detectors.FullWell
+    register_stages: detectors.Stages
+    em_gain_max: detectors.LargestGain
     temperature_k: Annotated[float, Field(ge=120, le=320)]
-    dark_293k_e_s: DarkCurrent
-    cic_e: ClockInduced
-    register_cic_e: StageCharge
+    dark_293k_e_s: detectors.DarkCurrent
+    cic_e: detectors.ClockInduced
+    register_cic_e: detectors.StageCharge
     readout_s: Annotated[float, Field(ge=0, le=1e4)]
     exposure_min_s: Annotated[float, Field(gt=0, le=1e6)]
     exposure_max_s: Annotated[float, Field(gt=0, le=1e6)]
-    flaws: PixelFlaws
+    flaws: detectors.PixelFlaws
     calibration_files: CalibrationFiles
-    transfer: ChargeTransfer
-    nonlinearity: Nonlinearity
-    bias_structure: BiasStructure
+    transfer: detectors.ChargeTransfer
+    nonlinearity: detectors.Nonlinearity
+    bias_structure: detectors.BiasStructure
     switches: CameraSwitches
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _check_values(self) -> None:
+        super()._check_values()
         if min(self.active_shape) < 1:
-            raise InputError(
-                "layout",
-                self.layout.model_dump(),
-                unit="px",
-                allowed=f"borders that leave pixels in {self.n_columns} x {self.n_rows}",
-            )
+            allowed = f"borders that leave pixels in {self.n_columns} x {self.n_rows}"
+            raise InputError("layout", self.layout.model_dump(), unit="px", allowed=allowed)
         if self.exposure_min_s > self.exposure_max_s:
-            raise InputError(
-                "exposure_min_s",
-                self.exposure_min_s,
-                unit="s",
-                allowed=f"at most exposure_max_s = {self.exposure_max_s}",
-            )
+            allowed = f"at most exposure_max_s = {self.exposure_max_s}"
+            raise InputError("exposure_min_s", self.exposure_min_s, unit="s", allowed=allowed)
         if self.em_gain_max > 2.0 ** min(self.register_stages, 1000):
-            raise InputError(
-                "em_gain_max", self.em_gain_max, allowed=f"at most 2^{self.register_stages}, one doubling a stage"
-            )
+            allowed = f"at most 2^{self.register_stages}, one doubling a stage"
+            raise InputError("em_gain_max", self.em_gain_max, allowed=allowed)
         clocks = self.transfer
         for name, elements, loss in (
             ("parallel_cti", self.n_rows + clocks.store_rows, clocks.parallel_cti),
             ("serial_cti", self.n_columns + clocks.serial_elements, clocks.serial_cti),
         ):
             if elements * loss > MAX_LOSSES:
-                raise InputError(
-                    f"transfer.{name}",
-                    loss,
-                    allowed=f"at most {MAX_LOSSES / elements:.3g}, {MAX_LOSSES:g} over {elements} transfers",
-                )
-        return self
+                allowed = f"at most {MAX_LOSSES / elements:.3g}, {MAX_LOSSES:g} over {elements} transfers"
+                raise InputError(f"transfer.{name}", loss, allowed=allowed)
 
     @property
     def active_shape(self) -> tuple[int, int]:
@@ -286,7 +242,7 @@ class Detector(_AnyDetector, OwnVisible):
     @property
     def dark_rate_e_s(self) -> float:
         """Mean dark current of a pixel: what cooling does not remove, and the law at the detector's temperature."""
-        return self.dark_e_s + float(dark_law_e_s(self.temperature_k, self.dark_293k_e_s))
+        return self.dark_e_s + float(detectors.dark_law_e_s(self.temperature_k, self.dark_293k_e_s))
 
     @property
     def line_shift_s(self) -> float:
@@ -309,7 +265,7 @@ class InfraredDetector(_AnyDetector, OwnInfrared):
     ``interpixel_coupling`` is the part of a pixel's signal that appears in each of its four neighbours.
     """
 
-    chain: ClassVar[Chain] = INFRARED
+    chain: ClassVar[detectors.Chain] = detectors.INFRARED
     set_name: ClassVar[str] = "infrared"
     cic_e: ClassVar[float] = 0.0
     stripe_rms_adu: ClassVar[float] = 0.0
@@ -318,14 +274,14 @@ class InfraredDetector(_AnyDetector, OwnInfrared):
     register_full_well_e: ClassVar[float] = math.inf
     line_shift_s: ClassVar[float] = 0.0
 
-    nonlinearity_at_full_well: LossAtFullWell
-    reset_noise_e: ResetElectrons
+    nonlinearity_at_full_well: detectors.LossAtFullWell
+    reset_noise_e: detectors.ResetElectrons
     readout_mode: ReadoutMode
     n_reads: Annotated[int, Field(ge=2, le=1000)]
     frame_time_s: Annotated[float, Field(gt=0, le=1e3)]
-    interpixel_coupling: Coupled
-    flaws: InfraredFlaws
-    persistence: InfraredPersistence
+    interpixel_coupling: detectors.Coupled
+    flaws: detectors.InfraredFlaws
+    persistence: detectors.InfraredPersistence
     switches: InfraredSwitches
 
     @property
@@ -340,7 +296,8 @@ class InfraredDetector(_AnyDetector, OwnInfrared):
 
     def ramp(self, exposure_s: float | None = None) -> tuple[float, float]:
         """Return `simulator.detectors.variance.ramp_factors` of the reads of an exposure, or of all reads."""
-        return ramp_factors(self.readout_mode, self.n_reads if exposure_s is None else self.reads_of(exposure_s))
+        reads = self.n_reads if exposure_s is None else self.reads_of(exposure_s)
+        return detectors.ramp_factors(self.readout_mode, reads)
 
     @property
     def exposure_min_s(self) -> float:

@@ -6,9 +6,9 @@ import functools
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr
 
 from catalogs import band_provenance, load_bands
 from cpic_core import InputError, Provenance, load_mapping, load_yaml, split_sourced
@@ -29,6 +29,7 @@ from simulator.config.telescope import (
 )
 from simulator.detectors import INFRARED, VISIBLE, chain_preset
 
+_ORIGIN = ("unit", "source", "confidence", "range", "note")
 _FILE_KEYS = ("apodizer", "transmission_file", "surface_files", "calibration_files", "map_file", "template_file")
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
 
@@ -80,8 +81,7 @@ class Instrument(FrozenModel):
     overhead_s: Annotated[float, Field(ge=0, le=1e6)]
     mission: MissionConfig
 
-    @model_validator(mode="after")
-    def _sampled(self) -> Instrument:
+    def _check_values(self) -> None:
         for key in ("coronagraph.inner_arcsec", "dark_hole.surface_files"):
             section, _, field = key.partition(".")
             for name in getattr(getattr(self, section), field):
@@ -91,21 +91,13 @@ class Instrument(FrozenModel):
             section = self.channel(band.camera).section
             aperture, pixel = self.aperture_radius_arcsec(name), self.pixel_scale_arcsec(name)
             if not 1.0 <= aperture / pixel <= 20.0:
-                raise InputError(
-                    "pixel_scale_arcsec",
-                    pixel,
-                    unit="arcsec",
-                    allowed=f"1 to 20 pixels in the aperture radius of {name}, not {aperture / pixel:.3g}",
-                )
+                allowed = f"1 to 20 pixels in the aperture radius of {name}, not {aperture / pixel:.3g}"
+                raise InputError("pixel_scale_arcsec", pixel, unit="arcsec", allowed=allowed)
             inner = self.hole_inner_arcsec(name) + 2 * aperture
             if inner >= self.hole_outer_arcsec(name):
-                raise InputError(
-                    f"{section}.outer_half_side_arcsec",
-                    self.hole_outer_arcsec(name),
-                    unit="arcsec",
-                    allowed=f"room for an aperture in the hole of {name}: above {inner:.3g}",
-                )
-        return self
+                key, outer = f"{section}.outer_half_side_arcsec", self.hole_outer_arcsec(name)
+                allowed = f"room for an aperture in the hole of {name}: above {inner:.3g}"
+                raise InputError(key, outer, unit="arcsec", allowed=allowed)
 
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
 
@@ -223,6 +215,10 @@ class Instrument(FrozenModel):
         return math.pi * (self.aperture_radius_arcsec(band) / self.pixel_scale_arcsec(band)) ** 2
 
 
+InstrumentLike: TypeAlias = Instrument | Mapping[str, Any] | str | Path | None
+"""What the functions of the package take for an instrument; None is the default preset."""
+
+
 def load_instrument(source: str | Path | Mapping[str, Any] | None = None) -> Instrument:
     """Load an instrument.
 
@@ -265,12 +261,8 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
     else:
         known = preset_path("instrument", str(source))
         if known is None and not Path(source).exists():
-            raise InputError(
-                "instrument",
-                str(source),
-                allowed="a YAML file or a preset",
-                hint=f"presets: {', '.join(preset_names('instrument'))}",
-            )
+            hint = f"presets: {', '.join(preset_names('instrument'))}"
+            raise InputError("instrument", str(source), allowed="a YAML file or a preset", hint=hint)
         tree = load_mapping(source, "instrument", Instrument.model_fields) if known is None else _shipped(known)
         own = paths_beside(tree, Path(known or source).parent)
         if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
@@ -338,13 +330,7 @@ def _shipped_bands() -> dict[str, Any]:
             entry[key] = {"value": getattr(band, key)}
             standing = provenance.get(f"{name}.{key}")
             if standing is not None:
-                entry[key] |= {
-                    "unit": standing.unit,
-                    "source": standing.source,
-                    "confidence": standing.confidence,
-                    "range": standing.range,
-                    "note": standing.note,
-                }
+                entry[key] |= {name: getattr(standing, name) for name in _ORIGIN}
         tree[name] = entry
     return tree
 
@@ -352,14 +338,8 @@ def _shipped_bands() -> dict[str, Any]:
 def _plain_over_sourced(base: Any, own: Any) -> Any:
     """Mark a user's plain number over a sourced default as replaced, so that no stale source clings to it."""
     if isinstance(base, Mapping) and "value" in base and not isinstance(own, Mapping):
-        return {
-            "value": own,
-            "unit": base.get("unit", ""),
-            "source": "user",
-            "confidence": "A",
-            "range": None,
-            "note": "",
-        }
+        origin = dict(zip(_ORIGIN, (base.get("unit", ""), "user", "A", None, ""), strict=True))
+        return {"value": own} | origin
     if isinstance(base, Mapping) and isinstance(own, Mapping):
         return {key: _plain_over_sourced(base.get(key), item) for key, item in own.items()}
     return own

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from cpic_core import InputError
-from simulator.config.base import FrozenModel, canonical_keys, nearest, validate
+from simulator.config.base import FrozenModel, SpelledModel, canonical_keys, nearest, validate
 
 STAR_MODELS = ("grid", "blackbody", "pickles")
 """Spectra of stars by name; anything else is a path or a table."""
@@ -32,35 +32,26 @@ _TABLE_HINTS = {
 }
 
 
-class SpectrumTable(FrozenModel):
+class SpectrumTable(SpelledModel):
     """A user's spectrum at the telescope, linear between its samples.
 
     ``photlam`` (ph/s/cm2/A) or ``flam`` (erg/s/cm2/A) over increasing ``wavelength_nm``.
     """
 
+    HINTS = _TABLE_HINTS
     wavelength_nm: tuple[Real, ...]
     photlam: tuple[Real, ...] | None = None
     flam: tuple[Real, ...] | None = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _keys(cls, tree: Any) -> Any:
-        return canonical_keys(tree, cls.model_fields, {}, hints=_TABLE_HINTS) if isinstance(tree, Mapping) else tree
-
-    @model_validator(mode="after")
-    def _readable(self) -> SpectrumTable:
+    def _check_values(self) -> None:
         if (self.photlam is None) == (self.flam is None):
-            raise InputError(
-                "photlam",
-                "missing" if self.flam is None else "given with flam",
-                allowed="photlam (ph/s/cm2/A) or flam (erg/s/cm2/A), one of the two",
-            )
+            allowed = "photlam (ph/s/cm2/A) or flam (erg/s/cm2/A), one of the two"
+            raise InputError("photlam", "missing" if self.flam is None else "given with flam", allowed=allowed)
         name = "photlam" if self.photlam is not None else "flam"
         values = self.photlam or self.flam or ()
         check_columns("wavelength_nm", self.wavelength_nm, name, values)
         if not any(values):
             raise InputError(name, "all zero", allowed="some light")
-        return self
 
 
 def check_columns(x_name: str, x: Sequence[float], y_name: str, y: Sequence[float]) -> None:
@@ -124,9 +115,8 @@ def spectrum_value(value: Any, models: tuple[str, ...]) -> str | SpectrumTable:
     if isinstance(value, str | Path):
         if value in models or (str(value) and Path(value).exists()):
             return str(value)
-        raise InputError(
-            "spectrum", str(value), allowed=f"{', '.join(models)}, or an existing file", hint=nearest(value, models)
-        )
+        allowed = f"{', '.join(models)}, or an existing file"
+        raise InputError("spectrum", str(value), allowed=allowed, hint=nearest(value, models))
     columns = _columns_of(value)
     if columns is None:
         raise InputError("spectrum", value, allowed=f"{', '.join(models)}, a file, or a table of numbers")
@@ -259,14 +249,12 @@ class TableAlbedo(FrozenModel):
     wavelength_nm: tuple[Real, ...] | None = None
     albedo: tuple[Real, ...] | None = None
 
-    @model_validator(mode="after")
-    def _one_source(self) -> TableAlbedo:
+    def _check_values(self) -> None:
         arrays = self.wavelength_nm is not None and self.albedo is not None
         if (self.file is not None) == arrays or (self.wavelength_nm is None) != (self.albedo is None):
             raise InputError("file", self.file, allowed="either file, or wavelength_nm and albedo")
         if self.wavelength_nm is not None and self.albedo is not None:
             check_columns("wavelength_nm", self.wavelength_nm, "albedo", self.albedo)
-        return self
 
     @property
     def label(self) -> str:
@@ -275,13 +263,8 @@ class TableAlbedo(FrozenModel):
 
 
 AlbedoSpec: TypeAlias = MeasuredAlbedo | ParametricAlbedo | GridAlbedo | ConstantAlbedo | TableAlbedo
-_BY_MODEL: dict[str, type[FrozenModel]] = {
-    **dict.fromkeys(("jupiter", "saturn", "uranus", "neptune"), MeasuredAlbedo),
-    "parametric": ParametricAlbedo,
-    "grid": GridAlbedo,
-    "constant": ConstantAlbedo,
-    "table": TableAlbedo,
-}
+_BY_MODEL: dict[str, type[FrozenModel]] = dict.fromkeys(("jupiter", "saturn", "uranus", "neptune"), MeasuredAlbedo)
+_BY_MODEL |= {"parametric": ParametricAlbedo, "grid": GridAlbedo, "constant": ConstantAlbedo, "table": TableAlbedo}
 
 
 ALBEDO_MODELS = tuple(_BY_MODEL)
@@ -308,7 +291,7 @@ def albedo_spec(value: Any) -> AlbedoSpec:
     InputError
         Naming the key, its value and what is allowed.
     """
-    if isinstance(value, MeasuredAlbedo | ParametricAlbedo | GridAlbedo | ConstantAlbedo | TableAlbedo):
+    if isinstance(value, AlbedoSpec):
         return value
     if isinstance(value, bool) or value is None:
         raise InputError("albedo", value, allowed=_ALLOWED)

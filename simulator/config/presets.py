@@ -61,12 +61,8 @@ def preset_or_file(kind: str, source: str | Path, *, package: str = "simulator")
     path = preset_path(kind, str(source), package=package) or Path(source)
     if not path.is_file():
         names = preset_names(kind, package=package)
-        raise InputError(
-            kind,
-            str(source),
-            allowed="a YAML file or a preset",
-            hint=nearest(source, names) or f"presets: {', '.join(names) or 'none'}",
-        )
+        hint = nearest(source, names) or f"presets: {', '.join(names) or 'none'}"
+        raise InputError(kind, str(source), allowed="a YAML file or a preset", hint=hint)
     return path
 
 

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from catalogs import position_angle, separation_arcsec, tangent_offset
 from cpic_core import InputError, load_mapping
-from simulator.config.base import FrozenModel, at, canonical_keys, required, validate
+from simulator.config.base import SpelledModel, inside, other_names, required, validate
 from simulator.config.bodies import MAX_SEPARATION_ARCSEC, Body, Planet, SceneStar
 from simulator.config.light import ALBEDO_MODELS, PLANET_MODELS, STAR_MODELS
 from simulator.config.presets import preset_or_file
@@ -55,11 +55,8 @@ def place(host: SceneStar, body: Body) -> Place:
     sky = (body.ra_deg, body.dec_deg, host.ra_deg, host.dec_deg)
     separation = float(separation_arcsec(*sky))
     if separation > MAX_SEPARATION_ARCSEC:
-        raise InputError(
-            "ra_deg, dec_deg",
-            f"{separation:.6g} arcsec from cstar",
-            allowed=f"at most {MAX_SEPARATION_ARCSEC:g} arcsec, at the same epoch",
-        )
+        allowed = f"at most {MAX_SEPARATION_ARCSEC:g} arcsec, at the same epoch"
+        raise InputError("ra_deg, dec_deg", f"{separation:.6g} arcsec from cstar", allowed=allowed)
     return Place(separation, float(position_angle(*tangent_offset(*sky))))
 
 
@@ -112,32 +109,18 @@ def _agree(given: float, rho: float, phase: float | None, sine: float | None) ->
         allowed = f"at least the projected distance {rho:.6g} au = separation x cstar.distance_pc"
         raise InputError("distance_au", given, unit="au", allowed=allowed)
     if sine is not None and abs(given * sine - rho) > slack:
-        raise InputError(
-            "distance_au",
-            given,
-            unit="au",
-            allowed=f"{f'{rho / sine:.6g} au, or none' if sine else 'none'}",
-            hint=f"distance_au x sin(phase_deg = {phase:g}) is {given * sine:.6g} au, "
-            f"separation x cstar.distance_pc is {rho:.6g} au",
-        )
+        allowed = f"{rho / sine:.6g} au, or none" if sine else "none"
+        hint = f"distance_au x sin(phase_deg = {phase:g}) is {given * sine:.6g} au"
+        hint += f", separation x cstar.distance_pc is {rho:.6g} au"
+        raise InputError("distance_au", given, unit="au", allowed=allowed, hint=hint)
 
 
-_ALIASES = {
-    "planet": "planets",
-    "star": "stars",
-    "disc": "extended",
-    "disk": "extended",
-    "discs": "extended",
-    "disks": "extended",
-    "exozodi": "extended",
-    "extended_sources": "extended",
-}
 _HINTS = {"host": "did you mean cstar?"}
 _FILE_KEYS = ("file", "spectrum", "model", "albedo")
 _MODELS = (*STAR_MODELS, *PLANET_MODELS, *ALBEDO_MODELS)
 
 
-class Scene(FrozenModel):
+class Scene(SpelledModel):
     """What the telescope points at.
 
     Objects without a name get one: the scene's for the central star, ``planet 1``, ``star 1``, ``extended 1`` and so on
@@ -145,6 +128,8 @@ class Scene(FrozenModel):
     with ``companion: false`` always are. ``extended`` is scattered light that is no point: discs, rings, images.
     """
 
+    ALIASES = other_names(planets="planet", stars="star", extended="disc disk discs disks exozodi extended_sources")
+    HINTS = _HINTS
     name: Annotated[str, Field(min_length=1)]
     cstar: SceneStar
     planets: tuple[Planet, ...] = ()
@@ -152,12 +137,9 @@ class Scene(FrozenModel):
     companions: Literal["on", "off"] = "on"
     extended: tuple[ExtendedValue, ...] = ()
 
-    @model_validator(mode="before")
     @classmethod
-    def _spelled(cls, tree: Any) -> Any:
-        if not isinstance(tree, Mapping):
-            return tree
-        result = canonical_keys(tree, cls.model_fields, _ALIASES, hints=_HINTS)
+    def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
+        result = dict(tree)
         result["cstar"] = _named(result["cstar"], result.get("name")) if "cstar" in result else None
         if result["cstar"] is None:
             raise InputError("cstar", "missing", allowed="a mapping: the central star")
@@ -171,8 +153,7 @@ class Scene(FrozenModel):
                 raise InputError(f"extended.{number}", source, allowed="a mapping: a disc, ring or image")
         return result
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Scene:
+    def _check_values(self) -> None:
         for key in ("separation_arcsec", "pa_deg"):
             if getattr(self.cstar, key):
                 raise InputError(f"cstar.{key}", getattr(self.cstar, key), allowed="no such key: it is the origin")
@@ -184,28 +165,18 @@ class Scene(FrozenModel):
             if body.name in seen:
                 raise InputError(f"{path}.name", body.name, allowed=f"a name of its own, not that of {seen[body.name]}")
             seen[body.name] = path
-            try:
+            with inside(path):
                 where = place(self.cstar, body)
                 if isinstance(body, Planet):
                     true_distance_au(body, where.separation_arcsec, self.cstar.distance_pc)
-            except InputError as error:
-                raise at(path, error) from None
         for number, source in enumerate(self.extended):
             if source.name in seen:
-                raise InputError(
-                    f"extended.{number}.name",
-                    source.name,
-                    allowed=f"a name of its own, not that of {seen[source.name]}",
-                )
+                allowed = f"a name of its own, not that of {seen[source.name]}"
+                raise InputError(f"extended.{number}.name", source.name, allowed=allowed)
             seen[source.name] = f"extended.{number}"
             if source.contrast_to(self.cstar.v_mag) > 1:
-                raise InputError(
-                    f"extended.{number}.v_mag",
-                    source.v_mag,
-                    unit="mag",
-                    allowed=f"at least that of cstar, {self.cstar.v_mag:g}",
-                )
-        return self
+                allowed = f"at least that of cstar, {self.cstar.v_mag:g}"
+                raise InputError(f"extended.{number}.v_mag", source.v_mag, unit="mag", allowed=allowed)
 
     def is_lit(self, star: SceneStar) -> bool:
         """Whether one of its stars is put on the image."""
@@ -216,7 +187,7 @@ class Scene(FrozenModel):
         return self.model_copy(update={"planets": ()})
 
 
-SCENE_KEYS = (*Scene.model_fields, *_ALIASES, *_HINTS)
+SCENE_KEYS = (*Scene.model_fields, *Scene.ALIASES, *Scene.HINTS)
 """Keys of a file of a scene, as people write them."""
 
 

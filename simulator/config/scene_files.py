@@ -11,9 +11,9 @@ import numpy as np
 
 from cpic_core import InputError
 from simulator.config import scene as scene_file
-from simulator.config.base import at, canonical_keys, required, to_unit, validate
+from simulator.config.base import canonical_keys, inside, required, to_unit, validate
 from simulator.config.bodies import Planet
-from simulator.config.instrument import Instrument, load_instrument, paths_beside
+from simulator.config.instrument import Instrument, InstrumentLike, load_instrument, paths_beside
 from simulator.config.presets import preset_tree
 from simulator.config.scene import Scene
 from simulator.config.simulation import SequenceConfig, SimulationConfig, meaningful_keys, of_no_use
@@ -24,24 +24,13 @@ COMPANION_LIMIT_ARCSEC = 60.0
 ASSUMED_PA_DEG = 30.0
 """Position angle of a companion where none is known (A): between an arm of the mask and a diagonal."""
 
-_STAR = {
-    "v_mag": ("v_mag", "magnitude"),
-    "teff_k": ("teff_k", "teff"),
-    "log_g": ("log_g", "logg"),
-    "metallicity": ("metallicity",),
-    "ra_deg": ("ra_deg", "ra"),
-    "dec_deg": ("dec_deg", "dec"),
-    "distance_pc": ("distance_pc", "distance"),
-    "luminosity_lsun": ("luminosity_lsun",),
-    "spectral_type": ("spectral_type", "sp_type"),
-}
-_COMPANION = {
-    "separation_arcsec": ("companion_separation_arcsec", "companion_sep_arcsec"),
-    "pa_deg": ("companion_pa_deg",),
-    "v_mag": ("companion_v_mag",),
-    "delta_v_mag": ("companion_delta_v_mag",),
-    "teff_k": ("companion_teff_k",),
-}
+_STAR: dict[str, tuple[str, ...]] = {key: (key,) for key in ("metallicity", "luminosity_lsun")}
+_STAR |= {"v_mag": ("v_mag", "magnitude"), "teff_k": ("teff_k", "teff"), "log_g": ("log_g", "logg")}
+_STAR |= {"ra_deg": ("ra_deg", "ra"), "dec_deg": ("dec_deg", "dec"), "distance_pc": ("distance_pc", "distance")}
+_STAR |= {"spectral_type": ("spectral_type", "sp_type")}
+_COMPANION: dict[str, tuple[str, ...]] = {key: (f"companion_{key}",) for key in ("pa_deg", "v_mag", "teff_k")}
+_COMPANION |= {"separation_arcsec": ("companion_separation_arcsec", "companion_sep_arcsec")}
+_COMPANION |= {"delta_v_mag": ("companion_delta_v_mag",)}
 
 
 class StarColumns(Protocol):
@@ -163,9 +152,7 @@ SIMULATION_KEYS = (*_TOP, "sequence")
 """Keys of a file of a simulation."""
 
 
-def load_simulation(
-    source: SimulationSource, *, instrument: Instrument | Mapping[str, Any] | str | Path | None = None
-) -> SimulationConfig:
+def load_simulation(source: SimulationSource, *, instrument: InstrumentLike = None) -> SimulationConfig:
     """Load a simulation from a YAML path, a preset name or a mapping.
 
     Parameters
@@ -193,13 +180,11 @@ def load_simulation(
             raise InputError("instrument", "given with a loaded simulation", allowed="one of the two")
         return source
     tree, folder = preset_tree("simulation", source, keys=SIMULATION_KEYS)
-    try:
+    with inside("simulation"):
         tree = canonical_keys(tree, _TOP, {"sequence": "sequences"})
         chosen = tree.get("instrument") if instrument is None else instrument
         base = _instrument(chosen, folder if instrument is None else None)
         sequences = _with_defaults(tree)
-    except InputError as error:
-        raise at("simulation", error) from None
     ready = [_loaded(item, base, folder, f"simulation.sequences.{n}") for n, item in enumerate(sequences)]
     head = {key: tree[key] for key in ("name", "description") if key in tree}
     return validate(SimulationConfig, {**head, "sequences": ready}, where="simulation")
@@ -258,13 +243,8 @@ def _begun(sequences: tuple[SequenceConfig, ...], start_utc: Any) -> tuple[Seque
     """The sequences with the begin of the first."""
     own = [item.start_utc for item in sequences if item.start_utc is not None]
     if own:
-        raise InputError(
-            "start_utc",
-            start_utc,
-            unit="UTC",
-            allowed="for sequences without a begin of their own",
-            hint=f"one has {own[0]}",
-        )
+        allowed = "for sequences without a begin of their own"
+        raise InputError("start_utc", start_utc, unit="UTC", allowed=allowed, hint=f"one has {own[0]}")
     return (_changed(sequences[0], "start_utc", start_utc), *sequences[1:])
 
 
@@ -274,10 +254,8 @@ def _with_defaults(tree: Mapping[str, Any]) -> list[dict[str, Any]]:
     defaults = tree.get("defaults") or {}
     if not isinstance(defaults, Mapping):
         raise InputError("defaults", defaults, allowed="a mapping of keys to values")
-    try:
+    with inside("defaults"):
         defaults = canonical_keys(defaults, fields, aliases)
-    except InputError as error:
-        raise at("defaults", error) from None
     listed = tree.get("sequences")
     listed = [listed] if isinstance(listed, Mapping) else listed
     if not isinstance(listed, Sequence) or isinstance(listed, str) or not listed:
@@ -287,11 +265,9 @@ def _with_defaults(tree: Mapping[str, Any]) -> list[dict[str, Any]]:
     for number, item in enumerate(listed):
         if not isinstance(item, Mapping):
             raise InputError(f"sequences.{number}", item, allowed="a mapping of keys to values")
-        try:
+        with inside(f"sequences.{number}"):
             own = canonical_keys(item, fields, aliases)
             useful = meaningful_keys(own.get("kind", defaults.get("kind", "SCI")))
-        except InputError as error:
-            raise at(f"sequences.{number}", error) from None
         result.append({key: value for key, value in defaults.items() if key in useful} | own)
         unused -= set(useful)
     for key in sorted(unused):
@@ -302,7 +278,7 @@ def _with_defaults(tree: Mapping[str, Any]) -> list[dict[str, Any]]:
 def _loaded(item: Mapping[str, Any], base: Instrument, folder: Path | None, where: str) -> dict[str, Any]:
     """A sequence's mapping with its scene and instrument loaded."""
     result = dict(item)
-    try:
+    with inside(where):
         own = result.get("instrument")
         if isinstance(own, Mapping):
             result["instrument"] = base.changed(own if folder is None else paths_beside(dict(own), folder))
@@ -310,8 +286,6 @@ def _loaded(item: Mapping[str, Any], base: Instrument, folder: Path | None, wher
             result["instrument"] = base if own is None else _instrument(own, folder)
         if result.get("scene") is not None:
             result["scene"] = _scene(result["scene"], folder)
-    except InputError as error:
-        raise at(where, error) from None
     return result
 
 

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cpic_core import InputError, stream
-from simulator.config.base import FrozenModel, canonical_keys, required, validate
+from simulator.config.base import FrozenModel, SpelledModel, other_names, required, validate
 from simulator.config.instrument import Instrument
 from simulator.config.light import Real
 from simulator.config.scene import Scene
@@ -130,7 +130,7 @@ def of_no_use(key: str, value: Any, kind: str) -> InputError:
     return InputError(key, value, allowed=f"for {', '.join(kinds)}, not for {kind}")
 
 
-class SequenceConfig(FrozenModel):
+class SequenceConfig(SpelledModel):
     """One entry of a simulation: a sequence for each of its bands, exposures and gains, in this order.
 
     Attributes
@@ -165,12 +165,7 @@ class SequenceConfig(FrozenModel):
         Number of the first of its sequences, eleven digits; without one, sequences are counted.
     """
 
-    ALIASES: ClassVar[dict[str, str]] = {
-        "bands": "band",
-        "n_frames": "frames",
-        "exposures_s": "exposure_s",
-        "em_gains": "em_gain",
-    }
+    ALIASES = other_names(band="bands", frames="n_frames", exposure_s="exposures_s", em_gain="em_gains")
 
     kind: SequenceKind = "SCI"
     scene: Scene | None = None
@@ -196,13 +191,9 @@ class SequenceConfig(FrozenModel):
     start_utc: Utc | None = None
     obsid: Annotated[Whole, Field(ge=0, lt=10**11)] | None = None
 
-    @model_validator(mode="before")
     @classmethod
-    def _spelled(cls, tree: Any) -> Any:
-        if not isinstance(tree, Mapping):
-            return tree
-        result = canonical_keys(tree, cls.model_fields, cls.ALIASES)
-        kind = result.get("kind", "SCI")
+    def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
+        result, kind = dict(tree), tree.get("kind", "SCI")
         known = meaningful_keys(kind)
         for key in _LISTS:
             if key in result and not isinstance(result[key], list | tuple):
@@ -227,8 +218,7 @@ class SequenceConfig(FrozenModel):
             result["obsid"] = int(result["obsid"])
         return result
 
-    @model_validator(mode="after")
-    def _possible(self) -> SequenceConfig:
+    def _check_values(self) -> None:
         for band in self.band:
             self.instrument.band(band)
         for camera in self.cameras:
@@ -237,7 +227,6 @@ class SequenceConfig(FrozenModel):
         for name in self.switches:
             if name not in self.known_switches:
                 raise InputError("switches", name, allowed=", ".join(self.known_switches))
-        return self
 
     @property
     def cameras(self) -> tuple[CameraName, ...]:

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, cast
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from cpic_core import InputError
-from simulator.config.base import FrozenModel, canonical_keys, nearest, required, validate
+from simulator.config.base import FrozenModel, canonical_keys, nearest, other_names, required, validate
 from simulator.config.light import Real
 
 Depth = Annotated[float, Field(ge=1, le=2000)]
@@ -37,17 +37,11 @@ class PhysicalTracks(FrozenModel):
     loss_cut: Annotated[float, Field(ge=1, le=200)]
     diffusion_um: Width
 
-    @model_validator(mode="after")
-    def _loses(self) -> PhysicalTracks:
+    def _check_values(self) -> None:
         _check_lengths(self.depth_um, self.max_length_um)
         if self.mean_loss_e_um < LOSS_WIDTHS * self.loss_width_e_um:
-            raise InputError(
-                "loss_width_e_um",
-                self.loss_width_e_um,
-                unit="e-/um",
-                allowed=f"at most mean_loss_e_um / {LOSS_WIDTHS} = {self.mean_loss_e_um / LOSS_WIDTHS:g}",
-            )
-        return self
+            allowed = f"at most mean_loss_e_um / {LOSS_WIDTHS} = {self.mean_loss_e_um / LOSS_WIDTHS:g}"
+            raise InputError("loss_width_e_um", self.loss_width_e_um, unit="e-/um", allowed=allowed)
 
 
 class PaperTracks(FrozenModel):
@@ -69,10 +63,8 @@ class PaperTracks(FrozenModel):
     texture_rms: Annotated[float, Field(ge=0, le=1)]
     texture_waves: Annotated[int, Field(ge=1, le=64)]
 
-    @model_validator(mode="after")
-    def _long(self) -> PaperTracks:
+    def _check_values(self) -> None:
         _check_lengths(self.depth_um, self.max_length_um)
-        return self
 
 
 class TemplateTracks(FrozenModel):
@@ -118,12 +110,10 @@ class ExtraLight(FrozenModel):
     rate_e_s: Annotated[float, Field(ge=0, le=1e9)] | None = None
     map_file: str | dict[str, str] | None = None
 
-    @model_validator(mode="after")
-    def _one(self) -> ExtraLight:
+    def _check_values(self) -> None:
         given = [name for name, value in self if value is not None]
         if len(given) > 1:
             raise InputError(given[1], f"given with {given[0]}", allowed="one of the two")
-        return self
 
     def map_of(self, band: str) -> str | None:
         """Name of the map of a band, None if none is set.
@@ -136,12 +126,9 @@ class ExtraLight(FrozenModel):
         if not isinstance(self.map_file, dict):
             return self.map_file
         if band not in self.map_file:
-            raise InputError(
-                "map_file",
-                f"no map of {band}",
-                allowed=f"a map of each band, or of {band} at least",
-                hint=f"there are maps of {', '.join(self.map_file) or 'no band'}",
-            )
+            allowed = f"a map of each band, or of {band} at least"
+            hint = f"there are maps of {', '.join(self.map_file) or 'no band'}"
+            raise InputError("map_file", f"no map of {band}", allowed=allowed, hint=hint)
         return self.map_file[band]
 
 
@@ -172,33 +159,15 @@ Radius = Annotated[Real, Field(ge=0, le=MAX_RADIUS_ARCSEC)]
 Angle = Annotated[Real, Field(ge=-360, le=360)]
 Inclination = Annotated[Real, Field(ge=0, le=90)]
 
-_ALIASES = {
-    "inclination": "inclination_deg",
-    "incl_deg": "inclination_deg",
-    "position_angle": "pa_deg",
-    "position_angle_deg": "pa_deg",
-    "pangle": "pa_deg",
-    "pa": "pa_deg",
-    "inner": "inner_arcsec",
-    "outer": "outer_arcsec",
-    "radius": "radius_arcsec",
-    "fwhm": "fwhm_arcsec",
-    "magnitude": "v_mag",
-    "magnitude_v": "v_mag",
-    "pixel_scale": "pixel_scale_arcsec",
-    "pixscale": "pixel_scale_arcsec",
-    "image": "file",
-    "centre_separation_arcsec": "center_separation_arcsec",
-    "center_separation": "center_separation_arcsec",
-    "centre_separation": "center_separation_arcsec",
-    "centre_pa_deg": "center_pa_deg",
-    "center_pa": "center_pa_deg",
-    "centre_pa": "center_pa_deg",
-    "centre_pixel": "center_pixel",
-}
+_ALIASES = other_names(inner_arcsec="inner", outer_arcsec="outer", radius_arcsec="radius", fwhm_arcsec="fwhm")
+_ALIASES |= other_names(inclination_deg="inclination incl_deg", pa_deg="position_angle position_angle_deg pangle pa")
+_ALIASES |= other_names(v_mag="magnitude magnitude_v", pixel_scale_arcsec="pixel_scale pixscale", file="image")
+_ALIASES |= other_names(center_separation_arcsec="centre_separation_arcsec center_separation centre_separation")
+_ALIASES |= other_names(center_pa_deg="centre_pa_deg center_pa centre_pa", center_pixel="centre_pixel")
+_MOVED = "center_separation_arcsec, with center_pa_deg, moves the centre away from the star"
 _HINTS = {
-    "separation": "center_separation_arcsec, with center_pa_deg, moves the centre away from the star",
-    "separation_arcsec": "center_separation_arcsec, with center_pa_deg, moves the centre away from the star",
+    "separation": _MOVED,
+    "separation_arcsec": _MOVED,
     "spectrum": "scattered light is grey: it has the star's spectrum",
     "albedo": "scattered light is grey: contrast is its total over the star's",
 }
@@ -220,13 +189,11 @@ class _Scattered(FrozenModel):
     center_separation_arcsec: Radius = 0.0
     center_pa_deg: Angle = 0.0
 
-    @model_validator(mode="after")
-    def _one_brightness(self) -> _Scattered:
+    def _check_values(self) -> None:
         if self.contrast is None and self.v_mag is None:
             raise required("contrast", "total light over the star's, above 0, at most 1, or v_mag")
         if self.contrast is not None and self.v_mag is not None:
             raise InputError("contrast", "given with v_mag", allowed="one of the two")
-        return self
 
     def contrast_to(self, star_v_mag: float) -> float:
         """Total light over that of a star of the given V magnitude, in every band."""
@@ -249,15 +216,13 @@ class DiscSource(_Scattered):
     slope: Annotated[Real, Field(ge=-10, le=10)] = 0.0
     inclination_deg: Inclination = 0.0
 
-    @model_validator(mode="after")
-    def _ordered(self) -> DiscSource:
+    def _check_values(self) -> None:
+        super()._check_values()
         if self.inner_arcsec >= self.outer_arcsec:
-            raise InputError(
-                "inner_arcsec", self.inner_arcsec, unit="arcsec", allowed=f"below outer_arcsec = {self.outer_arcsec:g}"
-            )
+            allowed = f"below outer_arcsec = {self.outer_arcsec:g}"
+            raise InputError("inner_arcsec", self.inner_arcsec, unit="arcsec", allowed=allowed)
         if self.inner_arcsec == 0 and self.slope <= -2:
             raise InputError("slope", self.slope, allowed="above -2 where inner_arcsec is 0: the light must be finite")
-        return self
 
 
 class RingSource(_Scattered):
@@ -286,11 +251,10 @@ class ImageSource(_Scattered):
     pixel_scale_arcsec: Annotated[Real, Field(gt=0, le=10)] | None = None
     center_pixel: tuple[Real, Real] | None = None
 
-    @model_validator(mode="after")
-    def _there(self) -> ImageSource:
+    def _check_values(self) -> None:
+        super()._check_values()
         if not Path(self.file).is_file():
             raise InputError("file", self.file, allowed="an existing FITS or npz file")
-        return self
 
 
 ExtendedSource: TypeAlias = DiscSource | RingSource | ImageSource
@@ -313,7 +277,7 @@ def extended_source(value: Any) -> ExtendedSource:
     InputError
         Naming the key, its value and what is allowed.
     """
-    if isinstance(value, DiscSource | RingSource | ImageSource):
+    if isinstance(value, ExtendedSource):
         return value
     if not isinstance(value, Mapping):
         raise InputError("extended", value, allowed="a mapping: disc, ring or image")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import date
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo
 
 from cpic_core import InputError, check_number, load_quietly
 from simulator.config.base import FrozenModel
@@ -44,9 +44,8 @@ def checked_utc(key: str, value: Any) -> str:
     if found is not None:
         year, month, day = (int(part) for part in found.groups()[:3])
         hour, minute, second = int(found[4] or 0), int(found[5] or 0), found[6] or "00"
-        in_minute = float(second) < 60 or (
-            float(second) < 61 and (hour, minute) == (23, 59) and _ends_in_leap_second(year, month, day)
-        )
+        longest = 61 if (hour, minute) == (23, 59) and _ends_in_leap_second(year, month, day) else 60
+        in_minute = float(second) < longest
         if hour < 24 and minute < 60 and in_minute and _is_day(year, month, day):
             return f"{found[1]}-{found[2]}-{found[3]}T{hour:02d}:{minute:02d}:{second}"
     raise InputError(key, value, unit="UTC", allowed=f"a time as 2028-01-01T00:00:00, {FIRST_YEAR} to {LAST_YEAR}")
@@ -175,11 +174,9 @@ class DarkHoleConfig(FrozenModel):
     hold_star: bool
     surface_files: dict[str, str]
 
-    @model_validator(mode="after")
-    def _files_with_surface(self) -> DarkHoleConfig:
+    def _check_values(self) -> None:
         if bool(self.surface_files) != (self.control == "surface"):
             raise InputError("control", self.control, allowed="surface with surface_files, any other without")
-        return self
 
 
 class Drift(FrozenModel):

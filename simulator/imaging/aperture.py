@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cpic_core import FloatArray
+from simulator.imaging.geometry import BandGeometry
 
 STRIPS = 256
+CELLS_PER_PIXEL = 10
 
 
 def overlap_weights(radius_pixels: float, offset_y: float = 0.0, offset_x: float = 0.0) -> FloatArray:
@@ -83,9 +85,8 @@ def photon_weights(y_pixels: FloatArray, x_pixels: FloatArray, radius_pixels: fl
     """
     t = (np.arange(STRIPS) + 0.5) / STRIPS * 2 - 1
     chord = np.sqrt(np.clip(radius_pixels**2 - (x_pixels[:, None] - t) ** 2, 0.0, None))
-    spread = _triangle_cumulative(y_pixels[:, None, None] + chord) - _triangle_cumulative(
-        y_pixels[:, None, None] - chord
-    )
+    y = y_pixels[:, None, None]
+    spread = _triangle_cumulative(y + chord) - _triangle_cumulative(y - chord)
     weights: FloatArray = spread @ (1 - np.abs(t)) * (2 / STRIPS)
     return weights
 
@@ -141,29 +142,31 @@ def core_from_table(
     return np.maximum(open_columns(full) - open_columns(y_high) + open_columns(y_low), 0.0)
 
 
+def core_cells(pixel_arcsec: float, radius_arcsec: float) -> tuple[FloatArray, float]:
+    """Offsets of the cells in which the core is summed, pixels, and the side of a cell, arcsec.
+
+    Parameters
+    ----------
+    pixel_arcsec, radius_arcsec : float
+        Side of a pixel and radius of the aperture, arcsec.
+    """
+    cells = 2 * math.ceil((radius_arcsec / pixel_arcsec + 1) * CELLS_PER_PIXEL)
+    return (np.arange(cells) - cells / 2 + 0.5) / CELLS_PER_PIXEL, pixel_arcsec / CELLS_PER_PIXEL
+
+
 def figures_of_stamps(
-    on_axis: FloatArray,
-    off_axis: FloatArray,
-    table: FloatArray,
-    table_half_arcsec: float,
-    pixel_arcsec: float,
-    radius_arcsec: float,
-    mask_half_width_arcsec: float,
-    *,
-    diagonal: tuple[int, int] = (1, 1),
+    on_axis: FloatArray, off_axis: FloatArray, core: FloatArray, geometry: BandGeometry, diagonal: tuple[int, int]
 ) -> dict[str, Any]:
-    """Return the figures of `simulator.imaging.metrics.StampMetrics` that two stamps and the core's table give.
+    """Return the figures of `simulator.imaging.metrics.StampMetrics` that two stamps and the core give.
 
     Parameters
     ----------
     on_axis, off_axis : ndarray
         Star behind the mask and unmasked source, shape (n, n): fraction of the energy on the clear disc in each pixel.
-    table : ndarray
-        Of `cumulative_table`.
-    table_half_arcsec : float
-        Half side of the table, arcsec.
-    pixel_arcsec, radius_arcsec, mask_half_width_arcsec : float
-        Side of a pixel, radius of the aperture, half width of the bars of the cross, arcsec.
+    core : ndarray, shape (k, k)
+        Unmasked source, energy per area of a pixel, in each of the `core_cells`.
+    geometry : BandGeometry
+        Pixel, aperture and mask of the band.
     diagonal : tuple of int
         Signs (x, y) of the diagonal along which the inner working angle is measured.
 
@@ -172,11 +175,15 @@ def figures_of_stamps(
     dict
         By name of the field.
     """
-    far = 10.0 * (table_half_arcsec + mask_half_width_arcsec)
-    core_open = float(core_from_table(table, table_half_arcsec, mask_half_width_arcsec, far, far))
-    offset = np.arange(0.0, mask_half_width_arcsec + 2 * table_half_arcsec, pixel_arcsec / 50)
+    pixel, radius, bar = geometry.pixel_scale_arcsec, geometry.aperture_radius_arcsec, geometry.mask_half_width_arcsec
+    cells, _ = core_cells(pixel, radius)
+    table = cumulative_table(core / CELLS_PER_PIXEL**2 * photon_weights(cells, cells, radius / pixel))
+    half = cells.size / 2 / CELLS_PER_PIXEL * pixel
+    far = 10.0 * (half + bar)
+    core_open = float(core_from_table(table, half, bar, far, far))
+    offset = np.arange(0.0, bar + 2 * half, pixel / 50)
     x, y = (sign * offset for sign in diagonal)
-    curve = core_from_table(table, table_half_arcsec, mask_half_width_arcsec, x, y)
+    curve = core_from_table(table, half, bar, x, y)
     half_way = float(np.interp(0.5 * core_open, curve, offset)) if curve[0] < 0.5 * core_open else 0.0
     peak = float(off_axis.max())
     return {
@@ -184,7 +191,7 @@ def figures_of_stamps(
         "peak_off_axis": peak,
         "iwa_arcsec": math.sqrt(2.0) * half_way,
         "raw_contrast": on_axis / peak,
-        "halo_map": aperture_sums(on_axis, overlap_weights(radius_arcsec / pixel_arcsec)),
+        "halo_map": aperture_sums(on_axis, overlap_weights(radius / pixel)),
         "core_table": table,
-        "core_table_half_arcsec": table_half_arcsec,
+        "core_table_half_arcsec": half,
     }

@@ -20,7 +20,7 @@ MAX_SAMPLES = 2048
 
 def configured_mirror(instrument: Instrument) -> DeformableMirror:
     """The mirror of an instrument."""
-    return DeformableMirror(**{name: getattr(instrument.mirror, name) for name in type(instrument.mirror).model_fields})
+    return DeformableMirror(**dict(instrument.mirror))
 
 
 def aberrations_of(instrument: Instrument) -> Aberrations | None:
@@ -28,13 +28,7 @@ def aberrations_of(instrument: Instrument) -> Aberrations | None:
     wavefront = instrument.wavefront
     if wavefront.perfect:
         return None
-    drawn = draw_aberrations(
-        wavefront.seed,
-        samples=wavefront.samples,
-        opd_rms_nm=wavefront.opd_rms_nm,
-        amplitude_rms=wavefront.amplitude_rms,
-        psd_slope=wavefront.psd_slope,
-    )
+    drawn = draw_aberrations(**wavefront.model_dump(exclude={"jitter_mas"}))
     return drawn.pointed(cell_means(configured_apodizer(instrument), wavefront.samples))
 
 
@@ -64,20 +58,12 @@ def bare_imager(
     nodes = knobs.wavelength_nodes + _extra_nodes(instrument, band, knobs)
     wavelength_nm, weights = passbands.wavelength_nodes(band, nodes, spectrum=light)
     apodizer = configured_apodizer(instrument)
-    return Imager(
-        band=band,
-        wavelengths_m=wavelength_nm * 1e-9,
-        weights=weights,
-        diameter_m=instrument.telescope.diameter_m,
-        transmission=upsample(apodizer, _grid(len(apodizer), instrument, band, knobs)),
-        pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
-        mask_half_width_arcsec=instrument.mask_half_width_arcsec(band),
-        aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
-        zone=zone_of(instrument, band),
-        lambda_d_arcsec=instrument.lambda_d_arcsec(band),
-        knobs=knobs,
-        jitter_arcsec=instrument.wavefront.jitter_mas * 1e-3,
-    )
+    transmission = upsample(apodizer, _grid(len(apodizer), instrument, band, knobs))
+    pupil = band, wavelength_nm * 1e-9, weights, instrument.telescope.diameter_m, transmission
+    pixel, mask = instrument.pixel_scale_arcsec(band), instrument.mask_half_width_arcsec(band)
+    aperture, lambda_d = instrument.aperture_radius_arcsec(band), instrument.lambda_d_arcsec(band)
+    jitter, zone = instrument.wavefront.jitter_mas * 1e-3, zone_of(instrument, band)
+    return Imager(*pupil, pixel, mask, aperture, zone, lambda_d, knobs, jitter_arcsec=jitter)
 
 
 def build_imager(
@@ -123,13 +109,10 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
     if control == "surface":
         surface = _surface(instrument, band)
         samples = math.lcm(len(surface), instrument.wavefront.samples)
-        return (
-            (aberrations or flat_aberrations(instrument.wavefront.samples))
-            .upsampled(samples)
-            .plus_opd(2.0 * upsample(surface, samples))
-        )
+        aberrations = aberrations or flat_aberrations(instrument.wavefront.samples)
+        return aberrations.upsampled(samples).plus_opd(2.0 * upsample(surface, samples))
     solver, aberrations, mirror = _bench(instrument, band)
-    state = hole_state(instrument, band, solver, aberrations, mirror)
+    state = hole_state(instrument, solver, aberrations, mirror)
     if instrument.wavefront.perfect and not state.commands_nm.any():
         return None
     samples = len(solver.transmission)
@@ -153,7 +136,7 @@ def dark_hole_of(instrument: Instrument, band: str) -> HoleResult:
     """
     if instrument.dark_hole.control in ("off", "surface"):
         raise InputError("dark_hole.control", instrument.dark_hole.control, allowed="conjugation, single_jacobian")
-    return hole_state(instrument, band, *_bench(instrument, band))
+    return hole_state(instrument, *_bench(instrument, band))
 
 
 def hole_state_of(instrument: Instrument, band: str, mean_contrast: float) -> HoleStatus:
@@ -215,12 +198,8 @@ def _surface(instrument: Instrument, band: str) -> FloatArray:
         raise InputError("dark_hole.surface_files", band, allowed="a surface for every band in use")
     surface = load_dm_surface(path)
     if math.lcm(len(surface), instrument.wavefront.samples) > MAX_SAMPLES:
-        raise InputError(
-            "dark_hole.surface_files",
-            path,
-            allowed=f"a map that shares a grid with the {instrument.wavefront.samples} samples of the static wavefront",
-            hint=f"it has {len(surface)} samples a side",
-        )
+        allowed = f"a map that shares a grid with the {instrument.wavefront.samples} samples of the static wavefront"
+        raise InputError("dark_hole.surface_files", path, allowed=allowed, hint=f"it has {len(surface)} samples a side")
     return surface
 
 
@@ -232,10 +211,7 @@ def _grid(steps: int, instrument: Instrument, band: str, knobs: Knobs) -> int:
         common = math.lcm(common, len(_surface(instrument, band)))
     samples = common * max(1, math.ceil(knobs.pupil_samples / common))
     if samples > MAX_SAMPLES:
-        raise InputError(
-            "wavefront.samples",
-            instrument.wavefront.samples,
-            allowed=f"a grid that shares one of at most {MAX_SAMPLES} samples with the {steps} steps of the apodizer",
-            hint="set coronagraph.apodizer_samples to that number",
-        )
+        allowed = f"a grid that shares one of at most {MAX_SAMPLES} samples with the {steps} steps of the apodizer"
+        hint = "set coronagraph.apodizer_samples to that number"
+        raise InputError("wavefront.samples", instrument.wavefront.samples, allowed=allowed, hint=hint)
     return samples

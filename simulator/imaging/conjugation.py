@@ -78,15 +78,9 @@ class ControlSettings:
         """Check the ranges."""
         if self.method not in get_args(HoleMethod):
             raise InputError("method", self.method, allowed=", ".join(get_args(HoleMethod)))
-        for name, low, high in (
-            ("bandwidth", 0, 0.5),
-            ("n_wavelengths", 1, 9),
-            ("step_lambda_d", 0.1, 2),
-            ("margin_lambda_d", 0, 2),
-            ("max_iterations", 1, 200),
-            ("strong_every", 0, 200),
-            ("tolerance", 0, 1),
-        ):
+        ranges = {"bandwidth": (0, 0.5), "n_wavelengths": (1, 9), "step_lambda_d": (0.1, 2), "margin_lambda_d": (0, 2)}
+        ranges |= {"max_iterations": (1, 200), "strong_every": (0, 200), "tolerance": (0, 1)}
+        for name, (low, high) in ranges.items():
             if not low <= getattr(self, name) <= high:
                 raise InputError(name, getattr(self, name), allowed=f"{low} to {high}")
         if not self.exponents or any(not -12 <= value <= 2 for value in (*self.exponents, self.strong_exponent)):
@@ -125,9 +119,7 @@ class Conjugation:
     ----------
     imager : Imager
         Optical model; its ``transform`` and pupil grid are used as they are.
-    center_m : float
-        Centre of the controlled wavelengths.
-    aberrations : Aberrations
+    static : Aberrations
         Static wavefront on the imager's pupil grid.
     mirror : DeformableMirror
         The mirror.
@@ -138,28 +130,15 @@ class Conjugation:
     """
 
     def __init__(
-        self,
-        imager: Imager,
-        center_m: float,
-        aberrations: Aberrations,
-        mirror: DeformableMirror,
-        zone: HoleZone,
-        settings: ControlSettings,
+        self, imager: Imager, static: Aberrations, mirror: DeformableMirror, zone: HoleZone, settings: ControlSettings
     ) -> None:
-        if aberrations.opd_nm.shape != imager.transmission.shape:
-            raise InputError(
-                "aberrations",
-                aberrations.opd_nm.shape,
-                allowed=f"the pupil grid of the imager, {imager.transmission.shape}",
-            )
+        if static.opd_nm.shape != imager.transmission.shape:
+            allowed = f"the pupil grid of the imager, {imager.transmission.shape}"
+            raise InputError("aberrations", static.opd_nm.shape, allowed=allowed)
         nodes, weights = np.polynomial.legendre.leggauss(settings.n_wavelengths)
-        self.wavelengths_m = center_m * (1.0 + 0.5 * settings.bandwidth * nodes)
-        self.band, self.transmission, self.aberrations, self.mirror = (
-            imager.band,
-            imager.transmission,
-            aberrations,
-            mirror,
-        )
+        self.wavelengths_m = imager.center_m * (1.0 + 0.5 * settings.bandwidth * nodes)
+        self.band, self.transmission = imager.band, imager.transmission
+        self.aberrations, self.mirror = static, mirror
         step, margin = (value * imager.lambda_d_arcsec for value in (settings.step_lambda_d, settings.margin_lambda_d))
         y, x = zone.control_axes(step, margin)
         self.n_y, self.n_x = y.size, x.size
@@ -192,21 +171,13 @@ class Conjugation:
 
         Scaled so that the sum of squares over wavelengths is the intensity relative to the flat-wavefront peak.
         """
-        return np.stack(
-            [
-                self._factors[index] * (self._y[index] @ (self.pupil(commands_nm, index) @ self._x[index].T))
-                for index in range(self.wavelengths_m.size)
-            ]
-        )
+        waves = enumerate(zip(self._factors, self._y, self._x, strict=True))
+        return np.stack([factor * (y @ (self.pupil(commands_nm, index) @ x.T)) for index, (factor, y, x) in waves])
 
     def strehl(self, commands_nm: FloatArray) -> float:
         """On-axis intensity relative to the flat wavefront, over the controlled wavelengths."""
-        return float(
-            sum(
-                abs(factor * (row @ self.pupil(commands_nm, index) @ row)) ** 2
-                for index, (factor, row) in enumerate(zip(self._factors, self._origin, strict=True))
-            )
-        )
+        waves = enumerate(zip(self._factors, self._origin, strict=True))
+        return float(sum(abs(factor * (row @ self.pupil(commands_nm, i) @ row)) ** 2 for i, (factor, row) in waves))
 
     def pointing_modes(self) -> FloatArray:
         """Directions of the commands that tip and tilt the transmitted wavefront, orthonormal, shape (a * a, 2)."""
@@ -231,9 +202,8 @@ class Conjugation:
         """
         actuators, samples = self.mirror.n_actuators, len(self.transmission)
         scale = self._factors[index] * 4j * np.pi / (self.wavelengths_m[index] * 1e9)
-        left, right = (
-            (matrix[:, None, :] * self._functions.T).reshape(-1, samples) for matrix in (self._y[index], self._x[index])
-        )
+        axes = self._y[index], self._x[index]
+        left, right = ((matrix[:, None, :] * self._functions.T).reshape(-1, samples) for matrix in axes)
         product = left @ (scale * self.pupil(commands_nm, index, aberrations)) @ right.T
         blocks = product.reshape(self.n_y, actuators, self.n_x, actuators).transpose(0, 2, 1, 3)
         return np.asarray(blocks.reshape(self.n_y * self.n_x, actuators**2))
@@ -334,23 +304,14 @@ def conjugate(problem: Conjugation, settings: ControlSettings, start_nm: FloatAr
             ended = "goal"
             break
         if iteration:
-            announce(
-                f"digging the dark hole of {problem.band}: step {iteration} of at most "
-                f"{settings.max_iterations} done, contrast {darkest:.1e}"
-            )
+            done = f"step {iteration} of at most {settings.max_iterations} done, contrast {darkest:.1e}"
+            announce(f"digging the dark hole of {problem.band}: {done}")
         # The last iterations of a search that runs to its limit polish the state that the last strong step opened.
-        strong = (
-            settings.strong_every > 0
-            and (iteration + 1) % settings.strong_every == 0
-            and iteration < settings.max_iterations - 3
-        )
+        turn = settings.strong_every > 0 and (iteration + 1) % settings.strong_every == 0
+        strong = turn and iteration < settings.max_iterations - 3
         matrix, side = equations.at(state, fields)
-        near = range(max(last - 1, 0), min(last + 2, len(order)))
-        rounds = (
-            ([settings.strong_exponent],)
-            if strong
-            else ([order[i] for i in (near if iteration else range(len(order)))], order)
-        )
+        first = order[max(last - 1, 0) : last + 2] if iteration else order
+        rounds = ([settings.strong_exponent],) if strong else (first, order)
         chosen: tuple[float, FloatArray, ComplexArray] | None = None
         for exponents in rounds:
             for exponent in exponents:

@@ -174,10 +174,9 @@ def solve_dark_hole(
     settings = settings or default_settings(mode)
     if limit_contrast is None:
         limit_contrast = SINGLE_LIMIT if settings.method == "single_jacobian" else LIMIT_CONTRAST[mode]
-    center_m = imager.lambda_d_arcsec * imager.diameter_m / ARCSEC_PER_RAD
-    problem = Conjugation(imager, center_m, aberrations, mirror, zone, settings)
+    problem = Conjugation(imager, aberrations, mirror, zone, settings)
     wide_nodes, wide_weights = np.polynomial.legendre.leggauss(SCORE_WAVELENGTHS)
-    wavelengths = center_m * (1.0 + 0.5 * settings.bandwidth * wide_nodes)
+    wavelengths = imager.center_m * (1.0 + 0.5 * settings.bandwidth * wide_nodes)
 
     def score(commands: FloatArray) -> HoleScore:
         return score_hole(imager, aberrations, mirror, commands, zone, wavelengths, 0.5 * wide_weights)
@@ -225,14 +224,8 @@ def score_hole(
         flat += weight * abs(origin @ imager.transmission @ origin) ** 2
         core += weight * _circle_energy(imager, pupil, float(wavelength))
     contrast = light / peak
-    return HoleScore(
-        mean=float(contrast.mean()),
-        median=float(np.median(contrast)),
-        p95=float(np.percentile(contrast, 95)),
-        max=float(contrast.max()),
-        strehl=float(peak / flat),
-        core_throughput=float(core),
-    )
+    mean, median, p95 = contrast.mean(), np.median(contrast), np.percentile(contrast, 95)
+    return HoleScore(*(float(figure) for figure in (mean, median, p95, contrast.max(), peak / flat, core)))
 
 
 def _circle_energy(imager: Imager, pupil: NDArray[np.complex128], wavelength_m: float) -> float:

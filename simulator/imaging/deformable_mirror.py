@@ -16,28 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import FloatArray, InputError, numeric_context
+from simulator.band_integrals import LENGTHS_NM
 from simulator.imaging.map_files import read_maps, real_map
 
 UNITS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "mm": 1e6, "m": 1e9, "angstrom": 0.1, "pm": 1e-3}
-_LONG_NAMES = {
-    "nanometer": 1.0,
-    "nanometers": 1.0,
-    "nanometre": 1.0,
-    "nanometres": 1.0,
-    "micron": 1e3,
-    "microns": 1e3,
-    "micrometer": 1e3,
-    "micrometers": 1e3,
-    "micrometre": 1e3,
-    "micrometres": 1e3,
-    "\u00b5m": 1e3,
-    "meter": 1e9,
-    "meters": 1e9,
-    "metre": 1e9,
-    "metres": 1e9,
-    "angstrom": 0.1,
-    "angstroms": 0.1,
-}
+_LONG_NAMES = {name: scale for name, scale in LENGTHS_NM.items() if len(name) > 2} | {"\u00b5m": 1e3}
+_LONG_NAMES |= dict.fromkeys(("meter", "meters", "metre", "metres"), 1e9)
 MAX_SURFACE_NM = 1e4
 MAX_SIDE = 4096
 
@@ -74,12 +58,10 @@ class DeformableMirror:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not 4 <= self.n_actuators <= 128:
-            raise InputError("n_actuators", self.n_actuators, allowed="4 to 128")
-        if not 0.5 <= self.span_diameters <= 1.5:
-            raise InputError("span_diameters", self.span_diameters, unit="pupil diameters", allowed="0.5 to 1.5")
-        if not 0.01 <= self.coupling <= 0.5:
-            raise InputError("coupling", self.coupling, allowed="0.01 to 0.5")
+        for name, low, high in (("n_actuators", 4, 128), ("span_diameters", 0.5, 1.5), ("coupling", 0.01, 0.5)):
+            if not low <= getattr(self, name) <= high:
+                unit = "pupil diameters" if name == "span_diameters" else ""
+                raise InputError(name, getattr(self, name), unit=unit, allowed=f"{low} to {high}")
         if not (math.isfinite(self.stroke_nm) and self.stroke_nm > 0):
             raise InputError("stroke_nm", self.stroke_nm, unit="nm", allowed="above 0")
         if self.bits is not None and not 8 <= self.bits <= 32:
@@ -206,23 +188,14 @@ def load_dm_surface(path: str | Path, samples: int | None = None, *, unit: str |
     factor = _factor(name, header_unit if file.is_fits else "nm", unit)
     surface = real_map("dm_surface", name, found.data, sides=(2, MAX_SIDE)) * factor
     if np.abs(surface).max() > MAX_SURFACE_NM:
-        raise InputError(
-            "dm_surface",
-            name,
-            unit="nm",
-            allowed=f"heights within {MAX_SURFACE_NM:g} nm",
-            hint=f"found {np.abs(surface).max():.3g} nm; is the unit right?",
-        )
+        hint = f"found {np.abs(surface).max():.3g} nm; is the unit right?"
+        raise InputError("dm_surface", name, unit="nm", allowed=f"heights within {MAX_SURFACE_NM:g} nm", hint=hint)
     if samples is None:
         return surface
     repeat, rest = divmod(samples, len(surface))
     if rest or repeat < 1:
-        raise InputError(
-            "dm_surface",
-            name,
-            allowed=f"a map whose side divides the {samples} pupil samples",
-            hint=f"its side is {len(surface)}",
-        )
+        allowed = f"a map whose side divides the {samples} pupil samples"
+        raise InputError("dm_surface", name, allowed=allowed, hint=f"its side is {len(surface)}")
     return np.repeat(np.repeat(surface, repeat, axis=0), repeat, axis=1)
 
 

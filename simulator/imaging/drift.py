@@ -178,33 +178,26 @@ def iter_visit_frames(
         raise InputError("n_frames", n_frames, allowed="at least 1")
     if not (math.isfinite(cadence_s) and cadence_s > 0):
         raise InputError("cadence_s", cadence_s, unit="s", allowed="above 0")
-    if isinstance(optics, FocalGrid):
-        return _frames(optics, drift, n_frames, cadence_s, rng_visit, rng_walk)
-    imager = optics if isinstance(optics, Imager) else optics.imager
-    axis = imager.stamp_axis(masked=True)
-    grid = imager.focal_grid(axis, axis, source_arcsec=star_arcsec)
-    return _frames(grid, drift, n_frames, cadence_s, rng_visit, rng_walk)
 
+    def frames() -> Iterator[FloatArray]:
+        grid = optics
+        if not isinstance(grid, FocalGrid):
+            imager = grid if isinstance(grid, Imager) else grid.imager
+            axis = imager.stamp_axis(masked=True)
+            grid = imager.focal_grid(axis, axis, source_arcsec=star_arcsec)
+        screens = screen_model(len(grid.imager.transmission), drift.psd_slope)
+        step_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(cadence_s / 3600.0)
+        opd_nm = screens.draw(rng_visit, drift.visit_nm)
+        stamp: FloatArray | None = None
+        for frame in range(n_frames):
+            if step_nm > 0:
+                # The first stamp stands for the middle of its interval: half a step after the start of the visit.
+                opd_nm = opd_nm + screens.draw(rng_walk, step_nm if frame else step_nm * math.sqrt(0.5))
+            if stamp is None or step_nm > 0:
+                stamp = grid.image(opd_nm)
+            yield stamp
 
-def _frames(
-    grid: FocalGrid,
-    drift: Drift,
-    n_frames: int,
-    cadence_s: float,
-    rng_visit: np.random.Generator,
-    rng_walk: np.random.Generator,
-) -> Iterator[FloatArray]:
-    screens = screen_model(len(grid.imager.transmission), drift.psd_slope)
-    step_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(cadence_s / 3600.0)
-    opd_nm = screens.draw(rng_visit, drift.visit_nm)
-    stamp: FloatArray | None = None
-    for frame in range(n_frames):
-        if step_nm > 0:
-            # The first stamp stands for the middle of its interval: half a step after the start of the visit.
-            opd_nm = opd_nm + screens.draw(rng_walk, step_nm if frame else step_nm * math.sqrt(0.5))
-        if stamp is None or step_nm > 0:
-            stamp = grid.image(opd_nm)
-        yield stamp
+    return frames()
 
 
 def visit_frames(

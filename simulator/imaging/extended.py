@@ -8,7 +8,7 @@ image are equal parts of its pixels.
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -42,12 +42,8 @@ class ExtendedGrid(NamedTuple):
     flux: FloatArray
 
 
-class _Parcels(NamedTuple):
-    """Light at offsets from the centre of the source on the sky: toward east, toward north."""
-
-    east: FloatArray
-    north: FloatArray
-    light: FloatArray
+_Parcels: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+# Offsets from the centre of the source on the sky toward east and toward north, and the light there.
 
 
 def render_extended(
@@ -96,9 +92,8 @@ def render_extended(
         extent = _outer(source)
         parcels = _disc_parcels(source, step_arcsec, limit)
     # The map from sky to detector is linear: the offsets of one arcsec toward east and north tell all of it.
-    x, y = sky_to_detector(
-        [source.center_separation_arcsec, 1.0, 1.0], [source.center_pa_deg, 90.0, 0.0], roll_deg=roll_deg, parity=parity
-    )
+    places = [source.center_separation_arcsec, 1.0, 1.0], [source.center_pa_deg, 90.0, 0.0]
+    x, y = sky_to_detector(*places, roll_deg=roll_deg, parity=parity)
     x_axis, y_axis = (_axis(float(part[0]), extent, step_arcsec, reach_arcsec) for part in (x, y))
     flux = np.zeros((y_axis.size, x_axis.size))
     for east, north, light in parcels:
@@ -117,13 +112,8 @@ def _axis(middle: float, extent: float, step: float, reach: float | None) -> Flo
         if high <= low:
             low, high = -1, 1  # nothing of the source lies within the reach
     if high - low + 1 > MAX_POINTS:
-        raise InputError(
-            "step_arcsec",
-            step,
-            unit="arcsec",
-            allowed=f"at most {MAX_POINTS} points a side",
-            hint=f"the source needs {high - low + 1}; give reach_arcsec",
-        )
+        hint = f"the source needs {high - low + 1}; give reach_arcsec"
+        raise InputError("step_arcsec", step, unit="arcsec", allowed=f"at most {MAX_POINTS} points a side", hint=hint)
     return np.arange(low, high + 1, dtype=np.float64) * step
 
 
@@ -137,13 +127,8 @@ def _deal(flux: FloatArray, column: FloatArray, row: FloatArray, light: FloatArr
     flat = flux.reshape(-1)
     first = i * n_x + j
     low, high = light * (1 - p), light * p
-    for index, share in (
-        (first, low * (1 - q)),
-        (first + 1, low * q),
-        (first + n_x, high * (1 - q)),
-        (first + n_x + 1, high * q),
-    ):
-        np.add.at(flat, index, share)
+    for step, part in ((0, low * (1 - q)), (1, low * q), (n_x, high * (1 - q)), (n_x + 1, high * q)):
+        np.add.at(flat, first + step, part)
 
 
 def _sky(separation: float, pa_deg: float) -> tuple[float, float]:
@@ -212,11 +197,8 @@ def _disc_parcels(source: DiscSource | RingSource, step: float, limit: float) ->
         angle = 2 * np.pi * (place + turn) / np.repeat(size, size)
         r = np.repeat(radii[first:last], size)
         along, across = r * np.cos(angle), r * np.sin(angle)
-        yield _Parcels(
-            along * major[0] + across * minor[0],
-            along * major[1] + across * minor[1],
-            np.repeat(light[first:last] / size, size),
-        )
+        east, north = (along * major[i] + across * minor[i] for i in (0, 1))
+        yield east, north, np.repeat(light[first:last] / size, size)
         first = last
 
 
@@ -239,17 +221,13 @@ def _read(source: ImageSource) -> _Picture:
     """Read and check an image."""
     key = f"extended {source.name}".strip()
     file = read_maps(key, source.file)
-    found = file.maps[0]
-    if not file.is_fits and len(file.maps) > 1:
-        named = file.named("image")
-        if named is None:
-            raise InputError(key, source.file, allowed="an npz file with an array named image")
-        found = named
+    found = file.maps[0] if file.is_fits or len(file.maps) == 1 else file.named("image")
+    if found is None:
+        raise InputError(key, source.file, allowed="an npz file with an array named image")
     image = real_map(key, source.file, found.data, square=False)
     if image.min() < 0:
-        raise InputError(
-            key, source.file, allowed="no negative values", hint=f"{(image < 0).sum()} are, down to {image.min():.3g}"
-        )
+        allowed = "no negative values"
+        raise InputError(key, source.file, allowed=allowed, hint=f"{(image < 0).sum()} are, down to {image.min():.3g}")
     if not image.any():
         raise InputError(key, source.file, allowed="an image with light in it")
     stated = pixel_scale(key, source.file, found.header)
@@ -258,18 +236,12 @@ def _read(source: ImageSource) -> _Picture:
         stated = float(real_map(key, source.file, np.atleast_2d(scale.data), square=False)[0, 0])
     asked = source.pixel_scale_arcsec
     if asked is not None and stated is not None and abs(asked / stated - 1) > SCALE_TOLERANCE:
-        raise InputError(
-            "pixel_scale_arcsec", asked, unit="arcsec", allowed=f"{stated:g}, as the file says", hint=source.file
-        )
+        allowed = f"{stated:g}, as the file says"
+        raise InputError("pixel_scale_arcsec", asked, unit="arcsec", allowed=allowed, hint=source.file)
     pixel = stated if asked is None else asked
     if pixel is None:
-        raise InputError(
-            "pixel_scale_arcsec",
-            "missing",
-            unit="arcsec",
-            allowed="a value, or PIXSCALE or CDELT in the header",
-            hint=source.file,
-        )
+        allowed = "a value, or PIXSCALE or CDELT in the header"
+        raise InputError("pixel_scale_arcsec", "missing", unit="arcsec", allowed=allowed, hint=source.file)
     if not 0 < pixel <= 10:
         raise InputError("pixel_scale_arcsec", pixel, unit="arcsec", allowed="above 0, at most 10", hint=source.file)
     n_y, n_x = image.shape
@@ -296,4 +268,4 @@ def _image_parcels(picture: _Picture, pa_deg: float, step: float, limit: float) 
         y = np.broadcast_to((row - middle_y)[:, None, None] + fine[:, None], shape).ravel() * pixel
         x = np.broadcast_to((column - middle_x)[:, None, None] + fine, shape).ravel() * pixel
         light = np.repeat(image[row, column] / per_pixel, per_pixel)
-        yield _Parcels(x * right[0] + y * up[0], x * right[1] + y * up[1], light)
+        yield x * right[0] + y * up[0], x * right[1] + y * up[1], light

@@ -3,7 +3,6 @@
 import functools
 import hashlib
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -12,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import FloatArray, InputError, numeric_context
-from simulator.config import Instrument, content_hash, load_instrument
+from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.map_files import real_map
 from simulator.imaging.metrics import StampMetrics
-from simulator.imaging.sampling import open_pixels, placed
+from simulator.imaging.sampling import displaced, open_pixels
 from simulator.imaging.stamps import StampFile, read_stamps, stamp_metrics, write_stamps
 
 SIDES = (9, 2201)
@@ -125,14 +124,7 @@ class ExternalPsf:
         InputError
             If no band was named.
         """
-        return stamp_metrics(
-            self.on_axis,
-            self.off_axis,
-            self.instrument,
-            self._named_band,
-            mask_half_width_arcsec=self.mask_half_width_arcsec,
-            apodizer_energy=self.apodizer_energy,
-        )
+        return stamp_metrics(self.on_axis, self.off_axis, self._named_band, self.geometry, self.apodizer_energy)
 
     @functools.cached_property
     def _open(self) -> FloatArray:
@@ -164,16 +156,12 @@ class ExternalPsf:
         if not (math.isfinite(x_arcsec) and math.isfinite(y_arcsec)):
             raise InputError("x_arcsec, y_arcsec", (x_arcsec, y_arcsec), unit="arcsec", allowed="finite numbers")
         offset = (float(part) / self.pixel_scale_arcsec for part in (y_arcsec, x_arcsec))
-        return placed(self.off_axis, *offset) * self._open
+        return displaced(self.off_axis, *offset) * self._open
 
 
 @numeric_context()
 def load_psf(
-    path: str | Path,
-    *,
-    instrument: Instrument | Mapping[str, Any] | str | None = None,
-    band: str | None = None,
-    energy: float | None = None,
+    path: str | Path, *, instrument: InstrumentLike = None, band: str | None = None, energy: float | None = None
 ) -> ExternalPsf:
     """Load point-spread functions made by other software.
 
@@ -224,9 +212,8 @@ def load_psf(
     _check_centre(path, off_axis)
     on_axis = None if found.on_axis is None else _image(path, "on_axis", found.on_axis, flags)
     if on_axis is not None and on_axis.shape != off_axis.shape:
-        raise InputError(
-            "psf on_axis", str(path), allowed=f"the shape of off_axis, {off_axis.shape}", hint=f"found {on_axis.shape}"
-        )
+        allowed = f"the shape of off_axis, {off_axis.shape}"
+        raise InputError("psf on_axis", str(path), allowed=allowed, hint=f"found {on_axis.shape}")
     pixel = _pixel(path, found.pixel_scale_arcsec, chosen, name)
     scale = _scale(path, float(off_axis.sum()), energy, flags)
     off_axis = off_axis * scale
@@ -249,9 +236,8 @@ def load_psf(
         behind = float(off_axis.sum())
         flags.append("apodizer_energy_of_stamp")
     elif not off_axis.sum() - ROUNDING <= behind <= 1 + ROUNDING:
-        raise InputError(
-            "psf apodizer_energy", behind, allowed=f"{off_axis.sum():.6g} (sum of off_axis) to 1", hint=str(path)
-        )
+        allowed = f"{off_axis.sum():.6g} (sum of off_axis) to 1"
+        raise InputError("psf apodizer_energy", behind, allowed=allowed, hint=str(path))
     if name and len(off_axis) / 2 < chosen.aperture_radius_arcsec(name) / pixel + 1:
         flags.append("core_beyond_stamp")
     for image in (on_axis, off_axis):
@@ -290,12 +276,8 @@ def save_psf(psf: Stamps, path: str | Path) -> Path:
     if width is None and hasattr(psf, "instrument"):
         width = psf.instrument.mask_half_width_arcsec(psf.band)
     behind = getattr(psf, "apodizer_energy", getattr(getattr(psf, "imager", None), "apodizer_energy", None))
-    return write_stamps(
-        StampFile(
-            images["off_axis"], images["on_axis"], float(psf.pixel_scale_arcsec), psf.band or None, width, behind
-        ),
-        place,
-    )
+    numbers = float(psf.pixel_scale_arcsec), psf.band or None, width, behind
+    return write_stamps(StampFile(images["off_axis"], images["on_axis"], *numbers), place)
 
 
 def _band(path: str | Path, stated: str | None, asked: str | None, instrument: Instrument) -> str:
@@ -311,17 +293,12 @@ def _pixel(path: str | Path, stated: float | None, instrument: Instrument, band:
     """Pixel of the detector, that of the file having been compared with it."""
     detector = instrument.pixel_scale_arcsec(band) if band else instrument.detector.pixel_scale_arcsec
     if stated is None:
-        raise InputError(
-            "psf pixel_scale_arcsec", "missing", unit="arcsec", allowed=f"{detector:g}, the detector's", hint=str(path)
-        )
+        allowed = f"{detector:g}, the detector's"
+        raise InputError("psf pixel_scale_arcsec", "missing", unit="arcsec", allowed=allowed, hint=str(path))
     if not (stated > 0 and abs(stated / detector - 1) <= SCALE_TOLERANCE):
-        raise InputError(
-            "psf pixel_scale_arcsec",
-            stated,
-            unit="arcsec",
-            allowed=f"{detector:g} arcsec, the detector's pixel, to 1e-3",
-            hint="bin or resample the kernel to it, or change the instrument",
-        )
+        allowed = f"{detector:g} arcsec, the detector's pixel, to 1e-3"
+        hint = "bin or resample the kernel to it, or change the instrument"
+        raise InputError("psf pixel_scale_arcsec", stated, unit="arcsec", allowed=allowed, hint=hint)
     return detector
 
 
@@ -329,18 +306,13 @@ def _image(path: str | Path, name: str, data: NDArray[Any], flags: list[str]) ->
     key = f"psf {name}"
     image = real_map(key, path, data, sides=SIDES)
     if len(image) % 2 == 0:
-        raise InputError(
-            key,
-            str(path),
-            allowed="an odd number of pixels a side, the source on pixel n // 2",
-            hint=f"found {len(image)}",
-        )
+        allowed = "an odd number of pixels a side, the source on pixel n // 2"
+        raise InputError(key, str(path), allowed=allowed, hint=f"found {len(image)}")
     negative = image < 0
     if negative.any():
         if image.min() < -NEGATIVE * max(float(image.max()), 0.0):
-            raise InputError(
-                key, str(path), allowed="no negative values", hint=f"{negative.sum()} are, down to {image.min():.3g}"
-            )
+            allowed = "no negative values"
+            raise InputError(key, str(path), allowed=allowed, hint=f"{negative.sum()} are, down to {image.min():.3g}")
         image[negative] = 0.0
         flags.append("negative_rounding")
     return image
@@ -351,12 +323,8 @@ def _check_centre(path: str | Path, image: FloatArray) -> None:
     if not image.any():
         raise InputError("psf off_axis", str(path), allowed="an image with light in it")
     if max(abs(int(index) - centre) for index in peak) > 1:
-        raise InputError(
-            "psf off_axis",
-            str(path),
-            allowed=f"its peak on the centre pixel [{centre}, {centre}]",
-            hint=f"found on [{peak[0]}, {peak[1]}]",
-        )
+        allowed = f"its peak on the centre pixel [{centre}, {centre}]"
+        raise InputError("psf off_axis", str(path), allowed=allowed, hint=f"found on [{peak[0]}, {peak[1]}]")
 
 
 def _scale(path: str | Path, total: float, energy: float | None, flags: list[str]) -> float:
@@ -367,12 +335,9 @@ def _scale(path: str | Path, total: float, energy: float | None, flags: list[str
         flags.append("energy_scaled")
         return energy / total
     if total > 1 + ROUNDING:
-        raise InputError(
-            "psf off_axis",
-            str(path),
-            allowed="a sum of at most 1: fractions of the clear disc's energy",
-            hint=f"it sums to {total:.6g}; if normalised to its peak, give energy, the sum to scale to",
-        )
+        allowed = "a sum of at most 1: fractions of the clear disc's energy"
+        hint = f"it sums to {total:.6g}; if normalised to its peak, give energy, the sum to scale to"
+        raise InputError("psf off_axis", str(path), allowed=allowed, hint=hint)
     if abs(total - 1) <= ROUNDING:
         flags.append("sums_to_one")
     return 1.0

@@ -25,7 +25,7 @@ from simulator.imaging.psf import Psf, wide_on_axis
 from simulator.imaging.sampling import pixel_axis
 from simulator.imaging.scene_image import PointSources, SourceGrid, scene_image
 from simulator.imaging.store import metrics_key
-from simulator.imaging.transfer import KernelTransfer, Transfer, band_transfer
+from simulator.imaging.transfer import BandTransfer, KernelTransfer, Transfer
 from simulator.knobs import Knobs
 from simulator.target import ExtendedRate, Source
 
@@ -81,9 +81,8 @@ def window_of(psf: AnyPsf, instrument: Instrument, *, full: bool) -> Window:
     side = psf.on_axis.shape[0]
     shape = (detector.n_rows, detector.n_columns) if full else (side, side)
     centre = (detector.star_row, detector.star_column) if full else (side // 2, side // 2)
-    rows, columns = (
-        centred_axis(length, psf.pixel_scale_arcsec, middle) for length, middle in zip(shape, centre, strict=True)
-    )
+    scale = psf.pixel_scale_arcsec
+    rows, columns = (centred_axis(length, scale, middle) for length, middle in zip(shape, centre, strict=True))
     return Window(rows, columns, centre)
 
 
@@ -97,11 +96,8 @@ def sky_transmission(psf: AnyPsf, window: Window) -> FloatArray:
     psf : AnyPsf
     window : Window
     """
-    rows, columns = (
-        pixel_axis(centres, psf.pixel_scale_arcsec, 1, _half_width(psf)).open_fraction
-        for centres in (window.rows, window.columns)
-    )
-    return np.outer(rows, columns)
+    axes = [pixel_axis(axis, psf.pixel_scale_arcsec, 1, _half_width(psf)) for axis in (window.rows, window.columns)]
+    return np.outer(axes[0].open_fraction, axes[1].open_fraction)
 
 
 def apodizer_energy(psf: AnyPsf) -> float:
@@ -126,15 +122,8 @@ def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] 
         return np.zeros(window.shape)
     place = [*window.shape, *window.centre, *star_arcsec]
     key = content_hash({"optics": metrics_key(psf.instrument, psf.band), "place": place})
-    stored = compute_once(
-        f"wide-{psf.band}-{key}",
-        lambda: {
-            "image": wide_on_axis(
-                psf.band, psf.instrument, window.shape, window.centre, star_arcsec=star_arcsec
-            ).astype(np.float32)
-        },
-    )
-    image = stored["image"].astype(np.float64)
+    wide = compute_once(f"wide-{psf.band}-{key}", lambda: {"image": _wide(psf, window, star_arcsec).astype(np.float32)})
+    image = wide["image"].astype(np.float64)
     side = psf.on_axis.shape[0]
     if any(star_arcsec):
         _fill_core(image, psf, window, star_arcsec, side)
@@ -163,27 +152,22 @@ def star_column_light(
         return np.zeros(window.columns.size)
     place = [*window.shape, *window.centre, *star_arcsec, *np.flatnonzero(np.diff(rows)).tolist()]
     key = content_hash({"optics": metrics_key(psf.instrument, psf.band), "columns": place})
-    return compute_once(
-        f"columns-{psf.band}-{key}",
-        lambda: {
-            "light": wide_on_axis(psf.band, psf.instrument, window.shape, window.centre, star_arcsec=star_arcsec)[
-                rows
-            ].sum(axis=0)
-        },
-    )["light"]
+    name = f"columns-{psf.band}-{key}"
+    return compute_once(name, lambda: {"light": _wide(psf, window, star_arcsec)[rows].sum(axis=0)})["light"]
+
+
+def _wide(psf: Psf, window: Window, star_arcsec: tuple[float, float]) -> FloatArray:
+    return wide_on_axis(psf.band, psf.instrument, window.shape, window.centre, star_arcsec=star_arcsec)
 
 
 def _fill_core(image: FloatArray, psf: Psf, window: Window, star_arcsec: tuple[float, float], side: int) -> None:
     """Put a star off the mask on the map at the settings of the PSF, a stamp around it."""
-    spans = []
+    spans, axes = [], []
     for axis, place in ((window.rows, star_arcsec[1]), (window.columns, star_arcsec[0])):
         middle = int(np.abs(axis - place).argmin())
         spans.append(slice(max(middle - side // 2, 0), middle + side // 2 + 1))
-    y, x = (
-        psf.imager.axis(axis[span], masked=True)
-        for axis, span in zip((window.rows, window.columns), spans, strict=True)
-    )
-    image[spans[0], spans[1]] = psf.imager.image(y, x, source_arcsec=star_arcsec)
+        axes.append(psf.imager.axis(axis[spans[-1]], masked=True))
+    image[spans[0], spans[1]] = psf.imager.image(*axes, source_arcsec=star_arcsec)
 
 
 def off_axis_light(
@@ -219,10 +203,8 @@ def off_axis_light(
     """
     if not sources and not extended:
         return np.zeros(window.shape)
-    x, y = (
-        np.array([getattr(source, f"{axis}_arcsec") for source in sources]) + shift
-        for axis, shift in zip("xy", star_arcsec, strict=True)
-    )
+    x = np.array([source.x_arcsec for source in sources]) + star_arcsec[0]
+    y = np.array([source.y_arcsec for source in sources]) + star_arcsec[1]
     rates = np.array([source.rate_e_s for source in sources])
     if model == "paper":
         if isinstance(psf, ExternalPsf) or extended:
@@ -276,18 +258,10 @@ def forget_starlight() -> None:
     _starlight.cache_clear()
 
 
-def _image(
-    psf: AnyPsf, window: Window, wavelength_nodes: int, points: PointSources, extended: Sequence[SourceGrid]
-) -> FloatArray:
-    return scene_image(
-        _transfer(psf, wavelength_nodes),
-        window.rows,
-        window.columns,
-        psf.pixel_scale_arcsec,
-        points,
-        mask_half_width_arcsec=_half_width(psf),
-        extended=extended,
-    )
+def _image(psf: AnyPsf, window: Window, nodes: int, points: PointSources, grids: Sequence[SourceGrid]) -> FloatArray:
+    pixels = window.rows, window.columns, psf.pixel_scale_arcsec
+    width = _half_width(psf)
+    return scene_image(_transfer(psf, nodes), *pixels, points, mask_half_width_arcsec=width, extended=grids)
 
 
 def _wavelengths(psf: AnyPsf, source: Source, star_arcsec: tuple[float, float]) -> int:
@@ -309,7 +283,7 @@ def _wavelengths(psf: AnyPsf, source: Source, star_arcsec: tuple[float, float]) 
 def _transfer(psf: AnyPsf, wavelength_nodes: int = 0) -> Transfer:
     if isinstance(psf, ExternalPsf):
         return KernelTransfer(psf.off_axis, psf.pixel_scale_arcsec)
-    return band_transfer(_coarsest(psf, wavelength_nodes))
+    return BandTransfer(_coarsest(psf, wavelength_nodes))
 
 
 def _coarsest(psf: Psf, wavelength_nodes: int = 0) -> Imager:
@@ -329,12 +303,7 @@ def _grid(
     psf: AnyPsf, window: Window, item: ExtendedRate, roll_deg: float, star_arcsec: tuple[float, float]
 ) -> SourceGrid:
     reach = 2.0 * max(float(np.abs(axis).max()) for axis in (window.rows, window.columns))
-    grid = render_extended(
-        item.source,
-        step_arcsec=0.5 * psf.pixel_scale_arcsec,
-        roll_deg=roll_deg,
-        parity=psf.instrument.detector.parity,
-        reach_arcsec=reach,
-    )
+    step, parity = 0.5 * psf.pixel_scale_arcsec, psf.instrument.detector.parity
+    grid = render_extended(item.source, step_arcsec=step, roll_deg=roll_deg, parity=parity, reach_arcsec=reach)
     x, y = grid.x_arcsec + star_arcsec[0], grid.y_arcsec + star_arcsec[1]
     return SourceGrid(x, y, item.rate_e_s * grid.flux)

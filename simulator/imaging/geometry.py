@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -75,14 +75,14 @@ class BandGeometry:
             If the instrument has no such band.
         """
         own = instrument.mask_half_width_arcsec(band)
-        return cls(
-            lambda_d_arcsec=instrument.lambda_d_arcsec(band),
-            pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
-            aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
-            mask_half_width_arcsec=own if mask_half_width_arcsec is None else mask_half_width_arcsec,
-            zone=zone_of(instrument, band),
-            stamp_pixels=stamp_pixels,
-        )
+        scales = instrument.lambda_d_arcsec(band), instrument.pixel_scale_arcsec(band)
+        mask = own if mask_half_width_arcsec is None else mask_half_width_arcsec
+        return cls(*scales, instrument.aperture_radius_arcsec(band), mask, zone_of(instrument, band), stamp_pixels)
+
+    def figures(self) -> dict[str, Any]:
+        """Lengths and hole as fields of `simulator.imaging.metrics.StampMetrics`."""
+        lengths = {name: value for name, value in vars(self).items() if name.endswith("_arcsec")}
+        return lengths | {f"hole_{name}": value for name, value in vars(self.zone).items()}
 
     @property
     def hole(self) -> NDArray[np.bool_]:
@@ -143,9 +143,8 @@ class HoleZone:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not (math.isfinite(self.outer_arcsec) and 0 < self.inner_arcsec < self.outer_arcsec):
-            raise InputError(
-                "hole edges", (self.inner_arcsec, self.outer_arcsec), unit="arcsec", allowed="0 < inner < outer"
-            )
+            allowed = "0 < inner < outer"
+            raise InputError("hole edges", (self.inner_arcsec, self.outer_arcsec), unit="arcsec", allowed=allowed)
         for name, value, known in (("mode", self.mode, HoleMode), ("side", self.side, HoleSide)):
             if value not in get_args(known):
                 raise InputError(name, value, allowed=", ".join(get_args(known)))
@@ -165,8 +164,8 @@ class HoleZone:
         r = np.maximum(np.asarray(separation_arcsec, dtype=np.float64), 1e-12)
         from_inner = np.arcsin(np.minimum(self.inner_arcsec / r, 1.0))
         first = np.maximum(from_inner, np.arccos(np.minimum(self.outer_arcsec / r, 1.0)))
-        share = 1.0 if self.mode == "4q" else 0.5
-        return share * np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
+        fraction = 1.0 if self.mode == "4q" else 0.5
+        return fraction * np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
 
     def axes(self, half_axis: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Axes y and x of the zone, given the points of one positive half axis in ascending order."""

@@ -18,7 +18,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -27,23 +26,15 @@ from numpy.typing import NDArray
 
 from cpic_core import FloatArray, InputError, load_quietly
 from simulator.config import ARCSEC_PER_RAD
-from simulator.imaging.geometry import HoleZone
+from simulator.imaging import pupil_symmetry as parity
+from simulator.imaging.geometry import BandGeometry, HoleZone
 from simulator.imaging.pupil import Aberrations
-from simulator.imaging.pupil_symmetry import (
-    HalfWaves,
-    add_intensity,
-    field_of,
-    half_waves,
-    parts_of,
-    quadrants_of,
-    unfolded,
-    unit_phases,
-)
 from simulator.imaging.sampling import PixelAxis, integrate_pixels, pixel_axis
 from simulator.knobs import Knobs
 
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 Engine = Literal["hcipy", "matrix"]
+Waves = tuple[parity.HalfWaves, ...]  # of one axis, one for each wavelength
 KEPT_SAMPLES = 2**22  # of pupil fields over all wavelengths that an imager keeps: 64 MB
 KEPT_WAVES = 2**19  # values of a grid's transforms that are kept for the next one with the same nodes: 4 MB
 N_KEPT_GRIDS = 24
@@ -116,6 +107,17 @@ class Imager:
         return float((self.transmission**2).sum() * step**2 / self._clear_area)
 
     @property
+    def center_m(self) -> float:
+        """Wavelength of the band's centre, m."""
+        return self.lambda_d_arcsec * self.diameter_m / ARCSEC_PER_RAD
+
+    @property
+    def geometry(self) -> BandGeometry:
+        """Lengths and hole of the band."""
+        scales = self.lambda_d_arcsec, self.pixel_scale_arcsec, self.aperture_radius_arcsec, self.mask_half_width_arcsec
+        return BandGeometry(*scales, self.zone, self.knobs.stamp_pixels)
+
+    @property
     def hole_arcsec(self) -> tuple[float, float]:
         """Inner and outer edge of the dark quadrants, per axis."""
         return self.zone.inner_arcsec, self.zone.outer_arcsec
@@ -128,18 +130,9 @@ class Imager:
     @functools.cached_property
     def content_key(self) -> str:
         """Digest of everything that images depend on: equal for two models of the same optics."""
-        parts = (
-            self.band,
-            self.diameter_m,
-            self.pixel_scale_arcsec,
-            self.mask_half_width_arcsec,
-            self.knobs,
-            self.aperture_radius_arcsec,
-            self.zone,
-            self.lambda_d_arcsec,
-            self.jitter_arcsec,
-        )
-        digest = hashlib.sha256(repr(parts).encode())
+        mask = self.band, self.diameter_m, self.pixel_scale_arcsec, self.mask_half_width_arcsec
+        hole = self.knobs, self.aperture_radius_arcsec, self.zone, self.lambda_d_arcsec, self.jitter_arcsec
+        digest = hashlib.sha256(repr((*mask, *hole)).encode())
         maps = [] if self.static is None else [self.static.opd_nm, self.static.amplitude]
         for array in (self.wavelengths_m, self.weights, self.transmission, *maps):
             digest.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
@@ -194,12 +187,13 @@ class Imager:
     def _kept_quadrants(self) -> list[tuple[FloatArray, FloatArray]]:
         return [_split(self.pupil(index)) for index in range(self.wavelengths_m.size)]
 
-    def waves(self, angles_arcsec: FloatArray, wavelength_m: float) -> HalfWaves:
+    def waves(self, angles_arcsec: FloatArray, wavelength_m: float) -> parity.HalfWaves:
         """`transform` of one axis by parity: real matrices, with the same envelope and area element."""
         step = self.diameter_m / len(self.transmission)
         scale = step / math.sqrt(wavelength_m) / self._clear_area**0.25
         dtype = np.empty(0, self.knobs.field_dtype).real.dtype
-        return half_waves(angles_arcsec / ARCSEC_PER_RAD / wavelength_m * step, len(self.transmission), scale, dtype)
+        cycles = angles_arcsec / ARCSEC_PER_RAD / wavelength_m * step
+        return parity.half_waves(cycles, len(self.transmission), scale, dtype)
 
     def transform(self, angles_arcsec: FloatArray, wavelength_m: float) -> ComplexArray:
         """Matrix of one axis: pupil samples to focal-plane field, sinc envelope and area element included."""
@@ -264,10 +258,12 @@ class Imager:
         """Band-averaged intensity, as energy per detector pixel area, without jitter."""
         if engine == "matrix":
             return self._grid(y_arcsec, x_arcsec).intensity(opd_nm)
-        fields = (
-            self.field(index, y_arcsec, x_arcsec, opd_nm=opd_nm, engine=engine) for index in range(self.weights.size)
-        )
-        return self._summed(fields, (len(y_arcsec), len(x_arcsec)))
+        total = np.zeros((len(y_arcsec), len(x_arcsec)))
+        for index, weight in enumerate(self.weights):
+            part = self.field(index, y_arcsec, x_arcsec, opd_nm=opd_nm, engine=engine)
+            total += float(weight) * (part.real**2 + part.imag**2)
+        total *= self.pixel_solid_angle_sr
+        return total
 
     def image(
         self,
@@ -298,13 +294,6 @@ class Imager:
         waves = _kept_waves if values <= KEPT_WAVES else _kept_waves.__wrapped__
         return FocalGrid(self, *waves(self, y.tobytes(), x.tobytes()))
 
-    def _summed(self, fields: Iterable[ComplexArray], shape: tuple[int, int]) -> FloatArray:
-        total = np.zeros(shape)
-        for weight, part in zip(self.weights, fields, strict=True):
-            total += float(weight) * (part.real**2 + part.imag**2)
-        total *= self.pixel_solid_angle_sr
-        return total
-
 
 @dataclass(frozen=True)
 class Optics:
@@ -334,15 +323,16 @@ class FocalGrid:
     """
 
     imager: Imager
-    rows: tuple[HalfWaves, ...]
-    columns: tuple[HalfWaves, ...]
+    rows: Waves
+    columns: Waves
     y: PixelAxis | None = None
     x: PixelAxis | None = None
 
     def transformed(self, index: int, pupil: NDArray[Any]) -> ComplexArray:
         """Any pupil map in the focal plane, shape (k_y, k_x)."""
         rows = self.rows[index]
-        field: ComplexArray = field_of(parts_of(*_split(pupil), rows.cosine.dtype), rows, self.columns[index])
+        parts = parity.parts_of(*_split(pupil), rows.cosine.dtype)
+        field: ComplexArray = parity.field_of(parts, rows, self.columns[index])
         return field
 
     def field(self, index: int, opd_nm: FloatArray | None = None) -> ComplexArray:
@@ -353,18 +343,18 @@ class FocalGrid:
         """Band-averaged intensity at the nodes, as energy per pixel area."""
         imager, y, x = self.imager, self.rows[0], self.columns[0]
         total = np.zeros((1 + y.mirrored, 1 + x.mirrored, len(y.cosine), len(x.cosine)))
-        screen = None if opd_nm is None else quadrants_of(opd_nm)
+        screen = None if opd_nm is None else parity.quadrants_of(opd_nm)
         largest = 0.0 if opd_nm is None else float(np.abs(opd_nm).max())
         for index, (wavelength, weight) in enumerate(zip(imager.wavelengths_m, imager.weights, strict=True)):
             real, imaginary = imager.quadrants(index)
             if screen is not None:
                 per_nm = 2.0 * math.pi / (float(wavelength) * 1e9)
-                cosine, sine = unit_phases(per_nm * screen, per_nm * largest)
+                cosine, sine = parity.unit_phases(per_nm * screen, per_nm * largest)
                 real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
             scale = math.sqrt(float(weight) * imager.pixel_solid_angle_sr)
-            parts = parts_of(scale * real, scale * imaginary, y.cosine.dtype)
-            add_intensity(total, parts, self.rows[index], self.columns[index])
-        return unfolded(total, y, x)
+            parts = parity.parts_of(scale * real, scale * imaginary, y.cosine.dtype)
+            parity.add_intensity(total, parts, self.rows[index], self.columns[index], None)
+        return parity.unfolded(total, (y.n_nodes, x.n_nodes), (y.sides, x.sides))
 
     def image(self, opd_nm: FloatArray | None = None) -> FloatArray:
         """Pixel-integrated image."""
@@ -378,11 +368,11 @@ class FocalGrid:
 
 
 def _split(pupil: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
-    return quadrants_of(pupil.real), quadrants_of(pupil.imag)
+    return parity.quadrants_of(pupil.real), parity.quadrants_of(pupil.imag)
 
 
 @functools.lru_cache(maxsize=N_KEPT_GRIDS)
-def _kept_waves(imager: Imager, y: bytes, x: bytes) -> tuple[tuple[HalfWaves, ...], tuple[HalfWaves, ...]]:
+def _kept_waves(imager: Imager, y: bytes, x: bytes) -> tuple[Waves, Waves]:
     """Transforms to the nodes of two axes, given as the bytes of their angles."""
     rows = tuple(imager.waves(np.frombuffer(y), float(wavelength)) for wavelength in imager.wavelengths_m)
     if x == y:

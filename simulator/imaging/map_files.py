@@ -108,9 +108,8 @@ def _images(key: str, path: str | Path, hdus: Any) -> tuple[FileMap, ...]:
         if not shape:
             continue
         if max(shape) > MAX_SIDE or len(shape) > 3:
-            raise InputError(
-                key, str(path), allowed=f"images of at most {MAX_SIDE} pixels a side", hint=f"shape {shape}"
-            )
+            allowed = f"images of at most {MAX_SIDE} pixels a side"
+            raise InputError(key, str(path), allowed=allowed, hint=f"shape {shape}")
         header = dict(hdus[0].header) | dict(hdu.header)
         name = str(hdu.header.get("EXTNAME", "")).strip().upper()
         found.append(FileMap(name, np.asarray(hdu.data), header))
@@ -176,9 +175,8 @@ def header_number(key: str, path: str | Path, header: Mapping[str, Any], card: s
         return None
     value = header[card]
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError(
-            f"{key} {card}", value if isinstance(value, str) else repr(value), allowed="a finite number", hint=str(path)
-        )
+        allowed, hint = "a finite number", str(path)
+        raise InputError(f"{key} {card}", value if isinstance(value, str) else repr(value), allowed=allowed, hint=hint)
     return float(value)
 
 
@@ -201,11 +199,8 @@ def pixel_scale(key: str, path: str | Path, header: Mapping[str, Any]) -> float 
     InputError
         If a card is no number above 0, or two disagree.
     """
-    found: dict[str, float] = {}
-    for card in _SCALE_KEYS:
-        value = header_number(key, path, header, card)
-        if value is not None:
-            found[card] = value
+    stated = {card: header_number(key, path, header, card) for card in _SCALE_KEYS}
+    found = {card: value for card, value in stated.items() if value is not None}
     cd = [[header_number(key, path, header, f"CD{i}_{j}") for j in (1, 2)] for i in (1, 2)]
     if any(value is not None for row in cd for value in row):
         matrix = np.array([[value or 0.0 for value in row] for row in cd])
@@ -223,9 +218,8 @@ def pixel_scale(key: str, path: str | Path, header: Mapping[str, Any]) -> float 
         if not value > 0:
             raise InputError(f"{key} {card}", value, unit="arcsec", allowed="above 0", hint=str(path))
         if abs(value / scale - 1) > SCALE_TOLERANCE:
-            raise InputError(
-                f"{key} {card}", f"{value:.6g}", unit="arcsec", allowed=f"{scale:g} as {first} says", hint=str(path)
-            )
+            allowed = f"{scale:g} as {first} says"
+            raise InputError(f"{key} {card}", f"{value:.6g}", unit="arcsec", allowed=allowed, hint=str(path))
     return scale
 
 

@@ -16,13 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cpic_core import FloatArray, InputError, stream
-from simulator.imaging.aperture import (
-    aperture_sums,
-    cumulative_table,
-    figures_of_stamps,
-    overlap_weights,
-    photon_weights,
-)
+from simulator.imaging.aperture import aperture_sums, core_cells, cumulative_table, figures_of_stamps, overlap_weights
 from simulator.imaging.drift import screen_model
 from simulator.imaging.imager import Imager, centred_axis
 from simulator.imaging.metrics import PsfMetrics
@@ -44,12 +38,7 @@ class FloorTable:
 
 
 def measure_floor(
-    imager: Imager,
-    psd_slope: float,
-    *,
-    n_visits: int = N_VISITS,
-    visit_nm: tuple[float, ...] = VISIT_NM,
-    seed: int = SEED,
+    imager: Imager, psd_slope: float, n_visits: int = N_VISITS, visit_nm: Sequence[float] = VISIT_NM, seed: int = SEED
 ) -> FloorTable:
     """Monte Carlo over ``n_visits`` visits, each paired as science with the next as reference.
 
@@ -80,12 +69,8 @@ def measure_floor(
     if not place.any():  # a hole smaller than the aperture: centres inside it must do
         place = hole
     if not place.any():
-        raise InputError(
-            "coronagraph.inner_lambda_d",
-            zone.inner_arcsec,
-            unit="arcsec per axis",
-            allowed=f"an inner edge well inside the outer edge, {zone.outer_arcsec} arcsec",
-        )
+        allowed = f"an inner edge well inside the outer edge, {zone.outer_arcsec} arcsec"
+        raise InputError("coronagraph.inner_lambda_d", zone.inner_arcsec, unit="arcsec per axis", allowed=allowed)
     separation = np.hypot(y_centres[:, None], x_centres)[place]
     weights = overlap_weights(radius / pixel)
 
@@ -146,7 +131,6 @@ def visit_responses(
     return nominal, linear, quadratic
 
 
-CELLS_PER_PIXEL = 10
 JITTER_NODES = 3
 POINT = 1e-6  # width of a point that only jitter widens, pixels
 FIELD_ARCSEC = 17.2  # the frame's diagonal and a margin: companions' wings across the whole detector
@@ -166,28 +150,25 @@ def stamp_figures(imager: Imager, on_axis: FloatArray, off_axis: FloatArray) -> 
         Unmasked source, (y, x).
     """
     pixel, radius = imager.pixel_scale_arcsec, imager.aperture_radius_arcsec
-    table, half, continuous = _core_table(imager)
-    figures = figures_of_stamps(on_axis, off_axis, table, half, pixel, radius, imager.mask_half_width_arcsec)
+    cells, step = core_cells(pixel, radius)
+    axis = pixel_axis(cells * pixel, step, JITTER_NODES, jitter_arcsec=imager.jitter_arcsec)
+    figures = figures_of_stamps(on_axis, off_axis, imager.image(axis, axis), imager.geometry, (1, 1))
     offset = centred_axis(len(on_axis), pixel)
     hole = imager.zone.covers(offset, offset, pixel / 2)
-    return figures | {"core_continuous": continuous, "peak_on_axis_hole": float(on_axis[hole].max(initial=0.0))}
+    brightest = float(on_axis[hole].max(initial=0.0))
+    return figures | {"core_continuous": _circle_energy(imager), "peak_on_axis_hole": brightest}
 
 
-def _core_table(imager: Imager) -> tuple[FloatArray, float, float]:
-    """Cumulative table of PSF x aperture weight, its half side, and the energy in the ideal circle."""
+def _circle_energy(imager: Imager) -> float:
+    """Energy of the unmasked source in the ideal circle of the aperture."""
     pixel, radius = imager.pixel_scale_arcsec, imager.aperture_radius_arcsec
-    cells = 2 * int(np.ceil((radius / pixel + 1) * CELLS_PER_PIXEL))
-    offset = (np.arange(cells) - cells / 2 + 0.5) / CELLS_PER_PIXEL  # pixels
-    cell = pixel_axis(offset * pixel, pixel / CELLS_PER_PIXEL, JITTER_NODES, jitter_arcsec=imager.jitter_arcsec)
-    intensity = imager.image(cell, cell) / CELLS_PER_PIXEL**2
-    table = cumulative_table(intensity * photon_weights(offset, offset, radius / pixel))
     nodes, weights = np.polynomial.legendre.leggauss(40)
     circle = 0.0
     for node, weight in zip(nodes, weights, strict=True):
         chord = float(np.sqrt(1 - node**2))
         y, x = (_points(imager, at) for at in (radius * chord * nodes, np.array([radius * node])))
         circle += weight * chord * float(weights @ imager.image(y, x)[:, 0])
-    return table, cells / 2 / CELLS_PER_PIXEL * pixel, circle * (radius / pixel) ** 2
+    return circle * (radius / pixel) ** 2
 
 
 def _wings(imager: Imager) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -258,17 +239,9 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
     profile, wing_map, column_profile = _wings(wide or imager)
     stamp = slice(half - len(on_axis) // 2, half + len(on_axis) // 2 + 1)
     beyond = np.concatenate([frame[: stamp.start, stamp], frame[stamp.stop :, stamp]])
-    values = stamp_figures(imager, on_axis, off_axis)
+    values = imager.geometry.figures() | stamp_figures(imager, on_axis, off_axis)
     values |= {
         "band": imager.band,
-        "lambda_d_arcsec": imager.lambda_d_arcsec,
-        "pixel_scale_arcsec": imager.pixel_scale_arcsec,
-        "aperture_radius_arcsec": imager.aperture_radius_arcsec,
-        "mask_half_width_arcsec": imager.mask_half_width_arcsec,
-        "hole_inner_arcsec": imager.hole_arcsec[0],
-        "hole_outer_arcsec": imager.hole_arcsec[1],
-        "hole_mode": imager.zone.mode,
-        "hole_side": imager.zone.side,
         "hole_state": "none",
         "strehl": strehl(imager),
         "apodizer_energy": imager.apodizer_energy,
@@ -281,10 +254,8 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
         "wing_profile": profile,
         "wing_map": wing_map,
         "wing_map_step_arcsec": WING_STEP_ARCSEC,
-        "floor_visit_nm": floor.visit_nm,
-        "floor_separation_arcsec": floor.separation_arcsec,
-        "floor_sigma": floor.sigma,
     }
+    values |= {f"floor_{name}": array for name, array in vars(floor).items()}
     return PsfMetrics.from_arrays({name: np.asarray(value) for name, value in values.items()})
 
 

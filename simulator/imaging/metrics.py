@@ -84,14 +84,8 @@ class StampMetrics:
     @property
     def geometry(self) -> BandGeometry:
         """What holds at any numerical settings."""
-        return BandGeometry(
-            self.lambda_d_arcsec,
-            self.pixel_scale_arcsec,
-            self.aperture_radius_arcsec,
-            self.mask_half_width_arcsec,
-            self.zone,
-            len(self.raw_contrast),
-        )
+        scales = self.lambda_d_arcsec, self.pixel_scale_arcsec, self.aperture_radius_arcsec, self.mask_half_width_arcsec
+        return BandGeometry(*scales, self.zone, len(self.raw_contrast))
 
     @property
     def hole(self) -> NDArray[np.bool_]:
@@ -131,9 +125,8 @@ class StampMetrics:
         ndarray
             0 to 1.
         """
-        return core_from_table(
-            self.core_table, self.core_table_half_arcsec, self.mask_half_width_arcsec, x_arcsec, y_arcsec
-        )
+        half, bar = self.core_table_half_arcsec, self.mask_half_width_arcsec
+        return core_from_table(self.core_table, half, bar, x_arcsec, y_arcsec)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -261,11 +254,8 @@ class PsfMetrics(StampMetrics):
         pixels = np.asarray(separation_arcsec, dtype=np.float64) / self.pixel_scale_arcsec
         radius = np.arange(len(self.wing_profile))
         outside = float((self.wing_profile[-60:] * radius[-60:] ** 3.0).mean())
-        return np.where(
-            pixels <= radius[-1],
-            np.interp(pixels, radius, self.wing_profile),
-            outside / np.maximum(pixels, radius[-1]) ** 3,
-        )
+        beyond = outside / np.maximum(pixels, radius[-1]) ** 3
+        return np.where(pixels <= radius[-1], np.interp(pixels, radius, self.wing_profile), beyond)
 
     def wing_at(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
         """Light per pixel that a source leaves at an offset (x, y) from itself, smoothed over a step of the map.
@@ -381,10 +371,6 @@ def _bilinear(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatAr
     i = np.clip(row.astype(int), 0, table.shape[0] - 2)
     j = np.clip(column.astype(int), 0, table.shape[1] - 2)
     p, q = row - i, column - j
-    value: FloatArray = (
-        table[i, j] * (1 - p) * (1 - q)
-        + table[i + 1, j] * p * (1 - q)
-        + table[i, j + 1] * (1 - p) * q
-        + table[i + 1, j + 1] * p * q
-    )
+    left = table[i, j] * (1 - p) * (1 - q) + table[i + 1, j] * p * (1 - q)
+    value: FloatArray = left + table[i, j + 1] * (1 - p) * q + table[i + 1, j + 1] * p * q
     return value

@@ -26,12 +26,7 @@ N_KEPT = 2  # optics whose kernels are kept, 8 MB each
 
 
 def paper_scene_image(
-    imager: Imager,
-    y_centres_arcsec: ArrayLike,
-    x_centres_arcsec: ArrayLike,
-    sources: PointSources,
-    *,
-    kernel_half_pixels: int = 128,
+    imager: Imager, y_arcsec: ArrayLike, x_arcsec: ArrayLike, sources: PointSources, *, kernel_half_pixels: int = 128
 ) -> FloatArray:
     """Image of point sources by the nearest cell of a 4 x 4 grid and one convolution, without the mask.
 
@@ -39,7 +34,7 @@ def paper_scene_image(
     ----------
     imager : Imager
         Optical model; the pixels are its own.
-    y_centres_arcsec, x_centres_arcsec : array_like, shapes (n,) and (m,)
+    y_arcsec, x_arcsec : array_like, shapes (n,) and (m,)
         Centres of the rows and columns, one pixel apart.
     sources : PointSources
         Those farther outside the window than the kernel reaches are left out.
@@ -59,14 +54,12 @@ def paper_scene_image(
     if kernel_half_pixels < 1:
         raise InputError("kernel_half_pixels", kernel_half_pixels, unit="px", allowed=">= 1")
     pixel, reach = imager.pixel_scale_arcsec, kernel_half_pixels
-    rows = _lattice("y_centres_arcsec", y_centres_arcsec, pixel)
-    columns = _lattice("x_centres_arcsec", x_centres_arcsec, pixel)
+    rows = _lattice("y_centres_arcsec", y_arcsec, pixel)
+    columns = _lattice("x_centres_arcsec", x_arcsec, pixel)
     image = np.zeros((rows.size, columns.size))
     places = [_cell(part, axis[0], pixel) for part, axis in zip(sources.arrays[1::-1], (rows, columns), strict=True)]
-    near = [
-        (cell >= -CELLS * reach) & (cell < CELLS * (n + reach)) for cell, n in zip(places, image.shape, strict=True)
-    ]
-    inside = near[0] & near[1]
+    lengths = zip(places, image.shape, strict=True)
+    inside = np.logical_and(*((cell >= -CELLS * reach) & (cell < CELLS * (n + reach)) for cell, n in lengths))
     if not inside.any():
         return image
     kernels = _binned_kernels(Optics.of(imager), reach)

@@ -2,23 +2,21 @@
 
 import functools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
 from catalogs import Spectrum
 from cpic_core import FloatArray, InputError, numeric_context
-from simulator.config import Instrument, load_instrument
+from simulator.config import Instrument, InstrumentLike, load_instrument
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.build import build_imager, hole_state_of
 from simulator.imaging.geometry import BandGeometry, HoleStatus
 from simulator.imaging.imager import Engine, Imager, Optics, centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import band_transfer
+from simulator.imaging.transfer import BandTransfer
 from simulator.knobs import FIDELITIES, Knobs
 from simulator.target import stellar_spectrum
 
@@ -101,12 +99,8 @@ class Psf:
         reach = self.imager.zone.outer_arcsec + self.imager.aperture_radius_arcsec
         least = 2 * math.ceil(reach / self.pixel_scale_arcsec) + 1
         if self.knobs.stamp_pixels < least:
-            raise InputError(
-                "stamp_pixels",
-                self.knobs.stamp_pixels,
-                unit="px",
-                allowed=f"at least {least} for metrics: the dark hole and an aperture",
-            )
+            allowed = f"at least {least} for metrics: the dark hole and an aperture"
+            raise InputError("stamp_pixels", self.knobs.stamp_pixels, unit="px", allowed=allowed)
         figures = stamp_figures(self.imager, self.on_axis, self.off_axis) | {"strehl": strehl(self.imager)}
         arrays = stored.to_arrays() | {name: np.asarray(value) for name, value in figures.items()}
         return PsfMetrics.from_arrays(arrays)
@@ -136,13 +130,10 @@ class Psf:
         cores = [aperture_sums(psf.off_axis, weights)[middle, middle] for psf in (self, best)]
         peak, hole = float(best.off_axis.max()), self.geometry.hole
         difference = (self.on_axis - best.on_axis)[hole] / peak
-        return PsfError(
-            tier=self.knobs.tier,
-            peak=abs(float(self.off_axis.max()) / peak - 1.0),
-            aperture=abs(float(cores[0] / cores[1]) - 1.0),
-            hole_mean=abs(float(self.on_axis[hole].mean() / best.on_axis[hole].mean()) - 1.0),
-            hole_rms=float(np.sqrt((difference**2).mean())),
-        )
+        aperture = abs(float(cores[0] / cores[1]) - 1.0)
+        hole_mean = abs(float(self.on_axis[hole].mean() / best.on_axis[hole].mean()) - 1.0)
+        hole_rms = float(np.sqrt((difference**2).mean()))
+        return PsfError(self.knobs.tier, abs(float(self.off_axis.max()) / peak - 1.0), aperture, hole_mean, hole_rms)
 
     @numeric_context()
     def at(self, x_arcsec: float, y_arcsec: float) -> FloatArray:
@@ -177,7 +168,7 @@ def single_band_psf(
     band: str,
     *,
     fidelity: str | Knobs = "standard",
-    instrument: Instrument | Mapping[str, Any] | str | Path | None = None,
+    instrument: InstrumentLike = None,
     spectrum: str | Spectrum | None = None,
     engine: Engine = "matrix",
 ) -> Psf:
@@ -228,16 +219,7 @@ def single_band_psf(
     kept = built.knobs.stamp_pixels < LARGE_STAMP_PIXELS and built.transmission.size <= KEPT_PUPIL
     stamps = _stamps if kept else _stamps.__wrapped__
     imager, on_axis, off_axis = stamps(Optics.of(built), engine)
-    return Psf(
-        band=band,
-        on_axis=on_axis,
-        off_axis=off_axis,
-        pixel_scale_arcsec=imager.pixel_scale_arcsec,
-        knobs=imager.knobs,
-        imager=imager,
-        instrument=instrument,
-        spectrum=light,
-    )
+    return Psf(band, on_axis, off_axis, imager.pixel_scale_arcsec, imager.knobs, imager, instrument, light)
 
 
 @functools.lru_cache(maxsize=N_KEPT)
@@ -259,14 +241,8 @@ def _stamp(imager: Imager, *, masked: bool, engine: Engine) -> FloatArray:
     if engine == "matrix" and imager.knobs.stamp_pixels >= LARGE_STAMP_PIXELS:
         centres = centred_axis(imager.knobs.stamp_pixels, imager.pixel_scale_arcsec)
         width = imager.mask_half_width_arcsec if masked else 0.0
-        return scene_image(
-            band_transfer(imager),
-            centres,
-            centres,
-            imager.pixel_scale_arcsec,
-            PointSources([0.0], [0.0], [1.0]),
-            mask_half_width_arcsec=width,
-        )
+        pixels, star = (centres, centres, imager.pixel_scale_arcsec), PointSources([0.0], [0.0], [1.0])
+        return scene_image(BandTransfer(imager), *pixels, star, mask_half_width_arcsec=width)
     axis = imager.stamp_axis(masked=masked)
     return imager.image(axis, axis, engine=engine)
 
@@ -306,8 +282,6 @@ def wide_on_axis(
     ndarray, shape ``shape``
     """
     imager = build_imager(instrument, band, Knobs(wavelength_nodes=wavelength_nodes, pixel_nodes=1))
-    y, x = (
-        imager.axis(centred_axis(n, imager.pixel_scale_arcsec, centre), masked=True)
-        for n, centre in zip(shape, star_pixel, strict=True)
-    )
-    return imager.image(y, x, source_arcsec=star_arcsec)
+    places = zip(shape, star_pixel, strict=True)
+    axes = [imager.axis(centred_axis(n, imager.pixel_scale_arcsec, star), masked=True) for n, star in places]
+    return imager.image(*axes, source_arcsec=star_arcsec)

@@ -81,9 +81,7 @@ def load_apodizer(name_or_path: str | Path, *, kind: Kind = "amplitude", samples
         file = read_maps("apodizer", name)
     else:
         raise InputError("apodizer", name, allowed=f"an npz or FITS file, or one of: {', '.join(shipped_apodizers())}")
-    found = file.maps[0] if file.is_fits else file.named("transmission", *KINDS)
-    if found is None and len(file.maps) == 1:
-        found = file.maps[0]
+    found = file.maps[0] if file.is_fits or len(file.maps) == 1 else file.named("transmission", *KINDS)
     if found is None:
         raise InputError("apodizer", name, allowed="an npz file with an array named transmission")
     if found.name.lower() in KINDS and found.name.lower() != kind:
@@ -94,12 +92,8 @@ def load_apodizer(name_or_path: str | Path, *, kind: Kind = "amplitude", samples
     if samples is not None:
         mask = cell_means(mask, samples)
     if len(mask) % 2 or len(mask) > MAX_SIDE:
-        raise InputError(
-            "apodizer",
-            name,
-            allowed=f"an even number of samples, {MIN_SIDE} to {MAX_SIDE}",
-            hint=f"found {len(mask)}; average it onto another grid with samples",
-        )
+        hint = f"found {len(mask)}; average it onto another grid with samples"
+        raise InputError("apodizer", name, allowed=f"an even number of samples, {MIN_SIDE} to {MAX_SIDE}", hint=hint)
     mask.flags.writeable = False
     return mask
 
@@ -186,12 +180,9 @@ def upsample(transmission: FloatArray, samples: int) -> FloatArray:
     """
     factor, rest = divmod(samples, len(transmission))
     if rest or factor < 1:
-        raise InputError(
-            "pupil_samples",
-            samples,
-            allowed=f"a multiple of the {len(transmission)} apodizer steps",
-            hint="or average the map onto that many steps: load_apodizer(..., samples=)",
-        )
+        allowed = f"a multiple of the {len(transmission)} apodizer steps"
+        hint = "or average the map onto that many steps: load_apodizer(..., samples=)"
+        raise InputError("pupil_samples", samples, allowed=allowed, hint=hint)
     return np.repeat(np.repeat(transmission, factor, axis=0), factor, axis=1)
 
 

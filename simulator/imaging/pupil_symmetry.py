@@ -49,6 +49,14 @@ class HalfWaves:
         """Cosine and sine side by side, shape (k, 2 h): one product where no side needs them apart."""
         return np.concatenate([self.cosine, self.sine], axis=1)
 
+    @property
+    def sides(self) -> list[tuple[slice, slice]]:
+        """Where the values of each side go among all nodes, and which of them."""
+        if not self.mirrored:
+            return [(slice(None), slice(None))]
+        half, middle = self.n_nodes // 2, self.n_nodes % 2
+        return [(slice(half, None), slice(None)), (slice(half - 1, None, -1), slice(middle, None))]
+
 
 def half_waves(frequencies: FloatArray, samples: int, scale: float, dtype: Any = np.float64) -> HalfWaves:
     """Waves at given frequencies on pupil samples, each with the envelope of a sample of constant field.
@@ -175,11 +183,7 @@ def parts_of(real: FloatArray, imaginary: FloatArray, dtype: Any = np.float64) -
 
 
 def add_intensity(
-    total: FloatArray,
-    parts: RealArray,
-    y: HalfWaves,
-    x: HalfWaves,
-    envelopes: tuple[FloatArray, FloatArray] | None = None,
+    total: FloatArray, parts: RealArray, y: HalfWaves, x: HalfWaves, envelopes: tuple[FloatArray, FloatArray] | None
 ) -> None:
     """Add the squared modulus of the field to that of others.
 
@@ -191,7 +195,7 @@ def add_intensity(
         From `parts_of`.
     y, x : HalfWaves
         Axes of the nodes.
-    envelopes : tuple of ndarray, shapes (s_y, k_y) and (s_x, k_x), optional
+    envelopes : tuple of ndarray or None, shapes (s_y, k_y) and (s_x, k_x)
         Factors on the squared modulus by side and node of either axis, for waves without envelope.
     """
     for place, field in _sides(parts, y, x):
@@ -221,7 +225,7 @@ def field_of(parts: RealArray, y: HalfWaves, x: HalfWaves) -> ComplexArray:
     values = np.empty(shape, dtype=np.result_type(parts.dtype, np.complex64))
     for place, field in _sides(parts, y, x):
         values.real[place], values.imag[place] = field
-    return unfolded(values, y, x)
+    return unfolded(values, (y.n_nodes, x.n_nodes), (y.sides, x.sides))
 
 
 def _sides(parts: RealArray, y: HalfWaves, x: HalfWaves) -> Iterator[tuple[tuple[int, int, slice], RealArray]]:
@@ -251,25 +255,22 @@ def _sums_and_steps(parts: list[RealArray]) -> list[RealArray]:
     return [parts[0] + parts[1], parts[0] - parts[1]]
 
 
-def unfolded(values: NDArray[Any], y: HalfWaves, x: HalfWaves) -> NDArray[Any]:
+def unfolded(
+    values: NDArray[Any], shape: tuple[int, int], sides: tuple[list[tuple[slice, slice]], list[tuple[slice, slice]]]
+) -> NDArray[Any]:
     """Values at the nodes held of all sides, shape (s_y, s_x, k_y, k_x), at all nodes in their order.
 
     Parameters
     ----------
     values : ndarray
         Values of all sides, shape (s_y, s_x, k_y, k_x).
-    y, x : HalfWaves
+    shape : tuple of int
+        Numbers of all nodes along y and x.
+    sides : tuple of list
+        For the sides of y and of x where their values go, and which of them.
     """
-    answer = np.empty((y.n_nodes, x.n_nodes), dtype=values.dtype)
-    for side_y, (to_y, from_y) in enumerate(_places(y)):
-        for side_x, (to_x, from_x) in enumerate(_places(x)):
+    answer = np.empty(shape, dtype=values.dtype)
+    for side_y, (to_y, from_y) in enumerate(sides[0]):
+        for side_x, (to_x, from_x) in enumerate(sides[1]):
             answer[to_y, to_x] = values[side_y, side_x, from_y, from_x]
     return answer
-
-
-def _places(waves: HalfWaves) -> list[tuple[slice, slice]]:
-    """Where the values of each side go, and which of them."""
-    if not waves.mirrored:
-        return [(slice(None), slice(None))]
-    half, middle = waves.n_nodes // 2, waves.n_nodes % 2
-    return [(slice(half, None), slice(None)), (slice(half - 1, None, -1), slice(middle, None))]

@@ -81,13 +81,9 @@ def box_gauss_rule(n_nodes: int, width: float, sigma: float) -> tuple[FloatArray
 
 
 def pixel_axis(
-    centres_arcsec: FloatArray,
-    pixel_arcsec: float,
-    n_nodes: int,
-    half_width_arcsec: float = 0.0,
-    jitter_arcsec: float = 0.0,
+    centres_arcsec: FloatArray, pixel_arcsec: float, n_nodes: int, bar_arcsec: float = 0.0, jitter_arcsec: float = 0.0
 ) -> PixelAxis:
-    """Nodes of an axis with a hard bar ``|x| < half_width_arcsec`` in front of it.
+    """Nodes of an axis with a hard bar ``|x| < bar_arcsec`` in front of it.
 
     A pixel that the edge of the bar cuts gets the nodes of its open part, so the area behind the bar is exact to
     rounding and the quadrature error is that of an uncut pixel. With jitter the nodes reach a little beyond the
@@ -101,15 +97,15 @@ def pixel_axis(
         Pixel size.
     n_nodes : int
         Nodes per open interval.
-    half_width_arcsec : float
+    bar_arcsec : float
         Half width of the bar, 0 for none.
     jitter_arcsec : float
         Standard deviation of the pointing along this axis.
     """
     low, high = centres_arcsec - pixel_arcsec / 2, centres_arcsec + pixel_arcsec / 2
-    if half_width_arcsec > 0:
-        left = np.stack([low, np.minimum(high, -half_width_arcsec)], axis=1)
-        right = np.stack([np.maximum(low, half_width_arcsec), high], axis=1)
+    if bar_arcsec > 0:
+        left = np.stack([low, np.minimum(high, -bar_arcsec)], axis=1)
+        right = np.stack([np.maximum(low, bar_arcsec), high], axis=1)
         intervals = np.stack([left, right], axis=1).reshape(-1, 2)
         owner = np.repeat(np.arange(low.size), 2)
     else:
@@ -203,7 +199,7 @@ def shifted(kernel: FloatArray, dy_pixels: float, dx_pixels: float) -> FloatArra
     return np.asarray(np.fft.irfft2(spectrum, s=padded.shape)[rim:-rim, rim:-rim])
 
 
-def placed(kernel: FloatArray, y_pixels: float, x_pixels: float) -> FloatArray:
+def displaced(kernel: FloatArray, y_pixels: float, x_pixels: float) -> FloatArray:
     """Kernel with its centre at an offset from the centre pixel, on a stamp of the same size.
 
     Whole pixels are moved as they are; the rest is a Fourier shift. Light beyond the kernel's own stamp is 0, and so

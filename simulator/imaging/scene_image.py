@@ -29,7 +29,29 @@ GROUP_SAMPLES = 10_000.0  # of the transfer function that take as long as what a
 
 
 @dataclass(frozen=True, eq=False)
-class PointSources:
+class _Sources:
+    """Positions and light as given, and the same as checked arrays."""
+
+    x_arcsec: ArrayLike
+    y_arcsec: ArrayLike
+    flux: ArrayLike
+    arrays: tuple[FloatArray, FloatArray, FloatArray] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        x, y = (_vector(name, getattr(self, name)) for name in ("x_arcsec", "y_arcsec"))
+        flux = self._checked_flux(x, y)
+        bad = ~(np.isfinite(flux) & (flux >= 0))
+        if bad.any():
+            raise InputError("flux", float(flux[bad][0]), allowed="finite numbers >= 0")
+        object.__setattr__(self, "arrays", (x, y, flux))
+
+    def _checked_flux(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Light as an array, its shape checked against the positions."""
+        raise NotImplementedError
+
+
+class PointSources(_Sources):
     """Point sources at any position.
 
     Attributes
@@ -45,22 +67,14 @@ class PointSources:
         If shapes differ, a value is not finite, or a flux is negative.
     """
 
-    x_arcsec: ArrayLike
-    y_arcsec: ArrayLike
-    flux: ArrayLike
-    arrays: tuple[FloatArray, FloatArray, FloatArray] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        x, y, flux = (_vector(name, getattr(self, name)) for name in ("x_arcsec", "y_arcsec", "flux"))
+    def _checked_flux(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        flux = _vector("flux", self.flux)
         if not x.size == y.size == flux.size:
             raise InputError("sources", f"{x.size} x, {y.size} y, {flux.size} flux", allowed="equal numbers")
-        _check_flux(flux)
-        object.__setattr__(self, "arrays", (x, y, flux))
+        return flux
 
 
-@dataclass(frozen=True, eq=False)
-class SourceGrid:
+class SourceGrid(_Sources):
     """An extended source as point sources on a grid along the axes of the detector.
 
     Light between the points is not invented: the grid should be finer than lambda/2D for a source that is smooth.
@@ -78,19 +92,11 @@ class SourceGrid:
         If shapes differ, a value is not finite, or a flux is negative.
     """
 
-    x_arcsec: ArrayLike
-    y_arcsec: ArrayLike
-    flux: ArrayLike
-    arrays: tuple[FloatArray, FloatArray, FloatArray] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        x, y = (_vector(name, getattr(self, name)) for name in ("x_arcsec", "y_arcsec"))
+    def _checked_flux(self, x: FloatArray, y: FloatArray) -> FloatArray:
         flux = np.asarray(self.flux, dtype=np.float64)
         if flux.shape != (y.size, x.size):
             raise InputError("flux", f"shape {flux.shape}", allowed=f"{(y.size, x.size)}: rows of y, columns of x")
-        _check_flux(flux)
-        object.__setattr__(self, "arrays", (x, y, flux))
+        return flux
 
 
 def scene_image(
@@ -108,7 +114,7 @@ def scene_image(
     Parameters
     ----------
     transfer : Transfer
-        Of a band (`simulator.imaging.transfer.band_transfer`) or of a kernel.
+        Of a band (`simulator.imaging.transfer.BandTransfer`) or of a kernel.
     y_centres_arcsec, x_centres_arcsec : array_like, shapes (n,) and (m,)
         Ascending centres of the rows and columns of the window, relative to the star.
     pixel_arcsec : float
@@ -181,9 +187,7 @@ class _Window:
 Component = tuple[FloatArray, FloatArray, FloatArray]  # x, y, flux; flux is (s,) or (k, m)
 
 
-def _groups(
-    transfer: Transfer, window: _Window, parts: Sequence[PointSources | SourceGrid]
-) -> Sequence[list[Component]]:
+def _groups(transfer: Transfer, window: _Window, parts: Sequence[_Sources]) -> list[list[Component]]:
     """Sources with light in them, tile by tile: the period of a synthesis grows with the extent of its sources.
 
     Tiles are of the size that takes the fewest samples: small for a few sources far apart, large for a dense field.
@@ -210,7 +214,7 @@ def _samples(transfer: Transfer, window: _Window, group: list[Component]) -> flo
     return 0.0 if axes is None else axes[0].count * axes[1].count + GROUP_SAMPLES
 
 
-def _tiles(window: _Window, parts: Sequence[PointSources | SourceGrid], larger: float) -> list[list[Component]]:
+def _tiles(window: _Window, parts: Sequence[_Sources], larger: float) -> list[list[Component]]:
     groups: dict[tuple[int, int], list[Component]] = {}
     for part in parts:
         x, y, flux = part.arrays
@@ -265,19 +269,11 @@ def _spectrum(group: list[Component], ky: FloatArray, kx: FloatArray) -> tuple[C
     for x, y, flux in group:
         for start in range(0, y.size, CHUNK):
             part = slice(start, start + CHUNK)
-            weighted = _rows_of_light(kx, x, flux, part)
+            weighted = flux[part] @ _phases(kx, -x) if flux.ndim == 2 else _phases(kx, -x[part]) * flux[part, None]
             turns = _phases(ky, y[part]).T
             _add_product(even, turns.real, weighted)
             _add_product(odd, turns.imag, weighted)
     return even, odd
-
-
-def _rows_of_light(kx: FloatArray, x: FloatArray, flux: FloatArray, part: slice) -> ComplexArray:
-    """Spectrum along x of some points, or of some rows of a grid."""
-    if flux.ndim == 1:
-        return _phases(kx, -x[part]) * flux[part, None]
-    rows: ComplexArray = flux[part] @ _phases(kx, -x)
-    return rows
 
 
 def _synthesis(
@@ -335,12 +331,6 @@ def _vector(name: str, values: ArrayLike) -> FloatArray:
     if not np.isfinite(array).all():
         raise InputError(name, float(array[~np.isfinite(array)][0]), allowed="finite numbers")
     return array
-
-
-def _check_flux(flux: FloatArray) -> None:
-    bad = ~(np.isfinite(flux) & (flux >= 0))
-    if bad.any():
-        raise InputError("flux", float(flux[bad][0]), allowed="finite numbers >= 0")
 
 
 def checked_centres(name: str, values: ArrayLike) -> FloatArray:

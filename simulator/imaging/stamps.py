@@ -4,7 +4,6 @@ Figures of merit of a point-spread function of which only the stamps are known.
 """
 
 import io
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import FloatArray, InputError, write_bytes, write_npz
-from simulator.config import Instrument
-from simulator.imaging.aperture import cumulative_table, figures_of_stamps, photon_weights
-from simulator.imaging.geometry import zone_of
+from simulator.imaging.aperture import core_cells, figures_of_stamps
+from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.map_files import SCALE_TOLERANCE, MapFile, header_number, pixel_scale, read_maps
 from simulator.imaging.metrics import StampMetrics
 from simulator.imaging.sampling import unpixelled
@@ -99,12 +97,8 @@ def _fits_bytes(known: dict[str, Any]) -> bytes:
 def _from_npz(path: str | Path, file: MapFile) -> StampFile:
     off_axis, on_axis, band = (file.named(name) for name in ("off_axis", "on_axis", "band"))
     if off_axis is None:
-        raise InputError(
-            "psf",
-            str(path),
-            allowed="an npz file with an array named off_axis",
-            hint=f"it has {', '.join(item.name for item in file.maps)}",
-        )
+        allowed = "an npz file with an array named off_axis"
+        raise InputError("psf", str(path), allowed=allowed, hint=f"it has {', '.join(item.name for item in file.maps)}")
     numbers: dict[str, float] = {}
     for name in ("pixel_scale_arcsec", *_CARDS):
         item = file.named(name)
@@ -127,42 +121,20 @@ def _from_fits(path: str | Path, file: MapFile) -> StampFile:
     if off_axis is None and on_axis is None and len(file.maps) == 1:
         off_axis = file.maps[0]
     if off_axis is None:
-        raise InputError(
-            "psf",
-            str(path),
-            allowed="a FITS file with an image OFF_AXIS, or a single image",
-            hint=f"its images are {[item.name for item in file.maps]}",
-        )
-    scales = [
-        scale
-        for item in (off_axis, on_axis)
-        if item is not None
-        if (scale := pixel_scale("psf", path, item.header)) is not None
-    ]
+        allowed = "a FITS file with an image OFF_AXIS, or a single image"
+        raise InputError("psf", str(path), allowed=allowed, hint=f"its images are {[item.name for item in file.maps]}")
+    found = [pixel_scale("psf", path, item.header) for item in (off_axis, on_axis) if item is not None]
+    scales = [scale for scale in found if scale is not None]
     if scales and abs(scales[-1] / scales[0] - 1) > SCALE_TOLERANCE:
         raise InputError("psf pixel_scale_arcsec", scales[-1], unit="arcsec", allowed=f"that of OFF_AXIS, {scales[0]}")
     numbers = {name: header_number("psf", path, off_axis.header, card) for name, card in _CARDS.items()}
     named = [str(off_axis.header[card]).strip() for card in _BAND_CARDS if card in off_axis.header]
-    return StampFile(
-        off_axis.data,
-        None if on_axis is None else on_axis.data,
-        scales[0] if scales else None,
-        next(iter(named), None),
-        **numbers,
-    )
-
-
-CELLS_PER_PIXEL = 10
+    other, scale = None if on_axis is None else on_axis.data, scales[0] if scales else None
+    return StampFile(off_axis.data, other, scale, next(iter(named), None), **numbers)
 
 
 def stamp_metrics(
-    on_axis: FloatArray,
-    off_axis: FloatArray,
-    instrument: Instrument,
-    band: str,
-    *,
-    mask_half_width_arcsec: float,
-    apodizer_energy: float,
+    on_axis: FloatArray, off_axis: FloatArray, band: str, geometry: BandGeometry, apodizer_energy: float
 ) -> StampMetrics:
     """Measure the figures on the stamps; aperture and hole are those of the instrument's band.
 
@@ -170,39 +142,15 @@ def stamp_metrics(
     ----------
     on_axis, off_axis : ndarray, shape (n, n), n odd
         Fraction of the energy on the clear disc in each pixel.
-    instrument : Instrument
     band : str
-    mask_half_width_arcsec : float
-        Half width of the bars of the cross.
+        Name of the band.
+    geometry : BandGeometry
+        Aperture and hole of the band, and the mask behind which the stamp was made.
     apodizer_energy : float
         Energy behind the apodizer.
-
-    Raises
-    ------
-    InputError
-        If the instrument has no such band.
     """
-    pixel, radius = instrument.pixel_scale_arcsec(band), instrument.aperture_radius_arcsec(band)
-    zone = zone_of(instrument, band)
-    cells = 2 * math.ceil((radius / pixel + 1) * CELLS_PER_PIXEL)
-    offset = (np.arange(cells) - cells / 2 + 0.5) / CELLS_PER_PIXEL  # pixels
-    light = unpixelled(off_axis, offset) / CELLS_PER_PIXEL**2
-    table = cumulative_table(light * photon_weights(offset, offset, radius / pixel))
-    half = cells / 2 / CELLS_PER_PIXEL * pixel
-    return StampMetrics(
-        band=band,
-        lambda_d_arcsec=instrument.lambda_d_arcsec(band),
-        pixel_scale_arcsec=pixel,
-        aperture_radius_arcsec=radius,
-        mask_half_width_arcsec=mask_half_width_arcsec,
-        hole_inner_arcsec=zone.inner_arcsec,
-        hole_outer_arcsec=zone.outer_arcsec,
-        hole_mode=zone.mode,
-        hole_side=zone.side,
-        strehl=None,
-        apodizer_energy=apodizer_energy,
-        column_light=on_axis.sum(axis=0),
-        **figures_of_stamps(
-            on_axis, off_axis, table, half, pixel, radius, mask_half_width_arcsec, diagonal=zone.diagonal
-        ),
-    )
+    cells, _ = core_cells(geometry.pixel_scale_arcsec, geometry.aperture_radius_arcsec)
+    core = unpixelled(off_axis, cells)
+    figures = geometry.figures() | figures_of_stamps(on_axis, off_axis, core, geometry, geometry.zone.diagonal)
+    light = on_axis.sum(axis=0)
+    return StampMetrics(band=band, strehl=None, apodizer_energy=apodizer_energy, column_light=light, **figures)

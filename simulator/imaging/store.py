@@ -17,7 +17,7 @@ between this optical model and any real instrument.
 import functools
 import hashlib
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import astuple, fields, replace
 from importlib.resources import files
 from pathlib import Path
@@ -39,6 +39,7 @@ from simulator.imaging.dark_hole import (
     solve_dark_hole,
 )
 from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
+from simulator.imaging.geometry import zone_of
 from simulator.imaging.imager import Imager
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.pupil import Aberrations, disc_coverage, load_apodizer
@@ -51,9 +52,8 @@ METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian
 
 def _settings(instrument: Instrument) -> ControlSettings:
     hole = instrument.dark_hole
-    return replace(
-        default_settings(hole.mode, METHOD[hole.control]), bandwidth=hole.bandwidth, hold_star=hole.hold_star
-    )
+    usual = default_settings(hole.mode, METHOD[hole.control])
+    return replace(usual, bandwidth=hole.bandwidth, hold_star=hole.hold_star)
 
 
 def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
@@ -77,36 +77,43 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
     solver : Imager
         Bare optical model on the grid of the search.
     """
-    return content_hash(
-        {
-            "schema": HOLE_SCHEMA,
-            "band": solver.band,
-            "transmission": hashlib.sha256(solver.transmission.astype("<f8").tobytes()).hexdigest(),
-            "wavelengths": rounded([*solver.wavelengths_m, *solver.weights]),
-            "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
-            "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
-            "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),
-            "settings": astuple(_settings(instrument)),
-        }
-    )
+    parts = {
+        "schema": HOLE_SCHEMA,
+        "band": solver.band,
+        "transmission": hashlib.sha256(solver.transmission.astype("<f8").tobytes()).hexdigest(),
+        "wavelengths": rounded([*solver.wavelengths_m, *solver.weights]),
+        "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
+        "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
+        "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),
+        "settings": astuple(_settings(instrument)),
+    }
+    return content_hash(parts)
 
 
-def shipped_hole(key: str, band: str) -> Path:
-    """File of the state with a content key; it exists for the bands of the instrument presets.
+def shipped_file(kind: str, key: str, band: str) -> Path:
+    """File of the hole or the metrics with a content key; it exists for the bands of the instrument presets.
 
     Parameters
     ----------
+    kind : str
+        ``hole`` or ``metrics``.
     key : str
         Content key, 16 hex digits.
     band : str
         Name of a band of the instrument, such as ``F520``.
     """
-    return Path(str(files("simulator.imaging") / "data" / f"hole_{band}_{key}.npz"))
+    return Path(str(files("simulator.imaging") / "data" / f"{kind}_{band}_{key}.npz"))
 
 
-def hole_state(
-    instrument: Instrument, band: str, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror
-) -> HoleResult:
+def _stored(kind: str, key: str, band: str, compute: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Arrays of a content key: from the file in the package, the cache, or computed now."""
+    path = shipped_file(kind, key, band)
+    if band.isalnum() and path.is_file():
+        return read_npz(path)
+    return compute_once(f"{kind}-{key}", compute)
+
+
+def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> HoleResult:
     """State of the mirror in one band: from the shipped file, the cache, or a new search.
 
     A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
@@ -115,18 +122,13 @@ def hole_state(
     Parameters
     ----------
     instrument : Instrument
-    band : str
-        Name of a band of the instrument, such as ``F520``.
     solver : Imager
-    aberrations : Aberrations
+    static : Aberrations
     mirror : DeformableMirror
     """
     key = hole_key(instrument, solver)
-    path = shipped_hole(key, band) if band.isalnum() else None
-    if path is not None and path.is_file():
-        arrays = read_npz(path)
-    else:
-        arrays = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, aberrations, mirror)))
+    bench = solver, static, mirror
+    arrays = _stored("hole", key, solver.band, lambda: to_arrays(search(instrument, *bench)))
     state = from_arrays(arrays, solver)
     if isinstance(state, UnreachedHole):
         _warn(key, state.reason)
@@ -150,10 +152,8 @@ def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mir
     mirror : DeformableMirror
     """
     zone = solver.zone
-    announce(
-        f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: seconds on a free "
-        "processor, minutes where the hole is hard to reach"
-    )
+    takes = "seconds on a free processor, minutes where the hole is hard to reach"
+    announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: {takes}")
     return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=_settings(instrument))
 
 
@@ -182,16 +182,9 @@ def from_arrays(arrays: dict[str, NDArray[Any]], solver: Imager) -> HoleResult:
     """
     commands = np.array(arrays["commands_nm"], dtype=np.float64)
     commands.flags.writeable = False
-    search = Search(
-        commands,
-        tuple(float(value) for value in arrays["history"]),
-        tuple(bool(value) for value in arrays["strong"]),
-        str(arrays["ended"]),  # type: ignore[arg-type]
-    )
-    names = [field.name for field in fields(HoleScore)]
-    before, wide, own = (
-        HoleScore(**dict(zip(names, (float(value) for value in row), strict=True))) for row in arrays["scores"]
-    )
+    history, strong = tuple(map(float, arrays["history"])), tuple(map(bool, arrays["strong"]))
+    search = Search(commands, history, strong, str(arrays["ended"]))  # type: ignore[arg-type]
+    before, wide, own = (HoleScore(*map(float, row)) for row in arrays["scores"])
     limit = float(arrays["limit_contrast"])
     kind = DarkHole if wide.mean <= limit else UnreachedHole
     return kind(solver.band, solver.zone, str(arrays["method"]), commands, search, before, wide, own, limit)  # type: ignore[arg-type]
@@ -220,43 +213,25 @@ def metrics_key(instrument: Instrument, band: str) -> str:
 
         nodes = Passbands.from_instrument(instrument).wavelength_nodes(band, Knobs().wavelength_nodes)
         edges = [*edges, *(rounded(part) for part in nodes)]
-    surface = instrument.dark_hole.surface_files.get(band)
-    return content_hash(
-        {
-            "schema": [SCHEMA, HOLE_SCHEMA],
-            "fields": sorted(field.name for field in fields(PsfMetrics)),
-            "band": band,
-            "edges": edges,
-            "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),
-            "telescope": instrument.telescope.model_dump(mode="json"),
-            "geometry": [
-                instrument.hole_inner_arcsec(band),
-                instrument.hole_outer_arcsec(band),
-                instrument.mask_half_width_arcsec(band),
-                instrument.aperture_radius_arcsec(band),
-                instrument.pixel_scale_arcsec(band),
-            ],
-            "wavefront": instrument.wavefront.model_dump(mode="json"),
-            "mirror": instrument.mirror.model_dump(mode="json"),
-            "dark_hole": instrument.dark_hole.model_dump(mode="json", exclude={"surface_files"}),
-            "surface": surface and hashlib.sha256(load_dm_surface(surface).astype("<f8").tobytes()).hexdigest(),
-            "psd_slope": instrument.drift.psd_slope,
-            "knobs": Knobs().model_dump(mode="json"),
-        }
-    )
-
-
-def shipped_metrics(key: str, band: str) -> Path:
-    """File of the metrics with a content key; it exists for the bands of the instrument presets.
-
-    Parameters
-    ----------
-    key : str
-        Content key, 16 hex digits.
-    band : str
-        Name of a band of the instrument, such as ``F520``.
-    """
-    return Path(str(files("simulator.imaging") / "data" / f"metrics_{band}_{key}.npz"))
+    surface, zone = instrument.dark_hole.surface_files.get(band), zone_of(instrument, band)
+    mask_arcsec, aperture_arcsec = instrument.mask_half_width_arcsec(band), instrument.aperture_radius_arcsec(band)
+    pixel_arcsec = instrument.pixel_scale_arcsec(band)
+    parts = {
+        "schema": [SCHEMA, HOLE_SCHEMA],
+        "fields": sorted(field.name for field in fields(PsfMetrics)),
+        "band": band,
+        "edges": edges,
+        "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),
+        "telescope": instrument.telescope.model_dump(mode="json"),
+        "geometry": [zone.inner_arcsec, zone.outer_arcsec, mask_arcsec, aperture_arcsec, pixel_arcsec],
+        "wavefront": instrument.wavefront.model_dump(mode="json"),
+        "mirror": instrument.mirror.model_dump(mode="json"),
+        "dark_hole": instrument.dark_hole.model_dump(mode="json", exclude={"surface_files"}),
+        "surface": surface and hashlib.sha256(load_dm_surface(surface).astype("<f8").tobytes()).hexdigest(),
+        "psd_slope": instrument.drift.psd_slope,
+        "knobs": Knobs().model_dump(mode="json"),
+    }
+    return content_hash(parts)
 
 
 @numeric_context()
@@ -275,10 +250,7 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
         For an unknown band or an unusable apodizer.
     """
     key = metrics_key(instrument, band)
-    path = shipped_metrics(key, band) if band.isalnum() else None
-    if path is not None and path.is_file():
-        return PsfMetrics.from_arrays(_unpacked(read_npz(path)))
-    return PsfMetrics.from_arrays(compute_once(f"metrics-{key}", lambda: measure(instrument, band)))
+    return PsfMetrics.from_arrays(_unpacked(_stored("metrics", key, band, lambda: measure(instrument, band))))
 
 
 def measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:

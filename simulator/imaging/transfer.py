@@ -10,7 +10,7 @@ that occur and falls to zero before the period ends. No light folds; what remain
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cpic_core import ComplexArray, FloatArray, InputError
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging.imager import Imager
-from simulator.imaging.pupil_symmetry import HalfWaves, add_intensity, mirrored_waves, parts_of, quadrants_of
+from simulator.imaging.pupil_symmetry import HalfWaves, add_intensity, mirrored_waves, parts_of, quadrants_of, unfolded
 
 BELL = 23.0  # of the Kaiser-Bessel bell: leakage about exp(-BELL)
 # (half width of the bell) x (frequency from which its transform stays below the leakage)
@@ -68,45 +68,14 @@ class FrequencyAxis:
         return _bell_integral((flat + bell - np.abs(self.samples_arcsec)) / bell)
 
 
-class Transfer(Protocol):
-    """Anything that can image a scene."""
-
-    @property
-    def native_pixel_arcsec(self) -> float | None:
-        """The only detector pixel it can serve, None if any."""
-
-    @property
-    def reach_arcsec(self) -> float:
-        """Displacement per axis beyond which it passes no light."""
-
-    def axis(self, low_arcsec: float, high_arcsec: float) -> FrequencyAxis:
-        """Harmonics that serve the displacements from low to high.
-
-        Parameters
-        ----------
-        low_arcsec : float
-            Lower edge, arcsec.
-        high_arcsec : float
-            Upper edge, arcsec.
-        """
-
-    def values(self, y: FrequencyAxis, x: FrequencyAxis) -> ComplexArray:
-        """Transfer function on the harmonics, phases relative to the centres.
-
-        Parameters
-        ----------
-        y, x : FrequencyAxis
-        """
-
-
 @dataclass(frozen=True, eq=False)
-class TransferFunction:
+class BandTransfer:
     """Transfer function of the optics of a band, pointing jitter included, pixel not.
 
     Attributes
     ----------
     imager : Imager
-        The optical model.
+        Optical model: wavelengths, apodizer, static wavefront, mirror and jitter are all honoured.
     """
 
     imager: Imager
@@ -149,13 +118,10 @@ class TransferFunction:
         period = length + 4.0 * bell
         count = _odd_fast_length(period * 2.0 * (self.cutoff_per_arcsec + BELL_PRODUCT / bell))
         if count > LONGEST_AXIS:
-            raise InputError(
-                "scene",
-                round(length, 1),
-                unit="arcsec from end to end, window and sources together",
-                allowed=f"up to about {LONGEST_AXIS / 2.5 / self.cutoff_per_arcsec:.0f} arcsec",
-                hint="image its parts one by one and add them",
-            )
+            unit = "arcsec from end to end, window and sources together"
+            hint = "image its parts one by one and add them"
+            allowed = f"up to about {LONGEST_AXIS / 2.5 / self.cutoff_per_arcsec:.0f} arcsec"
+            raise InputError("scene", round(length, 1), unit=unit, allowed=allowed, hint=hint)
         centre = 0.5 * (low + high)
         return FrequencyAxis(centre - length / 2.0, centre + length / 2.0, period, count, centre)
 
@@ -182,17 +148,6 @@ class TransferFunction:
             spectrum *= _gaussian(y.frequencies, self.imager.jitter_arcsec)[_mirrored(y.count), None]
             spectrum *= _gaussian(x.frequencies, self.imager.jitter_arcsec)
         return spectrum
-
-
-def band_transfer(imager: Imager) -> TransferFunction:
-    """Transfer function of a band.
-
-    Parameters
-    ----------
-    imager : Imager
-        Optical model: wavelengths, apodizer, static wavefront, mirror and jitter are all honoured.
-    """
-    return TransferFunction(imager)
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,13 +219,8 @@ class KernelTransfer:
         farthest = max(abs(low_arcsec), abs(high_arcsec))
         count = _odd_fast_length((farthest + self.reach_arcsec) / self.pixel_scale_arcsec + self.kernel.shape[0] // 2)
         if count > LONGEST_AXIS:
-            raise InputError(
-                "scene",
-                round(high_arcsec - low_arcsec, 1),
-                unit="arcsec from end to end",
-                allowed=f"up to {LONGEST_AXIS} pixels",
-                hint="image its parts one by one",
-            )
+            unit, allowed, hint = "arcsec from end to end", f"up to {LONGEST_AXIS} pixels", "image its parts one by one"
+            raise InputError("scene", round(high_arcsec - low_arcsec, 1), unit=unit, allowed=allowed, hint=hint)
         return FrequencyAxis(low_arcsec, high_arcsec, count * self.pixel_scale_arcsec, count, 0.0)
 
     def values(self, y: FrequencyAxis, x: FrequencyAxis) -> ComplexArray:
@@ -292,6 +242,10 @@ class KernelTransfer:
         spectrum /= np.sinc(y.frequencies * self.pixel_scale_arcsec)[_mirrored(y.count), None]
         spectrum /= np.sinc(x.frequencies * self.pixel_scale_arcsec)
         return spectrum
+
+
+Transfer: TypeAlias = BandTransfer | KernelTransfer
+"""Anything that can image a scene: ``axis`` serves displacements, ``values`` has the transfer function on them."""
 
 
 def _intensity(imager: Imager, y: FrequencyAxis, x: FrequencyAxis) -> FloatArray:
@@ -323,27 +277,12 @@ def _intensity(imager: Imager, y: FrequencyAxis, x: FrequencyAxis) -> FloatArray
         pupil = imager.pupil(index) * phases[0][:, None] * phases[1]
         parts = parts_of(quadrants_of(pupil.real), quadrants_of(pupil.imag), dtype)
         add_intensity(total, parts, waves[0], waves[1], (envelopes[0], envelopes[1]))
-    return _in_order(total, y.count, x.count)
+    return unfolded(total, (y.count, x.count), (_sides(y.count), _sides(x.count)))
 
 
-def _in_order(sides: FloatArray, rows: int, columns: int) -> FloatArray:
-    """Values of the samples from zero up and of their mirror images, each from the centre out, in the order of an FFT.
-
-    Parameters
-    ----------
-    sides : ndarray, shape (2, 2, rows // 2 + 1, columns // 2 + 1)
-    """
-    answer = np.empty((rows, columns))
-    for side_y, (to_y, from_y) in enumerate(_sides(rows)):
-        for side_x, (to_x, from_x) in enumerate(_sides(columns)):
-            answer[to_y, to_x] = sides[side_y, side_x, from_y, from_x]
-    return answer
-
-
-def _sides(count: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Where the samples of either side of an axis go, and which of them."""
-    upper = slice(0, count // 2 + 1)
-    return (upper, slice(None)), (slice(count - 1, count // 2, -1), slice(1, None))
+def _sides(count: int) -> list[tuple[slice, slice]]:
+    """Where the samples of either side of an axis go in the order of an FFT, and which of them."""
+    return [(slice(0, count // 2 + 1), slice(None)), (slice(count - 1, count // 2, -1), slice(1, None))]
 
 
 def _gaussian(frequencies: FloatArray, sigma_arcsec: float) -> FloatArray:
@@ -361,15 +300,15 @@ def _bell_integral(u: FloatArray) -> FloatArray:
     from scipy.special import i0e
 
     nodes, weights = np.polynomial.legendre.leggauss(48)
-    share = np.where(u >= 1.0, 1.0, 0.0)
+    integral = np.where(u >= 1.0, 1.0, 0.0)
     flank = np.abs(u) < 1.0
     span = u[flank] + 1.0
     points = 0.5 * span[:, None] * (nodes + 1.0) - 1.0
     root = np.sqrt(np.maximum(1.0 - points**2, 0.0))
     part = 0.5 * span * ((i0e(BELL * root) * np.exp(BELL * (root - 1.0))) @ weights)
     root = np.sqrt(1.0 - nodes**2)
-    share[flank] = part / ((i0e(BELL * root) * np.exp(BELL * (root - 1.0))) @ weights)
-    return share
+    integral[flank] = part / ((i0e(BELL * root) * np.exp(BELL * (root - 1.0))) @ weights)
+    return integral
 
 
 def _odd_fast_length(least: float) -> int:

@@ -11,16 +11,7 @@ from numpy.typing import ArrayLike
 
 from catalogs import Albedo, load_albedo
 from cpic_core import InputError, numeric_context, real_array
-from simulator.config import (
-    LOG10_FSED_MAX,
-    AlbedoSpec,
-    ConstantAlbedo,
-    GridAlbedo,
-    MeasuredAlbedo,
-    ParametricAlbedo,
-    TableAlbedo,
-    albedo_spec,
-)
+from simulator import config
 from simulator.knobs import AlbedoFamily
 from simulator.target.contrast import lambert_phase
 from simulator.target.parametric import grid_phase_curve, parametric_family
@@ -29,7 +20,7 @@ if TYPE_CHECKING:
     from simulator.target.albedo_grid import AlbedoGrid
 
 
-_DEFAULT = ParametricAlbedo(insolation_au=2.0)
+_DEFAULT = config.ParametricAlbedo(insolation_au=2.0)
 # A constant has no table of its own; these ends hold every band.
 _EVERYWHERE_NM = (100.0, 10000.0)
 
@@ -92,7 +83,7 @@ def albedo_flags(wavelength_nm: ArrayLike, *, model: str | Path = "parametric") 
     return wavelength > table.documented_to_nm
 
 
-def albedo_notes(spec: AlbedoSpec, insolation_au: float | None = None) -> tuple[str, ...]:
+def albedo_notes(spec: config.AlbedoSpec, insolation_au: float | None = None) -> tuple[str, ...]:
     """Return what was clamped: ``fsed_clamped`` (above 6), ``insolation_clamped`` (outside the models' distances).
 
     Parameters
@@ -101,37 +92,37 @@ def albedo_notes(spec: AlbedoSpec, insolation_au: float | None = None) -> tuple[
     insolation_au : float, optional
         Distance from the Sun where a planet is lit as strongly, au.
     """
-    if not isinstance(spec, ParametricAlbedo | GridAlbedo):
+    if not isinstance(spec, config.ParametricAlbedo | config.GridAlbedo):
         return ()
-    notes = ["fsed_clamped"] if spec.log10_fsed is not None and spec.log10_fsed > LOG10_FSED_MAX else []
+    notes = ["fsed_clamped"] if spec.log10_fsed is not None and spec.log10_fsed > config.LOG10_FSED_MAX else []
     if bool(_family(spec).outside(_insolation(spec, insolation_au))):
         notes.append("insolation_clamped")
     return tuple(notes)
 
 
-def needs_insolation(spec: AlbedoSpec) -> bool:
+def needs_insolation(spec: config.AlbedoSpec) -> bool:
     """Whether the albedo follows the star's light on the planet, so that its insolation must be known."""
-    return isinstance(spec, ParametricAlbedo | GridAlbedo) and spec.insolation_au is None
+    return isinstance(spec, config.ParametricAlbedo | config.GridAlbedo) and spec.insolation_au is None
 
 
-def albedo_source(spec: AlbedoSpec) -> Albedo | AlbedoFamily:
+def albedo_source(spec: config.AlbedoSpec) -> Albedo | AlbedoFamily:
     """Return what ``Passbands.band_albedo`` integrates: one albedo, or a family over insolation.
 
     The same configuration gives the same object, so that its band integrals are made once.
     """
-    if isinstance(spec, ParametricAlbedo | GridAlbedo):
+    if isinstance(spec, config.ParametricAlbedo | config.GridAlbedo):
         family = _family(spec)
         return family if spec.insolation_au is None else _at(family, spec.insolation_au)
-    if isinstance(spec, MeasuredAlbedo):
+    if isinstance(spec, config.MeasuredAlbedo):
         return load_albedo(spec.model)
-    if isinstance(spec, ConstantAlbedo):
+    if isinstance(spec, config.ConstantAlbedo):
         return _constant(spec.value)
     if spec.file is not None:
         return _file(spec.file, _state(spec.file))
     return _user_table(spec.wavelength_nm or (), spec.albedo or ())
 
 
-def albedo_table(spec: AlbedoSpec, *, insolation_au: float | None = None) -> Albedo:
+def albedo_table(spec: config.AlbedoSpec, *, insolation_au: float | None = None) -> Albedo:
     """Return the albedo of one planet.
 
     Parameters
@@ -152,7 +143,7 @@ def albedo_table(spec: AlbedoSpec, *, insolation_au: float | None = None) -> Alb
 
 
 def phase_value(
-    spec: AlbedoSpec, phase_deg: ArrayLike, *, insolation_au: ArrayLike | None = None
+    spec: config.AlbedoSpec, phase_deg: ArrayLike, *, insolation_au: ArrayLike | None = None
 ) -> np.ndarray | float:
     """Return the planet's brightness at a phase angle relative to full phase.
 
@@ -171,34 +162,34 @@ def phase_value(
     InputError
         If an angle is out of range, or the insolation is needed and not given.
     """
-    if not isinstance(spec, ParametricAlbedo | GridAlbedo) or spec.phase_function == "lambert":
+    if not isinstance(spec, config.ParametricAlbedo | config.GridAlbedo) or spec.phase_function == "lambert":
         return lambert_phase(phase_deg)
     distance = _insolation(spec, insolation_au)
-    curve = _grid(spec.file).phase_curve if isinstance(spec, GridAlbedo) else grid_phase_curve
+    curve = _grid(spec.file).phase_curve if isinstance(spec, config.GridAlbedo) else grid_phase_curve
     found = curve(phase_deg, log10_mh=spec.log10_mh, log10_fsed=spec.clamped_log10_fsed, insolation_au=distance)
     value = np.asarray(found)
     return float(value) if value.ndim == 0 else value
 
 
-def _spec(model: str | Path, log10_mh: float, log10_fsed: float | None, insolation_au: float) -> AlbedoSpec:
+def _spec(model: str | Path, log10_mh: float, log10_fsed: float | None, insolation_au: float) -> config.AlbedoSpec:
     if model == "parametric":
         tree = {"log10_mh": log10_mh, "log10_fsed": log10_fsed, "insolation_au": insolation_au}
-        return albedo_spec({"model": "parametric"} | tree)
+        return config.albedo_spec({"model": "parametric"} | tree)
     # A word such as grid, or a number, is a key's business in a scene.
-    spec = albedo_spec(model) if isinstance(model, str | Path) else None
-    if not isinstance(spec, MeasuredAlbedo | TableAlbedo):
+    spec = config.albedo_spec(model) if isinstance(model, str | Path) else None
+    if not isinstance(spec, config.MeasuredAlbedo | config.TableAlbedo):
         raise InputError("model", model, allowed="parametric, jupiter, saturn, uranus, neptune or a file")
     return spec
 
 
-def _family(spec: ParametricAlbedo | GridAlbedo) -> AlbedoFamily:
-    if isinstance(spec, GridAlbedo):
+def _family(spec: config.ParametricAlbedo | config.GridAlbedo) -> AlbedoFamily:
+    if isinstance(spec, config.GridAlbedo):
         return _grid(spec.file).family(spec.log10_mh, spec.clamped_log10_fsed)
     return parametric_family(spec.log10_mh, spec.clamped_log10_fsed)
 
 
-def _insolation(spec: AlbedoSpec, given: ArrayLike | None) -> ArrayLike:
-    fixed = spec.insolation_au if isinstance(spec, ParametricAlbedo | GridAlbedo) else None
+def _insolation(spec: config.AlbedoSpec, given: ArrayLike | None) -> ArrayLike:
+    fixed = spec.insolation_au if isinstance(spec, config.ParametricAlbedo | config.GridAlbedo) else None
     if fixed is not None:
         return fixed
     if given is None:

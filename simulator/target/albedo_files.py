@@ -9,6 +9,7 @@ import numpy as np
 
 from catalogs import Albedo, TableBytes, parse_table
 from cpic_core import NPZ_ERRORS, InputError, open_npz, read_file
+from simulator.band_integrals import LENGTHS_NM
 from simulator.target.albedo_grid_file import LARGEST_ALBEDO, is_sqlite
 
 _MAX_BYTES = 200_000_000
@@ -18,22 +19,6 @@ _HINT = f"name the columns: {_NAMES}; and albedo"
 
 # nm per unit; a wavenumber in 1/cm is 1e7 over nm.
 _WAVENUMBER = "cm1"
-_LENGTHS = {
-    "nm": 1.0,
-    "nanometer": 1.0,
-    "nanometers": 1.0,
-    "nanometre": 1.0,
-    "nanometres": 1.0,
-    "angstrom": 0.1,
-    "angstroms": 0.1,
-    "um": 1e3,
-    "micron": 1e3,
-    "microns": 1e3,
-    "micrometer": 1e3,
-    "micrometers": 1e3,
-    "micrometre": 1e3,
-    "micrometres": 1e3,
-}
 _SHORT_ANGSTROM = {"a": 0.1, "aa": 0.1}  # in the name of a column; in a sentence "a" is a word
 _WAVELENGTH_WORDS = {"wavelength", "wavelengths", "waveln", "wave", "wavel", "lambda", "lam", "wl", "wvl", "wlen"}
 _WAVENUMBER_WORDS = {"wavenumber", "wavenumbers", "wavenum", "wno"}
@@ -98,14 +83,8 @@ def read_albedo(path: str | Path, *, unit: str | None = None) -> Albedo:
     if columns.units[other].strip() == "%":
         values = 0.01 * values
     _check_rows(place.name, columns.rows, "wavelength", raw, np.isfinite(raw) & (raw > 0.0), "a finite number above 0")
-    _check_rows(
-        place.name,
-        columns.rows,
-        "albedo",
-        values,
-        (values >= 0.0) & (values <= LARGEST_ALBEDO),
-        f"0 to {LARGEST_ALBEDO:g}",
-    )
+    good = (values >= 0.0) & (values <= LARGEST_ALBEDO)
+    _check_rows(place.name, columns.rows, "albedo", values, good, f"0 to {LARGEST_ALBEDO:g}")
     length = _in_nm(place.name, columns, axis, unit)
     order = np.argsort(length, kind="stable")
     wavelength_nm, albedo = length[order], values[order]
@@ -243,7 +222,7 @@ def _remark_units(remarks: list[str]) -> frozenset[str]:
     found: set[str] = set()
     for words in map(_words, remarks):
         if words & (_WAVELENGTH_WORDS | _WAVENUMBER_WORDS):
-            units = words & {*_LENGTHS, _WAVENUMBER}
+            units = words & {*LENGTHS_NM, _WAVENUMBER}
             found |= units or ({_WAVENUMBER} if words & _WAVENUMBER_WORDS else set())
     return frozenset(found)
 
@@ -267,7 +246,7 @@ def _in_nm(name: str, columns: _Columns, axis: int, unit: str | None) -> np.ndar
     raw = columns.values[axis]
     stated = unit or columns.units[axis].strip() or _unit_of(name, columns.headings[axis])
     if not stated and columns.remark_units:
-        scales = {_LENGTHS.get(word, 0.0) for word in columns.remark_units}
+        scales = {LENGTHS_NM.get(word, 0.0) for word in columns.remark_units}
         if len(scales) > 1:
             shown = " and ".join(sorted(columns.remark_units))
             raise InputError(f"{name} unit of wavelength", shown, allowed="one unit", hint=_HINT)
@@ -275,9 +254,9 @@ def _in_nm(name: str, columns: _Columns, axis: int, unit: str | None) -> np.ndar
     if stated:
         return _convert(name, raw, stated)
     if raw.max() < _UM_BELOW:
-        return raw * _LENGTHS["um"]
+        return raw * LENGTHS_NM["um"]
     if _NM_RANGE[0] <= raw.min() and raw.max() <= _NM_RANGE[1]:
-        return raw * _LENGTHS["nm"]
+        return raw * LENGTHS_NM["nm"]
     span = f"not stated, numbers from {raw.min():g} to {raw.max():g}"
     raise InputError(f"{name} unit of wavelength", span, allowed="nm, um, angstrom or cm-1", hint=_HINT)
 
@@ -286,8 +265,8 @@ def _convert(name: str, raw: np.ndarray, unit: str) -> np.ndarray:
     key = _plain(unit).strip(" ()[]")
     if key == _WAVENUMBER:
         return 1e7 / raw
-    if key in _LENGTHS or key in _SHORT_ANGSTROM:
-        return raw * (_LENGTHS | _SHORT_ANGSTROM)[key]
+    if key in LENGTHS_NM or key in _SHORT_ANGSTROM:
+        return raw * (LENGTHS_NM | _SHORT_ANGSTROM)[key]
     from astropy import units
 
     try:
@@ -301,7 +280,7 @@ def _kind(heading: str) -> str:
     words = _words(heading)
     if not words or words & _ERROR_WORDS:
         return ""
-    if words & (_WAVELENGTH_WORDS | _WAVENUMBER_WORDS) or words <= {*_LENGTHS, _WAVENUMBER}:
+    if words & (_WAVELENGTH_WORDS | _WAVENUMBER_WORDS) or words <= {*LENGTHS_NM, _WAVENUMBER}:
         return "axis"
     return "albedo" if words & _ALBEDO_WORDS or words == {"a", "g"} else ""
 
@@ -309,7 +288,7 @@ def _kind(heading: str) -> str:
 def _unit_of(name: str, heading: str) -> str:
     words = _words(heading)
     number = bool(words & _WAVENUMBER_WORDS)
-    units = words & {*_LENGTHS, _WAVENUMBER, *_SHORT_ANGSTROM}
+    units = words & {*LENGTHS_NM, _WAVENUMBER, *_SHORT_ANGSTROM}
     if len(units) > 1 or (number and units - {_WAVENUMBER}):
         raise InputError(f"{name} column", heading, allowed=_NAMES)
     return _WAVENUMBER if number else next(iter(units), "")

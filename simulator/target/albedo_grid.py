@@ -139,9 +139,9 @@ class AlbedoGrid:
 
         bright = np.zeros((phase.size, near.size))
         full = np.zeros(near.size)
-        for (_, _, share), mean in zip(corners, means, strict=True):
-            bright += share * PchipInterpolator(axes.phase_deg[list(chosen)], mean[1:])(phase.ravel())
-            full += share * mean[0]
+        for (_, _, weight), mean in zip(corners, means, strict=True):
+            bright += weight * PchipInterpolator(axes.phase_deg[list(chosen)], mean[1:])(phase.ravel())
+            full += weight * mean[0]
         bright = bright.reshape(*phase.shape, near.size)
         place = np.searchsorted(near, ends)
         above = (weights * np.take_along_axis(bright, place, axis=-1)).sum(axis=-1)
@@ -171,14 +171,11 @@ class AlbedoGrid:
 @functools.lru_cache(maxsize=32)
 def _family(grid: AlbedoGrid, corners: tuple[tuple[int, int, float], ...]) -> AlbedoFamily:
     axes = grid.models.axes
-    models = [
-        Model(axes.log10_mh[metal], axes.fsed[fsed], distance, axes.phase_deg[0])
-        for fsed, metal, _ in corners
-        for distance in axes.insolation_au
-    ]
+    nodes = itertools.product(corners, axes.insolation_au)
+    models = [Model(axes.log10_mh[metal], axes.fsed[fsed], au, axes.phase_deg[0]) for (fsed, metal, _), au in nodes]
     wavelength_nm, albedo = _on_one_sampling(grid.path, grid.models.spectra(models))
-    shares = np.array([share for _, _, share in corners])
-    family = np.tensordot(shares, albedo.reshape(len(corners), axes.insolation_au.size, -1), axes=1)
+    weights = np.array([weight for _, _, weight in corners])
+    family = np.tensordot(weights, albedo.reshape(len(corners), axes.insolation_au.size, -1), axes=1)
     for array in (wavelength_nm, family):
         array.setflags(write=False)
     documented = min(_DOCUMENTED_TO_NM, float(wavelength_nm[-1]))
@@ -193,9 +190,7 @@ def _phase_means(
     axes, phases = grid.models.axes, (0, *chosen)
     models = [
         Model(axes.log10_mh[metal], axes.fsed[fsed], axes.insolation_au[distance], axes.phase_deg[phase])
-        for fsed, metal in cells
-        for phase in phases
-        for distance in near
+        for (fsed, metal), phase, distance in itertools.product(cells, phases, near)
     ]
     wavelength_nm, albedo = _on_one_sampling(grid.path, grid.models.spectra(models))
     low, high = max(_PHASE_RANGE_NM[0], wavelength_nm[0]), min(_PHASE_RANGE_NM[1], wavelength_nm[-1])

@@ -107,9 +107,8 @@ class SqliteModels:
         try:
             header = np.array(rows, dtype=np.float64).reshape(-1, 4)
         except (TypeError, ValueError):
-            raise InputError(
-                f"{path.name} header", "not numbers", allowed="metallicity, cloud, distance, phase"
-            ) from None
+            allowed = "metallicity, cloud, distance, phase"
+            raise InputError(f"{path.name} header", "not numbers", allowed=allowed) from None
         tables: dict[Model, str] = {}
         for (name,) in names:
             # Only names of digits, points and these letters go into a query.

@@ -38,9 +38,8 @@ def lambert_phase(phase_deg: ArrayLike) -> np.ndarray | float:
     """
     supplement = np.deg2rad(180.0 - checked_phase(phase_deg))
     small = supplement < _SERIES_BELOW_RAD
-    result = np.where(
-        small, _series(np.where(small, supplement, 0.0)), np.sin(supplement) - supplement * np.cos(supplement)
-    )
+    plain = np.sin(supplement) - supplement * np.cos(supplement)
+    result = np.where(small, _series(np.where(small, supplement, 0.0)), plain)
     return _plain(result / np.pi)
 
 
@@ -180,12 +179,8 @@ def _ratio(albedo: np.ndarray, radius_rjup: np.ndarray, distance_au: np.ndarray,
         size = radius_rjup * (JUPITER_RADIUS_KM / AU_KM) / distance_au
         ratio = albedo * size * size * np.asarray(phi)
     if not np.all(np.isfinite(ratio)):
-        raise InputError(
-            "contrast",
-            float(ratio[~np.isfinite(ratio)].flat[0]),
-            allowed="a finite ratio",
-            hint="a radius or albedo is too large, or a distance too small",
-        )
+        hint = "a radius or albedo is too large, or a distance too small"
+        raise InputError("contrast", float(ratio[~np.isfinite(ratio)].flat[0]), allowed="a finite ratio", hint=hint)
     return _plain(ratio)
 
 

@@ -6,17 +6,15 @@ The light of a scene's stars, worked out when it is asked for.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from catalogs import Albedo, Band, Spectrum, load_stellar_grid, luminosity_from_v, stellar_parameters
 from cpic_core import InputError
 from simulator.band_integrals import band_integral, band_projection, product_samples
-from simulator.config import STAR_MODELS, Place, Planet, SceneStar, SpectrumTable, at, true_distance_au
+from simulator.config import STAR_MODELS, Place, Planet, SceneStar, SpectrumTable, inside, true_distance_au
 from simulator.target.albedo import albedo_notes, albedo_table, needs_insolation, phase_value
 from simulator.target.contrast import contrast_at
 from simulator.target.spectrum_table import photon_flux, read_spectrum
@@ -179,15 +177,6 @@ ORIGIN = Place(0.0, 0.0)
 """Where the central star stands."""
 
 
-@contextmanager
-def inside(path: str) -> Iterator[None]:
-    """Name the place in the scene in every refusal."""
-    try:
-        yield
-    except InputError as error:
-        raise at(path, error) from None
-
-
 def table_spectrum(table: SpectrumTable) -> Spectrum:
     """Return a user's table as photon flux density."""
     unit, flux = ("flam", table.flam) if table.photlam is None else ("photlam", table.photlam)
@@ -211,18 +200,13 @@ class LitStar:
     path: str
     place: Place = ORIGIN
 
-    @property
-    def name(self) -> str:
-        """Name of the star."""
-        return self.star.name
-
     @functools.cached_property
     def spectrum(self) -> StarSpectrum:
         """Spectrum at the telescope, scaled to the V magnitude, with the parameters used and flags."""
         star = self.star
         model = table_spectrum(star.spectrum) if isinstance(star.spectrum, SpectrumTable) else star.spectrum
         with inside(self.path):
-            return _spectrum(*self._parameters, model)
+            return _spectrum(self._parameters, model)
 
     @property
     def _parameters(self) -> _Parameters:
@@ -259,12 +243,10 @@ class LitStar:
         if teff is None and star.spectral_type is not None:
             teff = stellar_parameters(star.spectral_type).teff_k
         if star.distance_pc is None or teff is None:
-            raise InputError(
-                f"{self.path}.{'distance_pc' if star.distance_pc is None else 'teff_k'}",
-                "missing",
-                allowed="a value, where the insolation of a planet follows from the star's luminosity",
-                hint="or give luminosity_lsun, or the planet's insolation_au",
-            )
+            key = f"{self.path}.{'distance_pc' if star.distance_pc is None else 'teff_k'}"
+            allowed = "a value, where the insolation of a planet follows from the star's luminosity"
+            hint = "or give luminosity_lsun, or the planet's insolation_au"
+            raise InputError(key, "missing", allowed=allowed, hint=hint)
         return luminosity_from_v(star.v_mag, star.distance_pc, teff), ("luminosity_derived",)
 
     def rate_e_s_cm2(self, band: Band) -> float:
@@ -276,30 +258,23 @@ class LitStar:
         model = self.star.spectrum
         if model in STAR_MODELS and "spectrum" not in self.__dict__:
             with inside(self.path):
-                return _kept_rate(*self._parameters, model, band)
+                return _kept_rate(self._parameters, model, band)
         star = self.spectrum
         with inside(f"{self.path}.spectrum"):
             return band_integral(band, star.wavelength_nm, star.photlam), star.flags
 
 
-def _spectrum(
-    v_mag: float,
-    spectral_type: str | None,
-    teff_k: float | None,
-    log_g: float | None,
-    metallicity: float | None,
-    model: StarModel,
-) -> StarSpectrum:
+def _spectrum(asked: _Parameters, model: StarModel) -> StarSpectrum:
+    v_mag, spectral_type, teff_k, log_g, metallicity = asked
     return stellar_spectrum(v_mag, spectral_type, teff_k=teff_k, log_g=log_g, metallicity=metallicity, model=model)
 
 
 @functools.lru_cache(maxsize=4096)
-def _kept_rate(*asked: Any) -> tuple[float, tuple[str, ...]]:
+def _kept_rate(asked: _Parameters, model: str, band: Band) -> tuple[float, tuple[str, ...]]:
     """Rate and flags of a star of a shipped model, from `LitStar._parameters`, model and band.
 
     The field of a scene is asked for again by every visit and every prediction. Files are not kept: they may change.
     """
-    *parameters, band = asked
-    star = _spectrum(*parameters)
+    star = _spectrum(asked, model)
     with inside("spectrum"):
         return band_integral(band, star.wavelength_nm, star.photlam), star.flags

@@ -307,9 +307,9 @@ def phase_curve(shape: ArrayLike, phase_deg: ArrayLike) -> np.ndarray:
     ndarray, shape (..., n)
         1 at 0, 0 at 180 degrees.
     """
-    power, share, wide = np.moveaxis(np.asarray(shape, float), -1, 0)[..., None]
+    power, mixture, wide = np.moveaxis(np.asarray(shape, float), -1, 0)[..., None]
     phase = checked_phase(phase_deg)
-    mixed = 1.0 / (1.0 + np.exp(-share))
+    mixed = 1.0 / (1.0 + np.exp(-mixture))
     # From the supplement the cosine of half the phase keeps its digits up to 180 degrees.
     cosine = np.sin(np.deg2rad(0.5 * (180.0 - phase)))
     return np.asarray((1.0 - mixed) * lambert_phase(phase) ** np.exp(power) + mixed * cosine ** (2.0 * np.exp(wide)))
@@ -339,11 +339,11 @@ def grid_phase_curve(
     phase, distance = np.broadcast_arrays(checked_phase(phase_deg), np.asarray(insolation_au, dtype=np.float64))
     nodes, weights = parametric_family(log10_mh, log10_fsed).corners(distance)
     result = np.zeros(phase.shape)
-    for fsed, metal, share in _corners(grid, log10_mh, log10_fsed):
+    for fsed, metal, weight in _corners(grid, log10_mh, log10_fsed):
         curves = phase_curve(grid.phase[fsed, :, metal], phase.ravel()).reshape(-1, *phase.shape)
         for end in (0, 1):
             chosen = np.take_along_axis(curves, nodes[..., end][None], axis=0)[0]
-            result += share * weights[..., end] * chosen
+            result += weight * weights[..., end] * chosen
     return result
 
 
@@ -375,14 +375,10 @@ def _bracket(name: str, nodes: np.ndarray, value: float) -> list[tuple[int, floa
 
 
 def _lorentz(wavelength_nm: np.ndarray, lines: tuple[tuple[float, float, float], ...]) -> np.ndarray:
-    return sum(
-        (height / (1.0 + ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines),
-        np.zeros_like(wavelength_nm),
-    )
+    parts = (height / (1.0 + ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines)
+    return sum(parts, np.zeros_like(wavelength_nm))
 
 
 def _gauss(wavelength_nm: np.ndarray, lines: tuple[tuple[float, float, float], ...]) -> np.ndarray:
-    return sum(
-        (height * np.exp(-0.5 * ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines),
-        np.zeros_like(wavelength_nm),
-    )
+    parts = (height * np.exp(-0.5 * ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines)
+    return sum(parts, np.zeros_like(wavelength_nm))

@@ -107,22 +107,13 @@ def wcs_keywords(
     step = pixel_scale_arcsec / 3600.0
     angle = np.deg2rad(check_number("roll_deg", roll_deg, "deg"))
     sine, cosine, flip = float(np.sin(angle)), float(np.cos(angle)), _parity(parity)
-    known = star_deg[0] is not None and star_deg[1] is not None
-    return {
-        "CTYPE1": "RA---TAN" if known else "EAST",
-        "CTYPE2": "DEC--TAN" if known else "NORTH",
-        "CUNIT1": "deg",
-        "CUNIT2": "deg",
-        "CRPIX1": star_pixel[0] + 1.0,
-        "CRPIX2": star_pixel[1] + 1.0,
-        "CRVAL1": float(star_deg[0] or 0.0) if known else 0.0,
-        "CRVAL2": float(star_deg[1] or 0.0) if known else 0.0,
-        # east = parity x cos(roll) + y sin(roll), north = y cos(roll) - parity x sin(roll)
-        "CD1_1": flip * step * cosine,
-        "CD1_2": step * sine,
-        "CD2_1": -flip * step * sine,
-        "CD2_2": step * cosine,
-    }
+    cards: dict[str, float | str] = {"CTYPE1": "EAST", "CTYPE2": "NORTH", "CUNIT1": "deg", "CUNIT2": "deg"}
+    cards |= {"CRPIX1": star_pixel[0] + 1.0, "CRPIX2": star_pixel[1] + 1.0, "CRVAL1": 0.0, "CRVAL2": 0.0}
+    ra_deg, dec_deg = star_deg
+    if ra_deg is not None and dec_deg is not None:
+        cards |= {"CTYPE1": "RA---TAN", "CTYPE2": "DEC--TAN", "CRVAL1": float(ra_deg), "CRVAL2": float(dec_deg)}
+    cards |= {"CD1_1": flip * step * cosine, "CD1_2": step * sine}
+    return cards | {"CD2_1": -flip * step * sine, "CD2_2": step * cosine}
 
 
 def _parity(parity: int) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from cpic_core import InputError
 from simulator.target.lights import LitPlanet, LitStar
+from simulator.target.star_spectrum import synphot_source
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,14 +20,8 @@ if TYPE_CHECKING:
 
 
 Kind: TypeAlias = Literal["cstar", "planet", "star"]
-_NUMBERS = {
-    "x_arcsec": "arcsec",
-    "y_arcsec": "arcsec",
-    "separation_arcsec": "arcsec",
-    "pa_deg": "deg",
-    "distance_au": "AU",
-    "insolation_au": "AU",
-}
+_NUMBERS = dict.fromkeys(("x_arcsec", "y_arcsec", "separation_arcsec"), "arcsec") | {"pa_deg": "deg"}
+_NUMBERS |= dict.fromkeys(("distance_au", "insolation_au"), "AU")
 _COLUMNS = ("name", "kind", *_NUMBERS, "flags", "spectrum")
 
 
@@ -93,19 +88,24 @@ class SpectralSource:
     @functools.cached_property
     def spectrum(self) -> SourceSpectrum:
         """The spectrum as a synphot source, PHOTLAM over Angstrom."""
-        from synphot import SourceSpectrum
-        from synphot.models import Empirical1D
-
         meta = {"name": self.name, "kind": self.kind, "flags": self.flags}
-        # Without fill_value synphot continues the edge values for ever.
-        return SourceSpectrum(
-            Empirical1D, points=self.wavelength_nm * 10.0, lookup_table=self.photlam, fill_value=0.0, meta=meta
-        )
+        return synphot_source(self.wavelength_nm, self.photlam, meta)
 
     def __getitem__(self, column: str) -> Any:
         if column not in _COLUMNS and column not in ("wavelength_nm", "photlam", "contrast"):
             raise InputError("column", column, allowed=", ".join(_COLUMNS))
         return getattr(self, column)
+
+
+class _Numbers:
+    """Column of a table: one number for each row, nan where there is none."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, table: SourceTable | None, owner: type | None = None) -> np.ndarray:
+        rows = () if table is None else table.rows
+        return np.array([getattr(row, self._name) for row in rows], dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +127,6 @@ class SourceTable(Sequence[SpectralSource]):
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    def __iter__(self) -> Iterator[SpectralSource]:
-        return iter(self.rows)
 
     @overload
     def __getitem__(self, key: int) -> SpectralSource: ...
@@ -163,35 +160,18 @@ class SourceTable(Sequence[SpectralSource]):
         """``cstar``, ``planet`` or ``star``."""
         return tuple(row.kind for row in self.rows)
 
-    @property
-    def x_arcsec(self) -> np.ndarray:
-        """Offsets along detector columns."""
-        return self._numbers("x_arcsec")
-
-    @property
-    def y_arcsec(self) -> np.ndarray:
-        """Offsets along detector rows."""
-        return self._numbers("y_arcsec")
-
-    @property
-    def separation_arcsec(self) -> np.ndarray:
-        """Separations from the central star."""
-        return self._numbers("separation_arcsec")
-
-    @property
-    def pa_deg(self) -> np.ndarray:
-        """Position angles, degrees east of north."""
-        return self._numbers("pa_deg")
-
-    @property
-    def distance_au(self) -> np.ndarray:
-        """True distances of planets from their star; nan where a source has none."""
-        return self._numbers("distance_au")
-
-    @property
-    def insolation_au(self) -> np.ndarray:
-        """Insolations used for albedos; nan where it has no part."""
-        return self._numbers("insolation_au")
+    x_arcsec = _Numbers()
+    """Offsets along detector columns."""
+    y_arcsec = _Numbers()
+    """Offsets along detector rows."""
+    separation_arcsec = _Numbers()
+    """Separations from the central star."""
+    pa_deg = _Numbers()
+    """Position angles, degrees east of north."""
+    distance_au = _Numbers()
+    """True distances of planets from their star; nan where a source has none."""
+    insolation_au = _Numbers()
+    """Insolations used for albedos; nan where it has no part."""
 
     @property
     def flags(self) -> tuple[tuple[str, ...], ...]:
@@ -202,9 +182,6 @@ class SourceTable(Sequence[SpectralSource]):
     def spectrum(self) -> tuple[SourceSpectrum, ...]:
         """Spectra as synphot sources, PHOTLAM over Angstrom."""
         return tuple(row.spectrum for row in self.rows)
-
-    def _numbers(self, name: str) -> np.ndarray:
-        return np.array([getattr(row, name) for row in self.rows], dtype=np.float64)
 
     def to_pandas(self) -> pd.DataFrame:
         """Return the table, without the spectra, as a data frame; flags joined by ``|``."""
@@ -229,9 +206,6 @@ class SourceBatch(Sequence[SourceTable]):
     def __len__(self) -> int:
         return len(self.tables)
 
-    def __iter__(self) -> Iterator[SourceTable]:
-        return iter(self.tables)
-
     @overload
     def __getitem__(self, key: int | str) -> SourceTable: ...
     @overload
@@ -254,7 +228,7 @@ class SourceBatch(Sequence[SourceTable]):
         return _qtable(self.tables, scene=True)
 
 
-def _columns(tables: Sequence[SourceTable], scene: bool) -> dict[str, Any]:
+def _columns(tables: Sequence[SourceTable], *, scene: bool = False) -> dict[str, Any]:
     rows = [row for table in tables for row in table.rows]
     columns: dict[str, Any] = {}
     if scene:
@@ -267,10 +241,10 @@ def _columns(tables: Sequence[SourceTable], scene: bool) -> dict[str, Any]:
 def _frame(tables: Sequence[SourceTable], *, scene: bool = False) -> pd.DataFrame:
     import pandas as pd
 
-    return pd.DataFrame(_columns(tables, scene))
+    return pd.DataFrame(_columns(tables, scene=scene))
 
 
 def _qtable(tables: Sequence[SourceTable], *, scene: bool = False) -> QTable:
     from astropy.table import QTable
 
-    return QTable(_columns(tables, scene), units=_NUMBERS)
+    return QTable(_columns(tables, scene=scene), units=_NUMBERS)

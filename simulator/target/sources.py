@@ -8,18 +8,8 @@ from typing import Any, NamedTuple, TypeAlias, overload
 import numpy as np
 
 from cpic_core import InputError, numeric_context
-from simulator.config import (
-    ExtendedSource,
-    Instrument,
-    Scene,
-    StarColumns,
-    at,
-    is_table,
-    load_instrument,
-    load_scene,
-    place,
-    scenes_from_table,
-)
+from simulator import config
+from simulator.config import Instrument, InstrumentLike, Scene, StarColumns
 from simulator.passbands import Passbands
 from simulator.target.lights import ORIGIN, LitPlanet, LitStar
 from simulator.target.positions import sky_to_detector
@@ -55,20 +45,12 @@ class Source:
     flags: tuple[str, ...] = ()
 
 
-@overload
-def scene_sources(scene: Scene, instrument: Instrument, band: str, *, roll_deg: float = 0.0) -> tuple[Source, ...]: ...
-@overload
-def scene_sources(
-    scene: Sequence[Scene], instrument: Instrument, band: str, *, roll_deg: float = 0.0
-) -> tuple[tuple[Source, ...], ...]: ...
-def scene_sources(
-    scene: Scene | Sequence[Scene], instrument: Instrument, band: str, *, roll_deg: float = 0.0
-) -> tuple[Source, ...] | tuple[tuple[Source, ...], ...]:
+def scene_sources(scene: Scene, instrument: Instrument, band: str, *, roll_deg: float = 0.0) -> tuple[Source, ...]:
     """Point sources of a scene in one band, the central star first.
 
     Parameters
     ----------
-    scene : Scene or sequence of Scene
+    scene : Scene
     instrument : Instrument
     band : str
     roll_deg : float
@@ -77,7 +59,6 @@ def scene_sources(
     Returns
     -------
     tuple of Source
-        For a sequence of scenes, a tuple of such tuples.
 
     Raises
     ------
@@ -85,19 +66,11 @@ def scene_sources(
         If a spectrum or albedo does not cover the band, or a parameter is outside its model; the key says of which
         object.
     """
-    if not isinstance(scene, Scene):
-        return tuple(
-            _band_sources(one, instrument, band, roll_deg, f"scenes.{number}") for number, one in enumerate(scene)
-        )
-    return _band_sources(scene, instrument, band, roll_deg, "scene")
-
-
-def _band_sources(scene: Scene, instrument: Instrument, band: str, roll_deg: float, path: str) -> tuple[Source, ...]:
     passbands = Passbands.from_instrument(instrument)
     passband = passbands.bands[passbands.index(band)]
     area = instrument.telescope.area_cm2
     found: list[Source] = []
-    for row in _rows(scene, roll_deg, instrument.detector.parity, path):
+    for row in _rows(scene, roll_deg, instrument.detector.parity, "scene"):
         where = (row.name, row.kind, row.x_arcsec, row.y_arcsec)
         if isinstance(row.light, LitPlanet):
             contrast = row.light.band_contrast(passband)
@@ -121,7 +94,7 @@ class ExtendedRate(NamedTuple):
         The same over the central star's.
     """
 
-    source: ExtendedSource
+    source: config.ExtendedSource
     rate_e_s: float
     contrast: float
 
@@ -146,29 +119,24 @@ def extended_rates(scene: Scene, instrument: Instrument, band: str) -> tuple[Ext
     passbands = Passbands.from_instrument(instrument)
     star = LitStar(scene.cstar, "scene.cstar").rate_e_s_cm2(passbands.bands[passbands.index(band)])
     star *= instrument.telescope.area_cm2
-    contrasts = [source.contrast_to(scene.cstar.v_mag) for source in scene.extended]
-    return tuple(
-        ExtendedRate(source, star * part, part) for source, part in zip(scene.extended, contrasts, strict=True)
-    )
+    contrasts = ((source, source.contrast_to(scene.cstar.v_mag)) for source in scene.extended)
+    return tuple(ExtendedRate(source, star * part, part) for source, part in contrasts)
 
 
 @overload
 def spectrum_generator(
-    scene: SceneLike, *, roll_deg: float = 0.0, instrument: Instrument | Mapping[str, Any] | str | None = None
+    scene: SceneLike, *, roll_deg: float = 0.0, instrument: InstrumentLike = None
 ) -> SourceTable: ...
 @overload
 def spectrum_generator(
     scene: Sequence[Scene | Mapping[str, Any] | Path] | StarColumns,
     *,
     roll_deg: float = 0.0,
-    instrument: Instrument | Mapping[str, Any] | str | None = None,
+    instrument: InstrumentLike = None,
 ) -> SourceBatch: ...
 @numeric_context()
 def spectrum_generator(
-    scene: SceneLike | Iterable[SceneLike] | StarColumns,
-    *,
-    roll_deg: float = 0.0,
-    instrument: Instrument | Mapping[str, Any] | str | None = None,
+    scene: SceneLike | Iterable[SceneLike] | StarColumns, *, roll_deg: float = 0.0, instrument: InstrumentLike = None
 ) -> SourceTable | SourceBatch:
     """Positions and spectra of every object of a scene.
 
@@ -203,21 +171,17 @@ def spectrum_generator(
     >>> round(float(table["planet"].x_arcsec), 3)
     0.46
     """
-    checked = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
+    checked = instrument if isinstance(instrument, Instrument) else config.load_instrument(instrument)
     parity = checked.detector.parity
     if isinstance(scene, Scene | Mapping | str | Path):
-        one = load_scene(scene)
+        one = config.load_scene(scene)
         return SourceTable(one.name, tuple(_rows(one, roll_deg, parity, "scene")))
-    if is_table(scene):
-        scenes: Iterable[Scene] = scenes_from_table(scene)
+    if config.is_table(scene):
+        scenes: Iterable[Scene] = config.scenes_from_table(scene)
     else:
         scenes = [_numbered(number, one) for number, one in enumerate(_listed(scene))]
-    return SourceBatch(
-        tuple(
-            SourceTable(one.name, tuple(_rows(one, roll_deg, parity, f"scenes.{number}")))
-            for number, one in enumerate(scenes)
-        )
-    )
+    rows = ((one.name, _rows(one, roll_deg, parity, f"scenes.{number}")) for number, one in enumerate(scenes))
+    return SourceBatch(tuple(SourceTable(name, tuple(sources)) for name, sources in rows))
 
 
 def _listed(scenes: Any) -> list[SceneLike]:
@@ -229,22 +193,22 @@ def _listed(scenes: Any) -> list[SceneLike]:
 
 def _numbered(number: int, scene: SceneLike) -> Scene:
     try:
-        return load_scene(scene)
+        return config.load_scene(scene)
     except InputError as error:
-        plain = InputError(
-            error.key.removeprefix("scene."), error.value, unit=error.unit, allowed=error.allowed, hint=error.hint
-        )
-        raise at(f"scenes.{number}", plain) from None
+        key = f"scenes.{number}.{error.key.removeprefix('scene.')}"
+        raise InputError(key, error.value, unit=error.unit, allowed=error.allowed, hint=error.hint) from None
 
 
 def _rows(scene: Scene, roll_deg: float, parity: int, path: str) -> Iterable[SpectralSource]:
     host = LitStar(scene.cstar, f"{path}.cstar", ORIGIN)
-    lights: list[tuple[Kind, LitStar | LitPlanet]] = [("cstar", host)]
+    lights: list[tuple[str, Kind, LitStar | LitPlanet]] = [(scene.cstar.name, "cstar", host)]
     for number, planet in enumerate(scene.planets):
-        lights.append(("planet", LitPlanet(planet, f"{path}.planets.{number}", place(scene.cstar, planet), host)))
+        where = config.place(scene.cstar, planet)
+        lights.append((planet.name, "planet", LitPlanet(planet, f"{path}.planets.{number}", where, host)))
     for number, star in enumerate(scene.stars):
         if scene.is_lit(star):
-            lights.append(("star", LitStar(star, f"{path}.stars.{number}", place(scene.cstar, star))))
-    x, y = sky_to_detector(*np.transpose([light.place for _, light in lights]), roll_deg=roll_deg, parity=parity)
-    for (kind, light), *offset in zip(lights, x.tolist(), y.tolist(), strict=True):
-        yield SpectralSource(light.name, kind, offset[0], offset[1], light)
+            where = config.place(scene.cstar, star)
+            lights.append((star.name, "star", LitStar(star, f"{path}.stars.{number}", where)))
+    x, y = sky_to_detector(*np.transpose([light.place for *_, light in lights]), roll_deg=roll_deg, parity=parity)
+    for (name, kind, light), *offset in zip(lights, x.tolist(), y.tolist(), strict=True):
+        yield SpectralSource(name, kind, offset[0], offset[1], light)

@@ -10,25 +10,10 @@ import numpy as np
 
 from catalogs import HC_ERG_ANGSTROM, Spectrum, TableBytes, astropy_table
 from cpic_core import InputError, read_file
-from simulator.band_integrals import check_table
+from simulator.band_integrals import LENGTHS_NM, check_table
 
 _MAX_BYTES = 200_000_000
 # nm per unit.
-_WAVELENGTHS = {
-    "nm": 1.0,
-    "nanometer": 1.0,
-    "nanometers": 1.0,
-    "nanometre": 1.0,
-    "nanometres": 1.0,
-    "angstrom": 0.1,
-    "angstroms": 0.1,
-    "um": 1e3,
-    "micron": 1e3,
-    "microns": 1e3,
-    "micrometer": 1e3,
-    "micrometers": 1e3,
-    "micrometre": 1e3,
-}
 _FLUXES = ("photlam", "flam", "fnu", "jy")
 _SPEED_OF_LIGHT_NM_S = 2.99792458e17
 _WANTED = "a header such as 'wavelength_nm photlam' (nm, um or Angstrom; photlam, flam, fnu or Jy)"
@@ -132,7 +117,7 @@ def _from_text(path: Path, data: bytes) -> tuple[np.ndarray, str, np.ndarray, st
         raise InputError(path.name, f"{len(rows)} rows of numbers", allowed="at least two rows of two numbers")
     words = re.findall(r"[a-z]+", " ".join(header).lower())
     table = np.array(rows)
-    return table[:, 0], _only(path, "wavelength", words, _WAVELENGTHS), table[:, 1], _only(path, "flux", words, _FLUXES)
+    return table[:, 0], _only(path, "wavelength", words, LENGTHS_NM), table[:, 1], _only(path, "flux", words, _FLUXES)
 
 
 def _only(path: Path, what: str, words: list[str], known: Any) -> str:
@@ -183,8 +168,8 @@ def _unreadable(path: Path, error: Exception) -> InputError:
 
 
 def _wavelength_scale(path: Path, unit: str) -> float:
-    if unit.strip().lower() in _WAVELENGTHS:
-        return _WAVELENGTHS[unit.strip().lower()]
+    if unit.strip().lower() in LENGTHS_NM:
+        return LENGTHS_NM[unit.strip().lower()]
     if unit.strip():
         from astropy import units
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -173,11 +173,9 @@ def stellar_spectrum(
         tree or file is not as it should be.
     """
     magnitude = _number("magnitude_v", magnitude_v, "mag", *_V_MAG)
-    given = _Parameters(
-        None if teff_k is None else check_number("teff_k", teff_k, "K"),
-        None if log_g is None else check_number("log_g", log_g, "dex"),
-        None if metallicity is None else check_number("metallicity", metallicity, "dex"),
-    )
+    numbers = ("teff_k", teff_k, "K"), ("log_g", log_g, "dex"), ("metallicity", metallicity, "dex")
+    checked = [None if value is None else check_number(name, value, unit) for name, value, unit in numbers]
+    given = _Parameters(checked[0], checked[1], checked[2])
     if isinstance(model, Spectrum):
         return _from_table(magnitude, model, given, "table")
     if not isinstance(model, str | os.PathLike):
@@ -212,25 +210,29 @@ def star_photlam(
     Parameters and errors are those of `stellar_spectrum`; ``meta`` of the result holds the parameters used, the
     model and the flags. The source is zero outside the model's wavelengths (3000-17500 A for the shipped ones).
     """
+    options = {"teff_k": teff_k, "log_g": log_g, "metallicity": metallicity}
+    star = stellar_spectrum(magnitude_v, spectral_type, model=model, **options)
+    meta = {"magnitude_v": check_number("magnitude_v", magnitude_v, "mag"), "spectral_type": spectral_type}
+    meta |= {name: getattr(star, name) for name in ("teff_k", "log_g", "metallicity", "model", "flags")}
+    return synphot_source(star.wavelength_nm, star.photlam, meta)
+
+
+def synphot_source(wavelength_nm: np.ndarray, photlam: np.ndarray, meta: dict[str, Any]) -> SourceSpectrum:
+    """Samples as a synphot source, zero outside them.
+
+    Parameters
+    ----------
+    wavelength_nm, photlam : ndarray
+        Samples, nm and ph/s/cm2/A.
+    meta : dict
+        What is told with the source.
+    """
     from synphot import SourceSpectrum
     from synphot.models import Empirical1D
 
-    star = stellar_spectrum(
-        magnitude_v, spectral_type, teff_k=teff_k, log_g=log_g, metallicity=metallicity, model=model
-    )
-    meta = {
-        "magnitude_v": check_number("magnitude_v", magnitude_v, "mag"),
-        "spectral_type": spectral_type,
-        "teff_k": star.teff_k,
-        "log_g": star.log_g,
-        "metallicity": star.metallicity,
-        "model": star.model,
-        "flags": star.flags,
-    }
     # Without fill_value synphot continues the edge values for ever.
-    return SourceSpectrum(
-        Empirical1D, points=star.wavelength_nm * 10.0, lookup_table=star.photlam, fill_value=0.0, meta=meta
-    )
+    table = {"points": wavelength_nm * 10.0, "lookup_table": photlam, "fill_value": 0.0}
+    return SourceSpectrum(Empirical1D, **table, meta=meta)
 
 
 def _complete(spectral_type: str | None, given: _Parameters) -> _Parameters:
@@ -275,9 +277,8 @@ def _from_library(magnitude: float, spectral_type: str | None, given: _Parameter
     from simulator.target.stellar_libraries import library_photlam
 
     if spectral_type is None:
-        raise InputError(
-            "spectral_type", "missing", allowed="an MK type of the library, A0 to M6", hint='or model="grid"'
-        )
+        allowed = "an MK type of the library, A0 to M6"
+        raise InputError("spectral_type", "missing", allowed=allowed, hint='or model="grid"')
     wavelength_nm, template, flags = library_photlam(spectral_type)
     typical = stellar_parameters(spectral_type)
     photlam = _normalised(wavelength_nm, template, magnitude)

@@ -55,8 +55,8 @@ def library_photlam(spectral_type: str) -> tuple[np.ndarray, np.ndarray, tuple[s
     wanted = parse_spectral_type(spectral_type)
     weights = np.zeros(library.position.size)
     low = int(np.floor(wanted.luminosity_rank))
-    share = wanted.luminosity_rank - low
-    for rank, part in ((low, 1.0 - share), (low + 1, share)):
+    fraction = wanted.luminosity_rank - low
+    for rank, part in ((low, 1.0 - fraction), (low + 1, fraction)):
         if part > 0.0:
             _add(library, spectral_type, wanted.position, rank, part, weights)
     flags = () if np.count_nonzero(weights) == 1 else ("template_interpolated",)
@@ -77,16 +77,13 @@ def _add(
     if position == places[left + 1]:
         left = min(left + 1, places.size - 2)
     gap = places[left + 1] - places[left]
-    share = (position - places[left]) / gap
-    if 0.0 < share < 1.0 and gap > _WIDEST_GAP:
-        raise InputError(
-            "spectral_type",
-            spectral_type,
-            allowed=f"types nearer to a template than between {_name(places[left], rank)} and "
-            f"{_name(places[left + 1], rank)}",
-        )
-    weights[rows[left]] += part * (1.0 - share)
-    weights[rows[left + 1]] += part * share
+    fraction = (position - places[left]) / gap
+    if 0.0 < fraction < 1.0 and gap > _WIDEST_GAP:
+        ends = f"{_name(places[left], rank)} and {_name(places[left + 1], rank)}"
+        allowed = f"types nearer to a template than between {ends}"
+        raise InputError("spectral_type", spectral_type, allowed=allowed)
+    weights[rows[left]] += part * (1.0 - fraction)
+    weights[rows[left + 1]] += part * fraction
 
 
 def _name(position: float, rank: int) -> str:
@@ -197,13 +194,10 @@ def _weights(catalogue: _Catalogue, rows: np.ndarray, asked: np.ndarray, axis: i
         where = "".join(f" at {key} {asked[i]:g}" for i, (key, _) in enumerate(_AXES[:axis]))
         raise InputError(name, value, unit=unit, allowed=f"{values.min():g} to {values.max():g}{where}")
     low, high = values[values <= value].max(), values[values >= value].min()
-    share = (value - low) / (high - low) if high > low else 0.0
-    ends = ((low, 1.0 - share), (high, share)) if high > low else ((low, 1.0),)
-    return [
-        (row, weight * part)
-        for end, part in ends
-        for row, weight in _weights(catalogue, rows[values == end], asked, axis + 1)
-    ]
+    fraction = (value - low) / (high - low) if high > low else 0.0
+    ends = ((low, 1.0 - fraction), (high, fraction)) if high > low else ((low, 1.0),)
+    sides = ((part, _weights(catalogue, rows[values == end], asked, axis + 1)) for end, part in ends)
+    return [(row, weight * part) for part, side in sides for row, weight in side]
 
 
 def _model(folder: Path, catalogue: _Catalogue, row: int) -> tuple[np.ndarray, np.ndarray]:
@@ -216,12 +210,8 @@ def _model(folder: Path, catalogue: _Catalogue, row: int) -> tuple[np.ndarray, n
     wavelength, flux = _column(str(file), *stamp, column)
     if not flux.any():
         teff, metallicity, log_g = catalogue.parameters[row]
-        raise InputError(
-            "model cell",
-            f"Teff {teff:g} K, log g {log_g:g}, [M/H] {metallicity:g}",
-            allowed="models that exist",
-            hint=f"{name}[{column}] is all zero",
-        )
+        cell, hint = f"Teff {teff:g} K, log g {log_g:g}, [M/H] {metallicity:g}", f"{name}[{column}] is all zero"
+        raise InputError("model cell", cell, allowed="models that exist", hint=hint)
     return wavelength, flux
 
 

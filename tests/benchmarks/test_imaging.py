@@ -10,7 +10,7 @@ from simulator.imaging.conjugation import Conjugation
 from simulator.imaging.dark_hole import DarkHole, default_settings
 from simulator.imaging.psf import forget_stamps, wide_on_axis
 from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import band_transfer
+from simulator.imaging.transfer import BandTransfer
 from simulator.knobs import FIDELITIES
 
 INSTRUMENT = load_instrument()
@@ -56,7 +56,7 @@ def test_star_over_a_frame_with_pixels_in_closed_form(timed):
     centres, star = centred_axis(FRAME, pixel), PointSources([0.0], [0.0], [1.0])
     image = timed(
         "star over a frame: closed form",
-        lambda: scene_image(band_transfer(IMAGER), centres, centres, pixel, star, mask_half_width_arcsec=half_width),
+        lambda: scene_image(BandTransfer(IMAGER), centres, centres, pixel, star, mask_half_width_arcsec=half_width),
     )
     exact = frame_of("matrix")
     assert np.abs(image - exact).max() < 1e-4 * exact.max()  # its four nodes a pixel, four wavelengths
@@ -82,7 +82,6 @@ def test_jacobian(timed):
     imager, aberrations = bare_imager(INSTRUMENT, "F662"), aberrations_of(INSTRUMENT)
     problem = Conjugation(
         imager,
-        INSTRUMENT.band("F662").center_nm * 1e-9,
         aberrations.upsampled(len(imager.transmission)),
         configured_mirror(INSTRUMENT),
         imager.zone,

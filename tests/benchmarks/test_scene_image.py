@@ -7,7 +7,7 @@ from simulator.config import load_instrument
 from simulator.imaging import build_imager, centred_axis
 from simulator.imaging.paper_scene import paper_scene_image
 from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import band_transfer
+from simulator.imaging.transfer import BandTransfer
 
 IMAGER = build_imager(load_instrument(), "F520")
 PIXEL = IMAGER.pixel_scale_arcsec
@@ -22,7 +22,7 @@ def random_sources(side, count):
 def ours(side, sources):
     axis = centred_axis(side, PIXEL)
     return scene_image(
-        band_transfer(IMAGER), axis, axis, PIXEL, sources, mask_half_width_arcsec=IMAGER.mask_half_width_arcsec
+        BandTransfer(IMAGER), axis, axis, PIXEL, sources, mask_half_width_arcsec=IMAGER.mask_half_width_arcsec
     )
 
 

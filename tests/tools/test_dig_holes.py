@@ -2,7 +2,7 @@
 
 from simulator.config import load_instrument, preset_names
 from simulator.imaging import metrics_key, psf_metrics
-from simulator.imaging.store import shipped_metrics
+from simulator.imaging.store import shipped_file
 from tools import dig_holes
 
 EVERY = [(preset, band) for preset in preset_names("instrument") for band in load_instrument(preset).bands]
@@ -19,4 +19,4 @@ def test_rebuild_writes_what_is_shipped(tmp_path, monkeypatch):
     written = dig_holes.rebuild(tmp_path, holes=False)
     assert len(written) == 2
     for path in written:  # exact and rounded: rounding what is rounded changes nothing
-        assert path.read_bytes() == (shipped_metrics("", "").parent / path.name).read_bytes()
+        assert path.read_bytes() == (shipped_file("metrics", "", "").parent / path.name).read_bytes()

@@ -20,7 +20,7 @@ ABERRATIONS = draw_aberrations(1, samples=64)
 
 def problem(mirror=MIRROR, zone=ZONE, aberrations=ABERRATIONS, **settings):
     settings = ControlSettings(**settings)
-    return Conjugation(IMAGER, CENTER_M, aberrations, mirror, zone, settings), settings
+    return Conjugation(IMAGER, aberrations, mirror, zone, settings), settings
 
 
 def test_jacobian_is_the_derivative_of_the_field():

@@ -14,7 +14,7 @@ from simulator.imaging import ExternalPsf, overlap_weights, single_band_psf
 from simulator.imaging.aperture import core_from_table
 from simulator.imaging.external import load_psf, save_psf
 from simulator.imaging.measure import stamp_figures
-from simulator.imaging.sampling import placed
+from simulator.imaging.sampling import displaced
 
 INSTRUMENT = load_instrument({"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0}, "dark_hole": {"control": "off"}})
 PIXEL = INSTRUMENT.pixel_scale_arcsec("F662")
@@ -233,7 +233,7 @@ def test_positions_are_finite_and_far_sources_leave_nothing(refused, tmp_path):
     for bad in ((float("nan"), 0.0), (0.0, float("inf"))):
         refused("x_arcsec, y_arcsec", psf.at, *bad)
     assert not psf.at(8.0, 0.5).any()
-    np.testing.assert_array_equal(psf.at(0.0, 20 * PIXEL)[30:], (placed(psf.off_axis, 20, 0) * psf._open)[30:])
+    np.testing.assert_array_equal(psf.at(0.0, 20 * PIXEL)[30:], (displaced(psf.off_axis, 20, 0) * psf._open)[30:])
 
 
 def test_saving_is_whole_or_not_at_all(refused, tmp_path):

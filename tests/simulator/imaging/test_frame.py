@@ -17,7 +17,7 @@ from simulator.imaging import (
 )
 from simulator.imaging.external import load_psf, save_psf
 from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import band_transfer
+from simulator.imaging.transfer import BandTransfer
 from simulator.knobs import Knobs
 from simulator.target import Source, extended_rates
 
@@ -197,7 +197,7 @@ def test_a_finer_pupil_grid_is_the_same_light(psf):
     assert np.abs(one - other).max() < 1e-12 * one.max()
     # What the finer grid itself gives.
     direct = scene_image(
-        band_transfer(fine.imager),
+        BandTransfer(fine.imager),
         window.rows,
         window.columns,
         fine.pixel_scale_arcsec,

@@ -9,7 +9,7 @@ from simulator.imaging import centred_axis, pixel_axis
 from simulator.imaging.build import bare_imager
 from simulator.imaging.paper_scene import paper_scene_image
 from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import band_transfer
+from simulator.imaging.transfer import BandTransfer
 from simulator.knobs import Knobs
 
 IMAGER = dataclasses.replace(
@@ -23,7 +23,7 @@ CELL = PIXEL / 4
 def both(x, y, **options):
     sources = PointSources(x, y, np.ones(np.size(x)))
     paper = paper_scene_image(IMAGER, AXIS, AXIS, sources, kernel_half_pixels=48, **options)
-    return paper, scene_image(band_transfer(IMAGER), AXIS, AXIS, PIXEL, sources)
+    return paper, scene_image(BandTransfer(IMAGER), AXIS, AXIS, PIXEL, sources)
 
 
 def test_a_source_on_the_centre_of_a_cell_is_right():
@@ -89,7 +89,7 @@ def test_a_whole_frame_takes_little_memory():
 def test_a_source_behind_the_mask_keeps_all_its_light():
     place = PointSources([0.5 * CELL], [16.5 * CELL], [1.0])
     paper = paper_scene_image(IMAGER, AXIS, AXIS, place, kernel_half_pixels=48)
-    masked = scene_image(band_transfer(IMAGER), AXIS, AXIS, PIXEL, place, mask_half_width_arcsec=0.155)
+    masked = scene_image(BandTransfer(IMAGER), AXIS, AXIS, PIXEL, place, mask_half_width_arcsec=0.155)
     assert masked[14:28, 14:28].sum() == 0.0
     assert paper.sum() > 20 * masked.sum()
 

@@ -51,8 +51,8 @@ def test_parity_is_the_complex_product(samples, counts, kinds):
     assert np.abs(field - expected).max(initial=0.0) < 1e-14 * scale
     total = np.zeros((1 + rows.mirrored, 1 + columns.mirrored, len(rows.cosine), len(columns.cosine)))
     for _ in range(2):
-        add_intensity(total, parts, rows, columns)
-    light = unfolded(total, rows, columns)
+        add_intensity(total, parts, rows, columns, None)
+    light = unfolded(total, (rows.n_nodes, columns.n_nodes), (rows.sides, columns.sides))
     assert np.abs(light - 2 * np.abs(expected) ** 2).max(initial=0.0) < 1e-14 * scale**2
 
 

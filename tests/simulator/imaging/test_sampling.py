@@ -12,9 +12,9 @@ from simulator.imaging import centred_axis, pixel_axis
 from simulator.imaging.sampling import (
     box_gauss_rule,
     centred_offsets,
+    displaced,
     integrate_pixels,
     open_pixels,
-    placed,
     shifted,
     unpixelled,
 )
@@ -155,7 +155,7 @@ def test_shift_is_exact_for_what_the_pixels_sample(place):
 
 @pytest.mark.parametrize("place", [(3.3, -7.45), (0.0, 11.5), (-18.2, 19.9)])
 def test_placing_adds_whole_pixels(place):
-    image = placed(gaussian(41), *place)
+    image = displaced(gaussian(41), *place)
     known = np.abs(np.add.outer(np.zeros(41), centred_offsets(41)) - place[1]) < 20
     known &= (np.abs(centred_offsets(41) - place[0]) < 20)[:, None]
     np.testing.assert_allclose(image[known], gaussian(41, *place)[known], atol=1e-6)
@@ -165,14 +165,14 @@ def test_placing_adds_whole_pixels(place):
 
 def test_whole_pixels_move_bit_for_bit():
     kernel = np.random.default_rng(1).uniform(size=(21, 21))
-    image = placed(kernel, 4.0, -3.0)
+    image = displaced(kernel, 4.0, -3.0)
     np.testing.assert_array_equal(image[4:, :-3], kernel[:-4, 3:])
     assert not image[:4].any()
     assert not image[:, -3:].any()
-    np.testing.assert_array_equal(placed(kernel, 0.0, 0.0), kernel)
+    np.testing.assert_array_equal(displaced(kernel, 0.0, 0.0), kernel)
     for far in (21.0, -21.0, 1e9, -1e300):
-        assert not placed(kernel, far, 0.0).any()
-        assert not placed(kernel, 0.3, far).any()
+        assert not displaced(kernel, far, 0.0).any()
+        assert not displaced(kernel, 0.3, far).any()
 
 
 def test_an_edge_that_is_cut_off_does_not_ring():

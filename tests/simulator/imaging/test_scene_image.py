@@ -9,7 +9,7 @@ from simulator.imaging import build_imager, centred_axis, pixel_axis
 from simulator.imaging.build import bare_imager
 from simulator.imaging.pupil import draw_aberrations
 from simulator.imaging.scene_image import PointSources, SourceGrid, scene_image
-from simulator.imaging.transfer import KernelTransfer, TransferFunction, band_transfer
+from simulator.imaging.transfer import BandTransfer, KernelTransfer
 from simulator.knobs import Knobs
 
 NONE = PointSources([], [], [])
@@ -42,7 +42,7 @@ def peak_of(imager):
 
 
 IMAGER = lopsided()
-TRANSFER = band_transfer(IMAGER)
+TRANSFER = BandTransfer(IMAGER)
 PIXEL = IMAGER.pixel_scale_arcsec
 PEAK = peak_of(IMAGER)
 
@@ -62,7 +62,7 @@ def test_every_pixel_is_that_of_the_propagated_sources(rows, columns, half_width
         np.r_[0.0, -half_width, rng.uniform(y[0], y[-1], 3), 0.1],
         rng.uniform(0.5, 2.0, 6),
     )
-    ours = scene_image(band_transfer(imager), y, x, PIXEL, sources, mask_half_width_arcsec=half_width)
+    ours = scene_image(BandTransfer(imager), y, x, PIXEL, sources, mask_half_width_arcsec=half_width)
     exact = propagated(imager, y, x, sources, half_width)
     assert np.abs(ours - exact).max() < 1e-10 * PEAK
     np.testing.assert_array_equal(ours == 0, exact == 0)  # closed pixels, and no others
@@ -75,7 +75,7 @@ def test_sources_all_over_a_frame_to_1e_6_of_their_own_peak_and_0_01_mas():
     columns, rows = rng.uniform(10, 1069, 12), rng.uniform(10, 1039, 12)
     flux = 10 ** rng.uniform(-3, 3, 12)
     sources = PointSources(np.interp(columns, np.arange(1080), x), np.interp(rows, np.arange(1050), y), flux)
-    image = scene_image(band_transfer(imager), y, x, PIXEL, sources)
+    image = scene_image(BandTransfer(imager), y, x, PIXEL, sources)
     for row, column, light in zip(rows.round().astype(int), columns.round().astype(int), flux, strict=True):
         box = slice(row - 4, row + 5), slice(column - 4, column + 5)
         exact = propagated(imager, y[box[0]], x[box[1]], sources)
@@ -91,7 +91,7 @@ def test_the_star_with_its_dark_hole_passes_the_same_engine():
     axis = imager.stamp_axis(masked=True)
     centres = centred_axis(axis.n_pixels, imager.pixel_scale_arcsec)
     star = scene_image(
-        band_transfer(imager),
+        BandTransfer(imager),
         centres,
         centres,
         imager.pixel_scale_arcsec,
@@ -129,7 +129,7 @@ def test_light_is_neither_made_nor_lost():
     # The wings beyond a frame of +-8.8 arcsec hold less than a per cent of the light (and no pixel is negative).
     imager = lopsided(wavelength_nodes=1)
     axis = centred_axis(1081, PIXEL)
-    image = scene_image(band_transfer(imager), axis, axis, PIXEL, PointSources([0.01], [-0.02], [5.0]))
+    image = scene_image(BandTransfer(imager), axis, axis, PIXEL, PointSources([0.01], [-0.02], [5.0]))
     step = imager.diameter_m / len(imager.transmission)
     passed = 5.0 * (np.abs(imager.pupil(0)) ** 2).sum() * step**2 / (np.pi / 4 * imager.diameter_m**2)
     assert 0.99 * passed < image.sum() < passed
@@ -196,9 +196,9 @@ def test_extended_source_is_the_sum_of_its_points():
 
 
 def test_a_dense_field_takes_few_passes_and_is_the_sum_of_its_stars(monkeypatch):
-    transfer, passes = band_transfer(lopsided(pupil_samples=64)), []
-    made = TransferFunction.values
-    monkeypatch.setattr(TransferFunction, "values", lambda *given: (passes.append(1), made(*given))[1])
+    transfer, passes = BandTransfer(lopsided(pupil_samples=64)), []
+    made = BandTransfer.values
+    monkeypatch.setattr(BandTransfer, "values", lambda *given: (passes.append(1), made(*given))[1])
     rng = np.random.default_rng(5)
     axis, n = centred_axis(61, PIXEL), 60
     x, y, flux = rng.uniform(-8.0, 8.0, n), rng.uniform(-8.0, 8.0, n), 10.0 ** rng.uniform(-3.0, 0.0, n)

@@ -21,7 +21,7 @@ from simulator.imaging.build import bare_imager, dark_hole_of, hole_state_of
 from simulator.imaging.conjugation import Search
 from simulator.imaging.dark_hole import DarkHole, HoleScore, UnreachedHole
 from simulator.imaging.measure import measure_floor, stamp_figures
-from simulator.imaging.store import configured_apodizer, from_arrays, hole_key, shipped_hole, shipped_metrics, to_arrays
+from simulator.imaging.store import configured_apodizer, from_arrays, hole_key, shipped_file, to_arrays
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()
@@ -50,12 +50,12 @@ def test_every_band_of_every_preset_is_shipped(tmp_path, monkeypatch, preset, ba
 
 def test_nothing_else_is_shipped():
     instruments = {(preset, band): load_instrument(preset) for preset, band in EVERY}
-    metrics = {shipped_metrics(metrics_key(made, band), band).name for (_, band), made in instruments.items()}
+    metrics = {shipped_file("metrics", metrics_key(made, band), band).name for (_, band), made in instruments.items()}
     holes = {
-        shipped_hole(hole_key(made, bare_imager(made, band, Knobs(wavelength_nodes=5))), band).name
+        shipped_file("hole", hole_key(made, bare_imager(made, band, Knobs(wavelength_nodes=5))), band).name
         for (_, band), made in instruments.items()
     }
-    folder = shipped_metrics("", "").parent
+    folder = shipped_file("metrics", "", "").parent
     assert {path.name for path in folder.glob("metrics_*")} == metrics
     assert {path.name for path in folder.glob("hole_*")} == holes
 

@@ -6,7 +6,7 @@ import pytest
 from simulator.config import ARCSEC_PER_RAD, load_instrument
 from simulator.imaging.build import bare_imager
 from simulator.imaging.pupil import draw_aberrations
-from simulator.imaging.transfer import BELL, KernelTransfer, _bell_integral, _intensity, _odd_fast_length, band_transfer
+from simulator.imaging.transfer import BELL, BandTransfer, KernelTransfer, _bell_integral, _intensity, _odd_fast_length
 from simulator.knobs import Knobs
 
 
@@ -33,7 +33,7 @@ def resynthesised(transfer, y_arcsec, x_arcsec, y_axis, x_axis):
 
 def test_harmonics_give_back_the_intensity_wherever_the_axes_promise_it():
     imager = lopsided()
-    transfer = band_transfer(imager)
+    transfer = BandTransfer(imager)
     rng = np.random.default_rng(0)
     peak = imager.intensity(np.zeros(1), np.zeros(1)).max() / imager.pixel_solid_angle_sr
     for low, high in ((-1.0, 1.0), (-0.1, 3.0), (-0.01, 0.01), (7.0, 9.0), (-60.0, -59.0)):
@@ -48,7 +48,7 @@ def test_harmonics_give_back_the_intensity_wherever_the_axes_promise_it():
 
 def test_values_are_the_autocorrelation_of_the_pupil_not_its_mirror_image():
     imager = lopsided(wavelength_nodes=1)
-    transfer = band_transfer(imager)
+    transfer = BandTransfer(imager)
     axis = transfer.axis(-9.0, 9.0)
     values = transfer.values(axis, axis)
     pupil = imager.pupil(0)
@@ -77,7 +77,7 @@ def test_values_are_the_autocorrelation_of_the_pupil_not_its_mirror_image():
 def test_fast_intensity_is_the_imagers():
     for knobs, tolerance in (({}, 1e-14), ({"precision": "single"}, 1e-6)):
         imager = lopsided(**knobs)
-        transfer = band_transfer(imager)
+        transfer = BandTransfer(imager)
         for y, x in (((-0.5, 0.7), (2.0, 3.1)), ((-0.5, 0.7), (-0.3, 0.8)), ((-0.4, 0.4), (-0.4, 0.4))):
             rows, columns = transfer.axis(*y), transfer.axis(*x)
             places = [axis.centre_arcsec + axis.samples_arcsec for axis in (rows, columns)]
@@ -91,17 +91,17 @@ def test_fast_intensity_is_the_imagers():
 def test_jitter_is_a_gaussian_factor():
     still = lopsided()
     moving = dataclasses.replace(still, jitter_arcsec=0.012)
-    axis = band_transfer(moving).axis(-0.5, 0.5)
+    axis = BandTransfer(moving).axis(-0.5, 0.5)
     ky = np.abs(np.fft.fftfreq(axis.count) * axis.count / axis.period_arcsec)
     factor = np.exp(-2 * np.pi**2 * 0.012**2 * (ky[:, None] ** 2 + axis.frequencies**2))
     np.testing.assert_allclose(
-        band_transfer(moving).values(axis, axis), band_transfer(still).values(axis, axis) * factor, rtol=1e-12
+        BandTransfer(moving).values(axis, axis), BandTransfer(still).values(axis, axis) * factor, rtol=1e-12
     )
     assert axis.low_arcsec < -0.5 - 6 * 0.012  # room for what the jitter brings in
 
 
 def test_window_is_one_where_it_must_be_and_gone_at_the_end_of_the_period():
-    axis = band_transfer(lopsided()).axis(-1.0, 2.0)
+    axis = BandTransfer(lopsided()).axis(-1.0, 2.0)
     samples, window = axis.samples_arcsec, axis.window
     assert axis.count % 2 == 1
     assert samples[0] == 0.0
@@ -127,11 +127,11 @@ def test_bell_integral_against_quadrature():
 
 def test_cutoff_and_lengths(refused):
     imager = lopsided()
-    assert band_transfer(imager).cutoff_per_arcsec == pytest.approx(
+    assert BandTransfer(imager).cutoff_per_arcsec == pytest.approx(
         2.0 / imager.wavelengths_m.min() * np.pi / 180 / 3600, rel=1e-12
     )
     assert [_odd_fast_length(value) for value in (1, 2, 12.2, 13, 101)] == [1, 3, 15, 15, 105]
-    refused(r"scene = .* arcsec .*one by one", band_transfer(imager).axis, -100.0, 100.0)
+    refused(r"scene = .* arcsec .*one by one", BandTransfer(imager).axis, -100.0, 100.0)
 
 
 def test_kernel_transfer_is_the_fourier_sum_of_the_kernel_without_its_pixel():

@@ -66,8 +66,6 @@ def test_a_batch_is_its_scenes_one_by_one():
         alone = spectrum_generator(tree)
         np.testing.assert_array_equal(alone.x_arcsec, table.x_arcsec)
         np.testing.assert_array_equal(alone["b"].photlam, table["b"].photlam)
-    many = scene_sources([load_scene(tree) for tree in trees], INSTRUMENT, "F662")
-    assert many[2] == scene_sources(load_scene(trees[2]), INSTRUMENT, "F662")
     assert len(spectrum_generator([])) == 0
     with pytest.raises(InputError, match="allowed: the name of a scene"):
         batch["s9"]
@@ -78,7 +76,7 @@ def test_faults_found_late_name_the_scene_of_the_batch(refused):
     batch = spectrum_generator([{"name": "a", "cstar": STAR}, cold])
     with pytest.raises(InputError, match=r"scenes.1.cstar.teff_k = 2500"):
         _ = batch["cold"][0].photlam
-    refused(r"scenes.0.cstar.teff_k = 2500", scene_sources, [load_scene(cold)], INSTRUMENT, "F520")
+    refused(r"scene.cstar.teff_k = 2500", scene_sources, load_scene(cold), INSTRUMENT, "F520")
 
 
 def test_tables_travel_to_other_processes():

@@ -329,7 +329,8 @@ def test_the_whole_catalogue_at_once():
 
     stars = load_targets()
     batch = spectrum_generator(scenes_from_table(stars, planet=PLANET | {"albedo": "jupiter"}))
-    rates = scene_sources([*scenes_from_table(stars.iloc[:200], planet=PLANET)], INSTRUMENT, "F520")
+    scenes = scenes_from_table(stars.iloc[:200], planet=PLANET)
+    rates = [scene_sources(one, INSTRUMENT, "F520") for one in scenes]
     assert len(batch) == len(stars)
     host = np.array([sources[0].rate_e_s for sources in rates])
     passbands = Passbands.from_instrument(INSTRUMENT)
