@@ -1,9 +1,3 @@
-from cpic_core.arrays import (
-    BoolArray as BoolArray,
-    ComplexArray as ComplexArray,
-    FloatArray as FloatArray,
-    IntArray as IntArray,
-)
 from cpic_core.errors import InputError as InputError
 from cpic_core.files import (
     NPZ_ERRORS as NPZ_ERRORS,
@@ -22,6 +16,10 @@ from cpic_core.files import (
 )
 from cpic_core.outcome import Outcome as Outcome, Reason as Reason, Status as Status
 from cpic_core.quantities import (
+    BoolArray as BoolArray,
+    ComplexArray as ComplexArray,
+    FloatArray as FloatArray,
+    IntArray as IntArray,
     check_finite as check_finite,
     check_number as check_number,
     check_pair as check_pair,

@@ -215,17 +215,8 @@ def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
     write_bytes(path, buffer.getvalue())
 
 
-NPZ_ERRORS = (
-    OSError,
-    ValueError,
-    TypeError,
-    EOFError,
-    KeyError,
-    RuntimeError,
-    MemoryError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+_DAMAGED = (zipfile.BadZipFile, zlib.error)
+NPZ_ERRORS = (OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, *_DAMAGED)
 """What reading a damaged npz file may raise."""
 
 

@@ -1,4 +1,4 @@
-"""Numbers from outside: with or without a unit of `astropy.units`, in one place."""
+"""Types of arrays, one name for each; numbers from outside, with or without a unit of `astropy.units`."""
 
 from typing import Any
 
@@ -7,6 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cpic_core.errors import InputError
 
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+ComplexArray = NDArray[np.complex128]
 _ASTROPY_UNITS = {"R_Jup": "jupiterRad", "au": "AU", "L_sun": "solLum"}
 
 
@@ -162,7 +166,7 @@ def check_pair(name: str, value: Any, limit: float, unit: str = "", *, why: str 
     return float(values[0]), float(values[1])
 
 
-def element_name(key: str, bad: NDArray[np.bool_]) -> tuple[str, tuple[int, ...]]:
+def element_name(key: str, bad: BoolArray) -> tuple[str, tuple[int, ...]]:
     """Name and index of the first ``True`` of ``bad``: ``("rate_map_e_s[y=3, x=7]", (3, 7))`` for images."""
     index = tuple(int(i) for i in np.unravel_index(int(np.argmax(bad)), bad.shape))
     if not index:
@@ -173,7 +177,7 @@ def element_name(key: str, bad: NDArray[np.bool_]) -> tuple[str, tuple[int, ...]
 
 def checked_array(
     key: str, value: ArrayLike, *, low: float, high: float = np.inf, unit: str = "", allowed: str = ""
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """``value`` as float64, every element finite and within ``[low, high]``.
 
     Raises

@@ -66,22 +66,15 @@ def load_kernels(name: str) -> Any:
     module = importlib.import_module(name)
     source = Path(str(module.__file__))
     chosen = os.environ.get("NUMBA_CACHE_DIR")
-    kept = (
-        Path(chosen).rglob(f"{source.stem}.*.nbi") if chosen else source.parent.glob(f"__pycache__/{source.stem}.*.nbi")
-    )
+    folder, pattern = (Path(chosen), "**/") if chosen else (source.parent, "__pycache__/")
+    kept = folder.glob(f"{pattern}{source.stem}.*.nbi")
     if next(kept, None) is None:
         announce(f"compiling {name.rpartition('.')[2]} for this machine, once: about 10 s on a free processor")
     return module
 
 
-THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-)
+_LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "BLIS_NUM", "VECLIB_MAXIMUM", "NUMEXPR_NUM")
+THREAD_VARIABLES = tuple(f"{library}_THREADS" for library in _LIBRARIES)
 """Environment variables from which numerical libraries read their number of threads when they are loaded."""
 
 _lock = threading.Lock()

@@ -16,22 +16,14 @@ from cpic_core.errors import InputError
 from cpic_core.user_files import read_text
 
 MAX_BYTES = 4_000_000
-KINDS = (
-    "instrument",
-    "scene",
-    "simulation",
-    "strategies",
-    "strategy",
-    "population",
-    "visibility",
-    "simulator_overrides",
-    "question",
-)
+_SETTINGS = ("instrument", "scene", "simulation", "strategies", "strategy", "population", "visibility")
+KINDS = (*_SETTINGS, "simulator_overrides", "question")
 """Kinds by which our files name themselves."""
 _KIND_LINE = re.compile(rf"^kind:[ \t]*(?:{'|'.join(KINDS)})[ \t]*(?:#.*)?$", re.MULTILINE)
 _QUOTED = re.compile(r"\s*('[^']*'|\"[^\"]*\")")
 _NO_EVIDENCE = ("kind", "name", "description", "base")  # keys that any file may have
-_SOURCED_KEYS = {"value", "unit", "source", "confidence", "range", "note"}
+_WORDS = ("source", "confidence", "unit", "note")
+_SOURCED_KEYS = {"value", "range", *_WORDS}
 
 
 @dataclass(frozen=True)
@@ -54,9 +46,8 @@ class _StrictLoader(yaml.SafeLoader):
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
             event: Any = self.peek_event()  # type: ignore[no-untyped-call]
-            raise yaml.constructor.ConstructorError(
-                None, None, "aliases (*name) are not accepted: write the value out", event.start_mark
-            )
+            problem = "aliases (*name) are not accepted: write the value out"
+            raise yaml.constructor.ConstructorError(None, None, problem, event.start_mark)
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
@@ -203,14 +194,9 @@ def split_sourced(tree: Any, path: str = "") -> tuple[Any, dict[str, Provenance]
     if isinstance(tree, dict):
         if "value" in tree and set(tree) <= _SOURCED_KEYS:
             limits = tree.get("range")
+            words = {key: str(tree.get(key, "A" if key == "confidence" else "")) for key in _WORDS}
             return tree["value"], {
-                path: Provenance(
-                    source=str(tree.get("source", "")),
-                    confidence=str(tree.get("confidence", "A")),
-                    unit=str(tree.get("unit", "")),
-                    range=(float(limits[0]), float(limits[1])) if limits else None,
-                    note=str(tree.get("note", "")),
-                )
+                path: Provenance(**words, range=(float(limits[0]), float(limits[1])) if limits else None)
             }
         values: dict[Any, Any] = {}
         found: dict[str, Provenance] = {}
