@@ -83,10 +83,8 @@ class Band:
         if self.curve is None:
             low, high = self.support_nm
             return np.where((wavelength >= low) & (wavelength <= high), 1.0, 0.0)
-        result: np.ndarray = np.interp(
-            wavelength, self.curve.wavelength_nm, self.curve.transmission, left=0.0, right=0.0
-        )
-        return result
+        left_of, height = self.curve.wavelength_nm, self.curve.transmission
+        return np.asarray(np.interp(wavelength, left_of, height, left=0.0, right=0.0))
 
     def quantum_efficiency(self, wavelength_nm: ArrayLike) -> np.ndarray:
         """Return the quantum efficiency (e-/ph), constant over the band."""
@@ -94,10 +92,7 @@ class Band:
 
     def transmission(self, wavelength_nm: ArrayLike) -> np.ndarray:
         """Return detected electrons per photon that reaches the telescope: ``t_opt`` x filter x QE."""
-        result: np.ndarray = (
-            self.t_opt * self.filter_transmission(wavelength_nm) * self.quantum_efficiency(wavelength_nm)
-        )
-        return result
+        return np.asarray(self.t_opt * self.filter_transmission(wavelength_nm) * self.quantum_efficiency(wavelength_nm))
 
     def _content(self) -> tuple[object, ...]:
         curve = () if self.curve is None else (self.curve.wavelength_nm.tobytes(), self.curve.transmission.tobytes())

@@ -47,6 +47,11 @@ def _provenance() -> list[dict[str, Any]]:
     return entries
 
 
+def _entry(file: str) -> dict[str, Any]:
+    """Return what is said of a shipped file."""
+    return next(item for item in _provenance() if item["data_file"] == file)
+
+
 def snapshot_vintage(*, updates: bool = True) -> str:
     """Return in one line what the star table is and how old, with the first digits of its checksum.
 
@@ -55,7 +60,7 @@ def snapshot_vintage(*, updates: bool = True) -> str:
     updates : bool
         Whether companions are those of `catalogs.stars`.
     """
-    entry = next(item for item in _provenance() if item["data_file"] == "stars.csv")
+    entry = _entry("stars.csv")
     laid_over = f"; {updates_vintage()}" if updates else ""
     return f"{entry['vintage']} (stars.csv {entry['sha256'][:12]}{laid_over})"
 
@@ -84,12 +89,8 @@ def catalogue_info() -> dict[str, Any]:
     """
     with (_DATA / "stars_counts.csv").open(encoding="utf-8", newline="") as stream:
         counts = [
-            {
-                "cut": f"{row['group']}: {row['what']}",
-                "count": int(row["count"]),
-                "reference": row["reference"],
-                "note": row["note"],
-            }
+            {"cut": f"{row['group']}: {row['what']}", "count": int(row["count"])}
+            | {name: row[name] for name in ("reference", "note")}
             for row in csv.DictReader(stream)
         ]
     files = [
@@ -101,8 +102,7 @@ def catalogue_info() -> dict[str, Any]:
         }
         for entry in _provenance()
     ]
-    stars = next(item for item in _provenance() if item["data_file"] == "stars.csv")
-    planets = next(item for item in _provenance() if item["data_file"] == "known_planets.csv")
+    stars, planets = _entry("stars.csv"), _entry("known_planets.csv")
     return {
         "vintage": snapshot_vintage(),
         "counts": counts,

@@ -86,25 +86,15 @@ def propagate(
         place = unit + velocity * (end - start)[..., None]
         scale = np.linalg.norm(place, axis=-1)
     if not np.all(np.isfinite(scale)):
-        raise InputError(
-            "to_epoch_yr",
-            float(end[~np.isfinite(scale)].flat[0]),
-            unit="yr",
-            allowed="epochs at which the star is at a finite place",
-        )
+        late = float(end[~np.isfinite(scale)].flat[0])
+        raise InputError("to_epoch_yr", late, unit="yr", allowed="epochs at which the star is at a finite place")
     new_ra = np.rad2deg(np.arctan2(place[..., 1], place[..., 0])) % 360.0
     new_dec = np.rad2deg(np.arctan2(place[..., 2], np.hypot(place[..., 0], place[..., 1])))
     unit, east, north = _triad(new_ra, new_dec)
     speed = velocity / scale[..., None]
     new_parallax = parallax / scale
-    return Propagated(
-        ra_deg=new_ra,
-        dec_deg=new_dec,
-        pm_ra_mas_yr=np.sum(speed * east, axis=-1) * _MAS_PER_RAD,
-        pm_dec_mas_yr=np.sum(speed * north, axis=-1) * _MAS_PER_RAD,
-        parallax_mas=new_parallax,
-        rv_km_s=np.sum(speed * unit, axis=-1) * _MAS_PER_RAD / new_parallax * _KM_S_PER_AU_YR,
-    )
+    pm_ra, pm_dec, radial = (np.sum(speed * axis, axis=-1) * _MAS_PER_RAD for axis in (east, north, unit))
+    return Propagated(new_ra, new_dec, pm_ra, pm_dec, new_parallax, radial / new_parallax * _KM_S_PER_AU_YR)
 
 
 def tangent_offset(

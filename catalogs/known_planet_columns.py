@@ -11,9 +11,6 @@ from collections.abc import Mapping
 from catalogs.table_cells import Column, Columns
 from cpic_core import InputError
 
-_JD = (2.4e6, 2.5e6)
-_ANGLE_DEG = (-360.0, 720.0)
-
 
 def _text(name: str, aliases: str, description: str) -> Column:
     return Column(name, description, aliases=aliases)
@@ -23,114 +20,93 @@ def _float(name: str, unit: str, believed: tuple[float, float], aliases: str, de
     return Column(name, description, "float", unit, aliases, *believed)
 
 
+def _angle(name: str, aliases: str, description: str) -> Column:
+    return _float(name, "deg", (-360.0, 720.0), aliases, description)
+
+
+def _date(name: str, aliases: str, description: str) -> Column:
+    return _float(name, "d", (2.4e6, 2.5e6), aliases, description)
+
+
+def _mass(name: str, aliases: str, description: str) -> Column:
+    return _float(name, "jupiterMass", (1e-5, 1000.0), aliases, description)
+
+
 def _error(name: str, unit: str, high: float, aliases: str) -> Column:
     return _float(name, unit, (0.0, high), aliases, "its error")
 
 
 COLUMNS = Columns(
-    (
-        _text("star", "hostname plhostname host starname", "name of the star"),
-        _text("planet", "planetname plname name", "name of the planet, unique"),
-        _text("discovery_method", "discoverymethod pldiscmethod method", "how it was found"),
-        _float("period_days", "d", (0.01, 1e8), "period plorbper per p", "orbital period"),
-        _error("period_err_days", "d", 1e8, "perr perioderr perioderror plorbpererr1"),
-        _float(
-            "periastron_jd",
-            "d",
-            _JD,
-            "tperiastron timeperiastron plorbtper tp tperi",
-            "Julian date of a passage of the periastron",
-        ),
-        _error("periastron_err_days", "d", 1e6, "plorbtpererr1 tperr periastronerr"),
-        _float(
-            "conjunction_jd",
-            "d",
-            _JD,
-            "tconj tc pltranmid timeconjunction t0transit",
-            "Julian date of an inferior conjunction, the planet between star and observer",
-        ),
-        _error("conjunction_err_days", "d", 1e6, "pltranmiderr1 tcerr tconjerr conjunctionerr"),
-        _float("eccentricity", "", (0.0, 0.99), "ecc e plorbeccen", "eccentricity"),
-        _error("eccentricity_err", "", 1.0, "eerr eccerr plorbeccenerr1"),
-        _float(
-            "omega_star_deg",
-            "deg",
-            _ANGLE_DEG,
-            "omega plorblper omegastar argperi",
-            "argument of periastron of the STAR's orbit, as radial velocities have it; the planet's is 180 deg more",
-        ),
-        _float(
-            "omega_planet_deg",
-            "deg",
-            _ANGLE_DEG,
-            "omegaplanet",
-            "the planet's own argument of periastron, instead of omega_star_deg",
-        ),
-        _error("omega_err_deg", "deg", 360.0, "omegaerr omegastarerr plorblpererr1"),
-        _float("semi_major_axis_au", "AU", (0.001, 1e5), "a sma semimajoraxis plorbsmax", "semi-major axis"),
-        _error("semi_major_axis_err_au", "AU", 1e5, "aerr semimajoraxiserr plorbsmaxerr1"),
-        _float("mass_mjup", "jupiterMass", (1e-5, 1000.0), "mass plmassj m", "true mass"),
-        _error("mass_err_mjup", "jupiterMass", 1000.0, "masserr plmassjerr1"),
-        _float("msini_mjup", "jupiterMass", (1e-5, 1000.0), "msini plmsinij minimummass", "minimum mass m sin i"),
-        _error("msini_err_mjup", "jupiterMass", 1000.0, "msinierr plmsinijerr1"),
-        _float(
-            "inclination_deg",
-            "deg",
-            (0.0, 180.0),
-            "inclination inc i plorbincl",
-            "inclination of the orbit, 90 deg edge-on",
-        ),
-        _error("inclination_err_deg", "deg", 180.0, "ierr incerr inclinationerr plorbinclerr1"),
-        _float(
-            "node_deg",
-            "deg",
-            _ANGLE_DEG,
-            "node bigomega ascendingnode",
-            "position angle of the node where the planet moves away from the observer, east of north",
-        ),
-        _error("node_err_deg", "deg", 360.0, "nodeerr"),
-        _float("radius_rjup", "jupiterRad", (0.001, 10.0), "radius plradj rp", "radius"),
-        _error("radius_err_rjup", "jupiterRad", 10.0, "radiuserr plradjerr1"),
-        _float(
-            "star_mass_msun", "solMass", (0.01, 100.0), "starmass stmass", "mass of the star that the reference takes"
-        ),
-        _error("star_mass_err_msun", "solMass", 100.0, "starmasserr stmasserr1"),
-        _text("reference", "plrefname plorbitreference", "where the orbit was published"),
-        _float(
-            "best_mass_mjup",
-            "jupiterMass",
-            (1e-5, 1000.0),
-            "plbmassj",
-            "the archive's best mass, instead of mass_mjup and msini_mjup",
-        ),
-        _error("best_mass_err_mjup", "jupiterMass", 1000.0, "plbmassjerr1"),
-        _text("best_mass_kind", "plbmassprov", "what it is: Mass, Msini, Msin(i)/sin(i) or M-R relationship"),
-        _float("best_mass_limit", "", (-1.0, 1.0), "plbmassjlim", "1 upper limit, -1 lower limit, 0 a value"),
-        _float("eccentricity_limit", "", (-1.0, 1.0), "plorbeccenlim", "the same of the eccentricity"),
-        _float("controversial", "", (0.0, 1.0), "plcontrovflag", "1 where the archive says so"),
-        _text("flags", "remarks", "words joined by ';': what is missing, see the list of flags"),
-        _text(
-            "status",
-            "planetstatus",
-            "confirmed, controversial, candidate or refuted; the last two are listed and never counted",
-        ),
-        _text("status_reference", "", "where the status was published, if not where the orbit was"),
-        _text("updated", "", "date on which the row was last changed"),
-        _text("note", "", "a remark on the planet"),
-    )
+    _text("star", "hostname plhostname host starname", "name of the star"),
+    _text("planet", "planetname plname name", "name of the planet, unique"),
+    _text("discovery_method", "discoverymethod pldiscmethod method", "how it was found"),
+    _float("period_days", "d", (0.01, 1e8), "period plorbper per p", "orbital period"),
+    _error("period_err_days", "d", 1e8, "perr perioderr perioderror plorbpererr1"),
+    _date(
+        "periastron_jd", "tperiastron timeperiastron plorbtper tp tperi", "Julian date of a passage of the periastron"
+    ),
+    _error("periastron_err_days", "d", 1e6, "plorbtpererr1 tperr periastronerr"),
+    _date(
+        "conjunction_jd",
+        "tconj tc pltranmid timeconjunction t0transit",
+        "Julian date of an inferior conjunction, the planet between star and observer",
+    ),
+    _error("conjunction_err_days", "d", 1e6, "pltranmiderr1 tcerr tconjerr conjunctionerr"),
+    _float("eccentricity", "", (0.0, 0.99), "ecc e plorbeccen", "eccentricity"),
+    _error("eccentricity_err", "", 1.0, "eerr eccerr plorbeccenerr1"),
+    _angle(
+        "omega_star_deg",
+        "omega plorblper omegastar argperi",
+        "argument of periastron of the STAR's orbit, as radial velocities have it; the planet's is 180 deg more",
+    ),
+    _angle("omega_planet_deg", "omegaplanet", "the planet's own argument of periastron, instead of omega_star_deg"),
+    _error("omega_err_deg", "deg", 360.0, "omegaerr omegastarerr plorblpererr1"),
+    _float("semi_major_axis_au", "AU", (0.001, 1e5), "a sma semimajoraxis plorbsmax", "semi-major axis"),
+    _error("semi_major_axis_err_au", "AU", 1e5, "aerr semimajoraxiserr plorbsmaxerr1"),
+    _mass("mass_mjup", "mass plmassj m", "true mass"),
+    _error("mass_err_mjup", "jupiterMass", 1000.0, "masserr plmassjerr1"),
+    _mass("msini_mjup", "msini plmsinij minimummass", "minimum mass m sin i"),
+    _error("msini_err_mjup", "jupiterMass", 1000.0, "msinierr plmsinijerr1"),
+    _float(
+        "inclination_deg",
+        "deg",
+        (0.0, 180.0),
+        "inclination inc i plorbincl",
+        "inclination of the orbit, 90 deg edge-on",
+    ),
+    _error("inclination_err_deg", "deg", 180.0, "ierr incerr inclinationerr plorbinclerr1"),
+    _angle(
+        "node_deg",
+        "node bigomega ascendingnode",
+        "position angle of the node where the planet moves away from the observer, east of north",
+    ),
+    _error("node_err_deg", "deg", 360.0, "nodeerr"),
+    _float("radius_rjup", "jupiterRad", (0.001, 10.0), "radius plradj rp", "radius"),
+    _error("radius_err_rjup", "jupiterRad", 10.0, "radiuserr plradjerr1"),
+    _float("star_mass_msun", "solMass", (0.01, 100.0), "starmass stmass", "mass of the star that the reference takes"),
+    _error("star_mass_err_msun", "solMass", 100.0, "starmasserr stmasserr1"),
+    _text("reference", "plrefname plorbitreference", "where the orbit was published"),
+    _mass("best_mass_mjup", "plbmassj", "the archive's best mass, instead of mass_mjup and msini_mjup"),
+    _error("best_mass_err_mjup", "jupiterMass", 1000.0, "plbmassjerr1"),
+    _text("best_mass_kind", "plbmassprov", "what it is: Mass, Msini, Msin(i)/sin(i) or M-R relationship"),
+    _float("best_mass_limit", "", (-1.0, 1.0), "plbmassjlim", "1 upper limit, -1 lower limit, 0 a value"),
+    _float("eccentricity_limit", "", (-1.0, 1.0), "plorbeccenlim", "the same of the eccentricity"),
+    _float("controversial", "", (0.0, 1.0), "plcontrovflag", "1 where the archive says so"),
+    _text("flags", "remarks", "words joined by ';': what is missing, see the list of flags"),
+    _text(
+        "status",
+        "planetstatus",
+        "confirmed, controversial, candidate or refuted; the last two are listed and never counted",
+    ),
+    _text("status_reference", "", "where the status was published, if not where the orbit was"),
+    _text("updated", "", "date on which the row was last changed"),
+    _text("note", "", "a remark on the planet"),
 )
 """Every column by its name, in the order of the shipped file."""
 STANDING = ("status", "status_reference", "updated", "note")
 """Columns that say how sure a planet is; the table of 2019 has none of them, and what is laid over it may."""
-INPUT_ONLY = (
-    "omega_planet_deg",
-    "best_mass_mjup",
-    "best_mass_err_mjup",
-    "best_mass_kind",
-    "best_mass_limit",
-    "eccentricity_limit",
-    "controversial",
-)
+_BEST = tuple(f"best_mass_{what}" for what in ("mjup", "err_mjup", "kind", "limit"))
+INPUT_ONLY = ("omega_planet_deg", *_BEST, "eccentricity_limit", "controversial")
 """Columns that a table of a user's own may have; reading turns them into the others."""
 STATUSES: dict[str, str] = {
     "confirmed": "a planet that nobody disputes: counted",
@@ -167,14 +143,8 @@ FLAGS: dict[str, str] = {
 }
 """What each flag means."""
 
-GIVEN_FLAGS = (
-    "controversial",
-    "earlier_orbit",
-    "edge_on_assumed",
-    "mass_lower_limit",
-    "eccentricity_upper_limit",
-    "mass_upper_limit",
-)
+_LIMITS = ("mass_lower_limit", "eccentricity_upper_limit", "mass_upper_limit")
+GIVEN_FLAGS = ("controversial", "earlier_orbit", "edge_on_assumed", *_LIMITS)
 """Flags that a table states; the others follow from what is missing."""
 
 
@@ -195,9 +165,7 @@ def flags_of(row: Mapping[str, float], given: tuple[str, ...] = ()) -> tuple[str
     def lacks_error(name: str, error: str) -> bool:
         return has(name) and not has(error)
 
-    dated = (has("periastron_jd") and has("periastron_err_days")) or (
-        has("conjunction_jd") and has("conjunction_err_days")
-    )
+    dated = any(has(f"{what}_jd") and has(f"{what}_err_days") for what in ("periastron", "conjunction"))
     mass = "mass" if has("mass_mjup") else "msini"
     limited = {name: f"{name}_upper_limit" in given for name in ("eccentricity", "mass")}
     found = {

@@ -1,7 +1,5 @@
 """A table of known planets in memory: its columns, and its rows by star, by planet and by what may be counted."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -68,7 +66,7 @@ class KnownPlanetTable:
         """Return the flags of one planet."""
         return tuple(filter(None, str(self.columns["flags"][row]).split(";")))
 
-    def select(self, rows: ArrayLike) -> KnownPlanetTable:
+    def select(self, rows: ArrayLike) -> "KnownPlanetTable":
         """Return the table of the rows of a mask, or of row numbers in their order."""
         index = np.asarray(rows)
         index = np.flatnonzero(index) if index.dtype == np.bool_ else index.astype(np.int64)
@@ -103,11 +101,8 @@ class KnownPlanetTable:
         times = [self.number(f"{what}_err_days") for what in ("conjunction", "periastron")]
         time_days = np.where(np.isfinite(self.number("conjunction_jd")), *times)
         turns = [days / self.number("period_days") for days in (time_days, self.number("period_err_days"))]
-        angles_deg = [
-            self.number("inclination_err_deg"),
-            self.number("node_err_deg"),
-            *(360.0 * turn for turn in turns),
-        ]
+        angles_deg = [self.number(f"{what}_err_deg") for what in ("inclination", "node")]
+        angles_deg += [360.0 * turn for turn in turns]
         error_deg = np.sqrt(np.sum(np.square(np.nan_to_num(angles_deg, nan=0.0)), axis=0))
         known = np.isfinite(self.number("inclination_deg")) & np.isfinite(self.number("node_deg"))
         return np.asarray(dated & known & (error_deg <= PLACE_DEG))

@@ -173,11 +173,8 @@ def _laid_over(below: Sequence[Row], own: Iterable[Row], name: str) -> list[Row]
         place = places.get(_key(row))
         if place is None:
             if not _has_orbit(row):
-                raise InputError(
-                    f"{name} ({row['planet']})",
-                    "a status without an orbit",
-                    allowed="an orbit, or a planet of the table below",
-                )
+                allowed = "an orbit, or a planet of the table below"
+                raise InputError(f"{name} ({row['planet']})", "a status without an orbit", allowed=allowed)
             rows.append(_with_status(row | {"star": stars.get(star_key(row["star"]), row["star"])}))
             continue
         older = rows[place]
@@ -198,9 +195,8 @@ def _with_status(row: Row, older: Row | None = None) -> Row:
         known = {}
     elif "controversial" in flags and known.get("status", "confirmed") == "confirmed":
         known = {"status": "controversial"}
-    return (
-        {"status": "confirmed"} | row | known | {"flags": ";".join(word for word in flags if word != "controversial")}
-    )
+    others = ";".join(word for word in flags if word != "controversial")
+    return {"status": "confirmed"} | row | known | {"flags": others}
 
 
 def _key(row: Row) -> tuple[str, str]:

@@ -54,19 +54,19 @@ class StarMatch:
 @functools.cache
 def snapshot_aliases() -> dict[str, tuple[str, int]]:
     """Return key -> (star name, kind); kind 1 is a name of the whole system."""
-    with (_DATA / "aliases.csv").open(encoding="utf-8", newline="") as stream:
-        reader = csv.reader(stream)
-        next(reader)
-        return {key: (name, int(kind)) for key, name, kind in reader}
+    return {key: (name, int(kind)) for key, name, kind in _lines("aliases.csv")}
 
 
 @functools.cache
 def _outsiders() -> dict[str, str]:
     """Return key -> coded reason of well-known stars outside the catalogue."""
-    with (_DATA / "known_stars.csv").open(encoding="utf-8", newline="") as stream:
-        reader = csv.reader(stream)
-        next(reader)
-        return {key: reason for keys, reason in reader for key in keys.split("|")}
+    return {key: reason for keys, reason in _lines("known_stars.csv") for key in keys.split("|")}
+
+
+def _lines(file: str) -> list[list[str]]:
+    """Lines of a shipped file below its heading."""
+    with (_DATA / file).open(encoding="utf-8", newline="") as stream:
+        return list(csv.reader(stream))[1:]
 
 
 def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
@@ -103,9 +103,8 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     star, alias, note = found
     rows = [i for i, text in enumerate(stars.column("name").tolist()) if text == star]
     if not rows:
-        raise InputError(
-            "star", name, allowed="a star of this selection", hint=f"{star} is in the catalogue, but not selected"
-        )
+        hint = f"{star} is in the catalogue, but not selected"
+        raise InputError("star", name, allowed="a star of this selection", hint=hint)
     return StarMatch(rows[0], star, alias, note)
 
 
@@ -214,10 +213,9 @@ def _system_note(key: str, star: str) -> str:
     aliases = snapshot_aliases()
     others = sorted({name for other, (name, _) in aliases.items() if split_component(other)[0] == key and name != star})
     if not others:
-        members = {
-            name for name, _ in aliases.values() if name != star and name.rpartition(" ")[0] == star.rpartition(" ")[0]
-        }
-        others = sorted(members) if " " in star.rpartition(" ")[0] else []
+        system = star.rpartition(" ")[0]
+        members = {name for name, _ in aliases.values() if name != star and name.rpartition(" ")[0] == system}
+        others = sorted(members) if " " in system else []
     rest = f"; also in the catalogue: {', '.join(others)}" if others else ""
     return f"name of a system: its brightest star {star} taken{rest}"
 
@@ -227,9 +225,8 @@ def _refusal(name: str, key: str) -> InputError:
     base, letter = split_component(key)
     for form in (key, base, f"{key} a"):
         if form in outsiders:
-            return InputError(
-                "star", name, allowed="F, G or K within 40 pc and V <= 7.5", hint=_reason(outsiders[form])
-            )
+            allowed = "F, G or K within 40 pc and V <= 7.5"
+            return InputError("star", name, allowed=allowed, hint=_reason(outsiders[form]))
     if letter and (star := _find(base)):
         listed = _component(star[0])
         shown = f"{star[0]} (component {listed})" if listed else star[0]
@@ -263,7 +260,7 @@ def _reason(code: str) -> str:
     if word == "v":
         return f"too faint: V = {value}"
     if word == "type":
-        return (
-            f"not an F, G or K star: spectral type {value}" if value else "not among the F, G and K stars of the source"
-        )
+        if value:
+            return f"not an F, G or K star: spectral type {value}"
+        return "not among the F, G and K stars of the source"
     return f"left out: {value}"

@@ -10,31 +10,13 @@ import re
 import unicodedata
 
 #: SIMBAD abbreviation of each Greek letter -> (letter, other spellings).
+_GREEK_NAMES = """
+alf α alpha alp, bet β beta, gam γ gamma, del δ delta, eps ε epsilon epsi, zet ζ zeta, eta η, tet θ theta the thet,
+iot ι iota, kap κ kappa, lam λ lambda, mu μ, nu ν, ksi ξ xi, omi ο omicron, pi π, rho ρ, sig σ sigma, tau τ,
+ups υ upsilon, phi φ, chi χ khi, psi ψ, ome ω omega
+"""
 GREEK: dict[str, tuple[str, tuple[str, ...]]] = {
-    "alf": ("α", ("alpha", "alp")),
-    "bet": ("β", ("beta",)),
-    "gam": ("γ", ("gamma",)),
-    "del": ("δ", ("delta",)),
-    "eps": ("ε", ("epsilon", "epsi")),
-    "zet": ("ζ", ("zeta",)),
-    "eta": ("η", ()),
-    "tet": ("θ", ("theta", "the", "thet")),
-    "iot": ("ι", ("iota",)),
-    "kap": ("κ", ("kappa",)),
-    "lam": ("λ", ("lambda",)),
-    "mu": ("μ", ()),
-    "nu": ("ν", ()),
-    "ksi": ("ξ", ("xi",)),
-    "omi": ("ο", ("omicron",)),
-    "pi": ("π", ()),
-    "rho": ("ρ", ()),
-    "sig": ("σ", ("sigma",)),
-    "tau": ("τ", ()),
-    "ups": ("υ", ("upsilon",)),
-    "phi": ("φ", ()),
-    "chi": ("χ", ("khi",)),
-    "psi": ("ψ", ()),
-    "ome": ("ω", ("omega",)),
+    short: (letter, tuple(others)) for short, letter, *others in map(str.split, _GREEK_NAMES.split(","))
 }
 
 _SKY_NAMES = """
@@ -65,23 +47,8 @@ _SKY: dict[str, str] = {short.lower(): short.lower() for short in CONSTELLATIONS
 _SKY.update({genitive.lower(): short.lower() for short, genitive in CONSTELLATIONS.items()})
 
 #: Catalogue prefixes that take a plain number; all the nearby-star lists share the Gliese-Jahreiss numbers.
-_PREFIXES = {
-    "hip": "hip",
-    "hic": "hip",
-    "hd": "hd",
-    "hr": "hr",
-    "bs": "hr",
-    "gj": "gj",
-    "gl": "gj",
-    "gliese": "gj",
-    "wo": "gj",
-    "nn": "gj",
-    "ltt": "ltt",
-    "lhs": "lhs",
-    "nltt": "nltt",
-    "sao": "sao",
-    "ads": "ads",
-}
+_PREFIXES = {name: name for name in ("hip", "hd", "hr", "gj", "ltt", "lhs", "nltt", "sao", "ads")}
+_PREFIXES |= {"hic": "hip", "bs": "hr"} | dict.fromkeys(("gl", "gliese", "wo", "nn"), "gj")
 
 
 _CATALOGUE = re.compile(r"([a-z]+)\s*[-_]?\s*0*(\d+(?:\.\d+)?)\s*([a-e]{0,3})", re.IGNORECASE)

@@ -110,16 +110,8 @@ def refresh(
     label = f"the catalogue refreshed on {when:%Y-%m-%d}"
     made = assemble(read_stars(answers[0]), read_measurements(answers[1]), snapshot, cuts, label)
     step("table")
-    return Refreshed(
-        table=made.table,
-        queried_utc=when,
-        url=service_url(service),
-        queries=questions,
-        cuts=cuts,
-        counts=made.counts,
-        left_out=made.left_out,
-        changes=compare(made, snapshot, cuts),
-    )
+    changes = compare(made, snapshot, cuts)
+    return Refreshed(made.table, when, service_url(service), questions, cuts, made.counts, made.left_out, changes)
 
 
 def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> Changes:
@@ -206,34 +198,29 @@ def ecsv_text(made: Refreshed, versions: Mapping[str, str]) -> str:
     table = Table()
     for column in COLUMNS:
         values = made.table.column(column.name)
-        described: dict[str, Any] = {"unit": column.unit or None, "description": made.table.descriptions[column.name]}
+        about: dict[str, Any] = {"unit": column.unit or None, "description": made.table.descriptions[column.name]}
         if column.kind == "float":
             rounded = np.round(np.asarray(values, float), column.decimals)
             gone = ~np.isfinite(rounded)
-            table[column.name] = (
-                MaskedColumn(rounded, mask=gone, **described) if gone.any() else Column(rounded, **described)
-            )
+            table[column.name] = MaskedColumn(rounded, mask=gone, **about) if gone.any() else Column(rounded, **about)
         else:
-            table[column.name] = Column(values, **described)
-    changes = asdict(made.changes)
-    table.meta.update(
-        {
-            FORMAT_KEY: _FORMAT_VERSION,
-            "queried_utc": made.queried_utc.isoformat(),
-            "service": made.url,
-            "queries": list(made.queries),
-            "cuts": asdict(made.cuts),
-            "counts": dict(made.counts),
-            "left_out": dict(made.left_out),
-            "snapshot": snapshot_vintage(),
-            "changes_to_snapshot": {
-                name: len(part) if isinstance(part, tuple | dict) else part for name, part in changes.items()
-            },
-            "software": dict(versions),
-            "licence": _LICENCE,
-            "credit": STAR_CREDITS[0],
-        }
-    )
+            table[column.name] = Column(values, **about)
+    parts = asdict(made.changes).items()
+    changes = {name: len(part) if isinstance(part, tuple | dict) else part for name, part in parts}
+    table.meta |= {
+        FORMAT_KEY: _FORMAT_VERSION,
+        "queried_utc": made.queried_utc.isoformat(),
+        "service": made.url,
+        "queries": list(made.queries),
+        "cuts": asdict(made.cuts),
+        "counts": dict(made.counts),
+        "left_out": dict(made.left_out),
+        "snapshot": snapshot_vintage(),
+        "changes_to_snapshot": changes,
+        "software": dict(versions),
+        "licence": _LICENCE,
+        "credit": STAR_CREDITS[0],
+    }
     text = io.StringIO()
     table.write(text, format="ascii.ecsv", delimiter=",")
     return text.getvalue()

@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -21,38 +22,34 @@ from catalogs.nomenclature import GREEK, designation_key, split_component
 from catalogs.simbad import RefreshError
 from catalogs.star_systems import is_blend_id
 from catalogs.stars import StarTable
-from catalogs.table_cells import Column, Columns, Row, Rows, read_rows
+from catalogs.table_cells import Column, Columns, Rows, read_rows
 from catalogs.table_files import RawColumn, RawTable, raw_column
 from cpic_core import FloatArray, InputError
 
 _ANY = (-np.inf, np.inf)
 # Headings are those of TAP, of ``add_votable_fields``, and of astroquery before 0.4.8.
 STARS = Columns(
-    (
-        Column("oid", "number of the object", "float", "", "oidref", 0.0, 1e15),
-        Column("main_id", "main identifier"),
-        Column("ra_deg", "right ascension", "float", "deg", "ra rad", 0.0, 360.0),
-        Column("dec_deg", "declination", "float", "deg", "dec decd", -90.0, 90.0),
-        Column("parallax_mas", "parallax", "float", "mas", "plxvalue plx", 1e-3, 1e3),
-        Column("parallax_err_mas", "its standard error", "float", "mas", "plxerr plxerror", *_ANY),
-        Column("pm_ra_mas_yr", "proper motion, with cos(dec)", "float", "mas / yr", "pmra", *_ANY),
-        Column("pm_dec_mas_yr", "proper motion", "float", "mas / yr", "pmdec", *_ANY),
-        Column("rv_km_s", "radial velocity", "float", "km / s", "rvzradvel rvvalue radvel", *_ANY),
-        Column("sp_type", "spectral type", aliases="sp"),
-        Column("object_type", "type of the object", aliases="otype otypes otypev"),
-        Column("b_mag", "B magnitude", "float", "mag", "b fluxb", *_ANY),
-        Column("v_mag", "V magnitude", "float", "mag", "v fluxv", -30.0, 30.0),
-        Column("ids", "all identifiers"),
-    )
+    Column("oid", "number of the object", "float", "", "oidref", 0.0, 1e15),
+    Column("main_id", "main identifier"),
+    Column("ra_deg", "right ascension", "float", "deg", "ra rad", 0.0, 360.0),
+    Column("dec_deg", "declination", "float", "deg", "dec decd", -90.0, 90.0),
+    Column("parallax_mas", "parallax", "float", "mas", "plxvalue plx", 1e-3, 1e3),
+    Column("parallax_err_mas", "its standard error", "float", "mas", "plxerr plxerror", *_ANY),
+    Column("pm_ra_mas_yr", "proper motion, with cos(dec)", "float", "mas / yr", "pmra", *_ANY),
+    Column("pm_dec_mas_yr", "proper motion", "float", "mas / yr", "pmdec", *_ANY),
+    Column("rv_km_s", "radial velocity", "float", "km / s", "rvzradvel rvvalue radvel", *_ANY),
+    Column("sp_type", "spectral type", aliases="sp"),
+    Column("object_type", "type of the object", aliases="otype otypes otypev"),
+    Column("b_mag", "B magnitude", "float", "mag", "b fluxb", *_ANY),
+    Column("v_mag", "V magnitude", "float", "mag", "v fluxv", -30.0, 30.0),
+    Column("ids", "all identifiers"),
 )
 MEASUREMENTS = Columns(
-    (
-        Column("oid", "number of the object", "float", "", "oidref", 0.0, 1e15),
-        Column("teff_k", "temperature", "float", "K", "teff mesfehteff fehteff", *_ANY),
-        Column("log_g", "gravity", "float", "", "mesfehlogg fehlogg", *_ANY),
-        Column("fe_h", "metallicity", "float", "", "mesfehfeh fehfeh", *_ANY),
-        Column("bibcode", "reference", aliases="mesfehbibcode fehbibcode"),
-    )
+    Column("oid", "number of the object", "float", "", "oidref", 0.0, 1e15),
+    Column("teff_k", "temperature", "float", "K", "teff mesfehteff fehteff", *_ANY),
+    Column("log_g", "gravity", "float", "", "mesfehlogg fehlogg", *_ANY),
+    Column("fe_h", "metallicity", "float", "", "mesfehfeh fehfeh", *_ANY),
+    Column("bibcode", "reference", aliases="mesfehbibcode fehbibcode"),
 )
 _NEEDED = tuple((name,) for name in ("oid", "main_id", "ra_deg", "dec_deg", "parallax_mas", "v_mag"))
 _BELIEVED = {"teff_k": (2000.0, 50000.0), "log_g": (-2.0, 7.0), "fe_h": (-5.0, 1.5)}
@@ -116,7 +113,7 @@ def read_stars(table: Any) -> Answer:
         for where, row in rows:
             rows.refuse_missing(where, row, _NEEDED)
         for name in ("oid", "main_id"):
-            rows.refuse_twins(_cell_of(name), remedy=f"same {name}")
+            rows.refuse_twins(itemgetter(name), remedy=f"same {name}")
 
     columns = _columns(table, STARS, check)
     names = [tuple(filter(None, (" ".join(name.split()) for name in text.split("|")))) for text in columns.pop("ids")]
@@ -145,10 +142,6 @@ def read_measurements(table: Any) -> Measurements:
     return Measurements(**columns)
 
 
-def _cell_of(name: str) -> Callable[[Row], Any]:
-    return lambda row: row[name]
-
-
 def _columns(table: Any, columns: Columns, check: Callable[[Rows], None]) -> dict[str, Any]:
     """Return the columns of an answer by our names; numbers as arrays, nan where missing."""
     try:
@@ -157,13 +150,10 @@ def _columns(table: Any, columns: Columns, check: Callable[[Rows], None]) -> dic
         check(rows)
     except InputError as error:
         raise RefreshError(str(error), _REMEDY) from None
-    found: dict[str, Any] = {}
-    for name, column in columns.items():
-        if column.kind == "text":
-            found[name] = [row.get(name, "") for row in rows.rows]
-        else:
-            found[name] = np.array([row.get(name, np.nan) for row in rows.rows], dtype=np.float64)
-    return found | {"oid": found["oid"].astype(np.int64)}
+    blank = {"text": "", "float": np.nan}
+    listed = {name: [row.get(name, blank[column.kind]) for row in rows.rows] for name, column in columns.items()}
+    numbers = {name: np.array(cells, np.float64) for name, cells in listed.items() if columns[name].kind == "float"}
+    return listed | numbers | {"oid": numbers["oid"].astype(np.int64)}
 
 
 def _raw(table: Any, name: str, columns: Columns) -> RawColumn:

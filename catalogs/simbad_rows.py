@@ -18,6 +18,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs import stellar_physics
 from catalogs.coordinates import position_angle, separation_arcsec, tangent_offset
 from catalogs.nomenclature import designation_key
 from catalogs.simbad import Cuts, RefreshError
@@ -26,22 +27,6 @@ from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.star_columns import parallax_flags, type_flags
 from catalogs.star_systems import CLOSE_COMPANION_ARCSEC, Adopted, Member, adopt_parallaxes, group_systems
 from catalogs.stars import StarTable, star_table
-from catalogs.stellar_physics import (
-    GRAVITY_SOURCE,
-    LUMINOSITY_SOURCE,
-    RADIUS_SOURCE,
-    TEFF_TOLERANCE_K,
-    colour_temperature,
-    gravity,
-    light_columns,
-    luminosity_from_v,
-    mass_of,
-    nearest_subtype,
-    place_columns,
-    radius_from_luminosity,
-    spectral_letter,
-    subtype_medians,
-)
 
 _KEPT_LETTERS = ("F", "G", "K")
 _OTHER_CLASS = "not of class F, G or K"
@@ -52,13 +37,8 @@ _PARALLAX_TOLERANCE = 0.2
 _SAME_V_MAG = 0.05
 _BINARY_TYPES = ("**", "SB*", "El*", "EB*")
 _TAKEN_OVER = "; from the snapshot"
-_COMPANION_COLUMNS = (
-    "companion_name",
-    "companion_sep_arcsec",
-    "companion_pa_deg",
-    "companion_epoch_yr",
-    "companion_delta_v_mag",
-)
+_COMPANION = ("name", "sep_arcsec", "pa_deg", "epoch_yr", "delta_v_mag")
+_COMPANION_COLUMNS = tuple(f"companion_{what}" for what in _COMPANION)
 _COMPANION_SOURCES = ("companion_src", "companion_pa_src", "companion_delta_v_src")
 
 Row = dict[str, object]
@@ -135,9 +115,11 @@ def assemble(answer: Answer, measurements: Measurements, snapshot: StarTable, cu
         row: Row = {"name": shown[i], **_identity(names[i], known[i])}
         row |= _parallax(answer, i, adopted[i], shown)
         motion = (float(answer.pm_ra_mas_yr[i]), float(answer.pm_dec_mas_yr[i]))
-        row |= place_columns(answer.ra_deg[i], answer.dec_deg[i], motion, float(answer.rv_km_s[i]), "measured")
+        row |= stellar_physics.place_columns(
+            answer.ra_deg[i], answer.dec_deg[i], motion, float(answer.rv_km_s[i]), "measured"
+        )
         v_mag, b_mag = float(answer.v_mag[i]), float(answer.b_mag[i])
-        row |= light_columns(v_mag, b_mag - v_mag, answer.sp_type[i], "measured")
+        row |= stellar_physics.light_columns(v_mag, b_mag - v_mag, answer.sp_type[i], "measured")
         flags = _fill(row, measured.get(int(answer.oid[i]), {}), known[i], medians)
         flags |= _companion(row, answer, i, known[i], shown, listed)
         flags |= type_flags(answer.sp_type[i], answer.object_type[i], answer.main_id[i])
@@ -162,7 +144,7 @@ def assemble(answer: Answer, measurements: Measurements, snapshot: StarTable, cu
 def _why_not(answer: Answer, i: int, cuts: Cuts, listed: Mapping[int, str]) -> tuple[str, str] | None:
     """Return the kind of reason and the reason why an object is no row, None if it is one."""
     sp_type = answer.sp_type[i]
-    letter = spectral_letter(sp_type)
+    letter = stellar_physics.spectral_letter(sp_type)
     if not letter:
         what = f"type {sp_type!r}" if sp_type else "no type"
         return "spectral type missing or unreadable", f"{what} (V {answer.v_mag[i]:.2f})"
@@ -177,18 +159,12 @@ def _why_not(answer: Answer, i: int, cuts: Cuts, listed: Mapping[int, str]) -> t
 
 def _parallaxes(answer: Answer, kept: list[int], names: Mapping[int, Names]) -> dict[int, Adopted]:
     """Give the members of each bound system one parallax; `lender` is an object of the answer."""
-    members = [
-        Member(
-            float(answer.ra_deg[i]),
-            float(answer.dec_deg[i]),
-            names[i].hip,
-            float(answer.parallax_mas[i]),
-            float(answer.parallax_err_mas[i]) if answer.parallax_err_mas[i] > 0.0 else float("nan"),
-            float(answer.pm_ra_mas_yr[i]),
-            float(answer.pm_dec_mas_yr[i]),
-        )
-        for i in kept
-    ]
+    errors = np.where(answer.parallax_err_mas > 0.0, answer.parallax_err_mas, np.nan)
+    columns = (answer.ra_deg, answer.dec_deg, answer.parallax_mas, errors, answer.pm_ra_mas_yr, answer.pm_dec_mas_yr)
+    members = []
+    for i in kept:
+        ra, dec, *others = (float(column[i]) for column in columns)
+        members.append(Member(ra, dec, names[i].hip, *others))
     taken = adopt_parallaxes(members, group_systems(members))
     return {
         i: item._replace(lender=kept[item.lender] if item.lender >= 0 else -1)
@@ -250,7 +226,9 @@ def _snapshot_medians(snapshot: StarTable) -> Medians:
     """Return the median (Teff, B-V) of each subtype, of the snapshot's stars with a measured temperature."""
     names = ("sp_type", "teff_k", "b_v_mag", "teff_k_src")
     cells = zip(*(snapshot.column(name).tolist() for name in names), strict=True)
-    return subtype_medians((sp_type, teff, b_v) for sp_type, teff, b_v, src in cells if src == "measured")
+    return stellar_physics.subtype_medians(
+        (sp_type, teff, b_v) for sp_type, teff, b_v, src in cells if src == "measured"
+    )
 
 
 def _fill(
@@ -270,12 +248,11 @@ def _fill(
         return measured.get(name) or old(name, ("measured", "ExoCat-1"))
 
     sp_type, b_v = str(row["sp_type"]), float(str(row["b_v_mag"]))
-    expected_teff, expected_b_v = nearest_subtype(sp_type, medians)
+    expected_teff, expected_b_v = stellar_physics.nearest_subtype(sp_type, medians)
     row["metallicity"], row["metallicity_src"] = best("metallicity") or (0.0, "assumed:0")
     off = (
-        math.isfinite(b_v + expected_teff)
-        and abs(colour_temperature(b_v, 0.0)[0] - expected_teff) > 2 * TEFF_TOLERANCE_K
-    )
+        abs(stellar_physics.colour_temperature(b_v, 0.0)[0] - expected_teff) > 2 * stellar_physics.TEFF_TOLERANCE_K
+    )  # not where one is unknown
     if off:
         flags.add("colour_outlier")
     if (off or not math.isfinite(b_v)) and math.isfinite(expected_b_v):
@@ -283,33 +260,33 @@ def _fill(
         row["b_v_mag"], row["b_v_mag_src"] = b_v, "derived:median of the spectral subtype in the snapshot"
     found = best("teff_k")
     if found is None and math.isfinite(b_v):
-        found = colour_temperature(b_v, float(str(row["metallicity"])))
+        found = stellar_physics.colour_temperature(b_v, float(str(row["metallicity"])))
     if found is None:
         found = stellar_parameters(sp_type).teff_k, PARAMETERS_SOURCE
     teff = found[0]
-    if math.isfinite(expected_teff) and abs(teff - expected_teff) > TEFF_TOLERANCE_K:
+    if math.isfinite(expected_teff) and abs(teff - expected_teff) > stellar_physics.TEFF_TOLERANCE_K:
         flags.add("teff_outlier")
+    row["teff_k"], row["teff_k_src"] = found
     v_mag, distance_pc = float(str(row["v_mag"])), float(str(row["distance_pc"]))
-    luminosity, luminosity_src = luminosity_from_v(v_mag, distance_pc, teff), LUMINOSITY_SOURCE
+    luminosity, luminosity_src = (
+        stellar_physics.luminosity_from_v(v_mag, distance_pc, teff),
+        stellar_physics.LUMINOSITY_SOURCE,
+    )
     mass_found = None
     listed = old("luminosity_lsun", ("ExoCat-1",))
     if listed is not None and known is not None and abs(v_mag - float(str(known["v_mag"]))) < _SAME_V_MAG:
         luminosity = listed[0] * (distance_pc / float(str(known["distance_pc"]))) ** 2
         luminosity_src = listed[1]
         mass_found = old("mass_msun", ("ExoCat-1", "Takeda"))
-    radius = radius_from_luminosity(luminosity, teff)
-    mass, mass_src = mass_found or mass_of(sp_type, luminosity)
-    row |= {
-        "teff_k": teff,
-        "teff_k_src": found[1],
-        "luminosity_lsun": luminosity,
-        "luminosity_lsun_src": luminosity_src,
-        "radius_rsun": radius,
-        "radius_rsun_src": RADIUS_SOURCE,
-        "mass_msun": mass,
-        "mass_msun_src": mass_src,
-    }
-    row["log_g"], row["log_g_src"] = best("log_g") or (gravity(mass, radius), GRAVITY_SOURCE)
+    radius = stellar_physics.radius_from_luminosity(luminosity, teff)
+    mass, mass_src = mass_found or stellar_physics.mass_of(sp_type, luminosity)
+    row["luminosity_lsun"], row["luminosity_lsun_src"] = luminosity, luminosity_src
+    row["radius_rsun"], row["radius_rsun_src"] = radius, stellar_physics.RADIUS_SOURCE
+    row["mass_msun"], row["mass_msun_src"] = mass, mass_src
+    row["log_g"], row["log_g_src"] = best("log_g") or (
+        stellar_physics.gravity(mass, radius),
+        stellar_physics.GRAVITY_SOURCE,
+    )
     return flags
 
 

@@ -174,9 +174,8 @@ def load_albedo(planet: str) -> Albedo:
     if planet not in PLANETS:
         raise InputError("planet", planet, allowed=", ".join(PLANETS))
     arrays = _arrays("albedo.npz")
-    return Albedo(
-        arrays["wavelength_nm"], _read_only(arrays[planet].astype(np.float64)), float(arrays["documented_to_nm"])
-    )
+    albedo = _read_only(arrays[planet].astype(np.float64))
+    return Albedo(arrays["wavelength_nm"], albedo, float(arrays["documented_to_nm"]))
 
 
 @functools.cache

@@ -172,9 +172,8 @@ def _plain(text: object) -> str:
         return name
     prefix = re.match(r"(?:usd|esd|sd|[dgc])(?=:?[obafgkm]\d)", name)
     start = prefix.end() if prefix else 0
-    return name[:start] + re.sub(
-        r"^(:?)([obafgkm])(?!\s?[a-z]*[a-hj-uw-z]{2})", lambda m: m[1] + m[2].upper(), name[start:]
-    )
+    letter = r"^(:?)([obafgkm])(?!\s?[a-z]*[a-hj-uw-z]{2})"
+    return name[:start] + re.sub(letter, lambda m: m[1] + m[2].upper(), name[start:])
 
 
 def _luminosity(rest: str, prefix: str) -> tuple[float | None, bool]:
@@ -188,9 +187,8 @@ def _luminosity(rest: str, prefix: str) -> tuple[float | None, bool]:
 
 def _refusal(name: str) -> InputError:
     hint = next((why for pattern, why in _OTHER_KINDS if re.fullmatch(pattern, name)), "")
-    return InputError(
-        "spectral_type", name or "empty", allowed="an MK type of class O, B, A, F, G, K or M, such as K1V", hint=hint
-    )
+    allowed = "an MK type of class O, B, A, F, G, K or M, such as K1V"
+    return InputError("spectral_type", name or "empty", allowed=allowed, hint=hint)
 
 
 @functools.cache

@@ -102,21 +102,17 @@ def adopt_parallaxes(members: Sequence[Member], systems: Sequence[int]) -> list[
             value, error = members[best].parallax_mas, members[best].parallax_err_mas
             for row in rows:
                 own = (members[row].parallax_mas, members[row].parallax_err_mas) == (value, error)
-                adopted[row] = Adopted(
-                    value, error, "measured" if own else "", "measured", -1 if own else best, shared=not own
-                )
+                lender = -1 if own else best
+                adopted[row] = Adopted(value, error, "measured" if own else "", "measured", lender, shared=not own)
             continue
         values = [members[row].parallax_mas for row in rows]
-        for row in rows:
-            if len(rows) == 1:
-                adopted[row] = Adopted(values[0], float("nan"), "measured", "missing", -1, shared=False)
-            else:
-                adopted[row] = Adopted(
-                    float(np.mean(values)),
-                    float(max(values) - min(values)) / 2.0,
-                    "derived:mean of the components' values",
-                    "derived:half the difference of the components' values",
-                    -1,
-                    shared=True,
-                )
+        taken = Adopted(values[0], float("nan"), "measured", "missing", -1, shared=False)
+        if len(rows) > 1:
+            src, err_src = (
+                "derived:mean of the components' values",
+                "derived:half the difference of the components' values",
+            )
+            spread = float(max(values) - min(values))
+            taken = Adopted(float(np.mean(values)), spread / 2.0, src, err_src, -1, shared=True)
+        adopted |= dict.fromkeys(rows, taken)
     return [adopted[row] for row in range(len(members))]

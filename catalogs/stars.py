@@ -15,8 +15,6 @@ own is never touched. Both stars of a pair get each other, the second with the p
 ``close_companion`` stays SIMBAD's flag, by which the paper counts its sample.
 """
 
-from __future__ import annotations
-
 import csv
 import functools
 import hashlib
@@ -26,6 +24,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -75,7 +74,7 @@ class StarTable:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to worker processes (a mapping proxy does not pickle)."""
-        return (_rebuild, (dict(self.columns), dict(self.units), dict(self.descriptions), self.label))
+        return (_immutable, (dict(self.columns), dict(self.units), dict(self.descriptions), self.label))
 
     def column(self, name: str) -> NDArray[np.generic]:
         """Return one column (read-only).
@@ -89,7 +88,7 @@ class StarTable:
             raise InputError("column", name, allowed=", ".join(self.columns))
         return self.columns[name]
 
-    def select(self, mask: ArrayLike) -> StarTable:
+    def select(self, mask: ArrayLike) -> Self:
         """Return the table of the chosen rows.
 
         Parameters
@@ -113,7 +112,7 @@ class StarTable:
         elif chosen.size and (chosen.min() < -len(self) or chosen.max() >= len(self)):
             raise InputError("mask", int(np.abs(chosen).max()), allowed=f"row numbers below {len(self)}")
         parts = {name: _frozen(values[chosen]) for name, values in self.columns.items()}
-        return StarTable(MappingProxyType(parts), self.units, self.descriptions, self.label)
+        return replace(self, columns=MappingProxyType(parts))
 
     def row(self, index: int) -> dict[str, str | int | float | bool]:
         """Return one star as a dictionary of plain Python values.
@@ -150,7 +149,7 @@ class StarTable:
         return MappingProxyType({key: tuple(rows) for key, rows in found.items() if key})
 
 
-def _rebuild(
+def _immutable(
     columns: dict[str, NDArray[np.generic]], units: dict[str, str], descriptions: dict[str, str], label: str
 ) -> StarTable:
     frozen = {name: _frozen(values) for name, values in columns.items()}
@@ -180,13 +179,11 @@ def star_table(values: Mapping[str, Sequence[object]], label: str) -> StarTable:
     if len(lengths) > 1:
         raise InputError(f"{label} columns", f"lengths {sorted(lengths)}", allowed="one length")
     kinds = _KINDS | {"text": np.str_}
-    columns = {column.name: _frozen(np.array(list(values[column.name]), kinds[column.kind])) for column in COLUMNS}
-    return StarTable(
-        columns=MappingProxyType(columns),
-        units=MappingProxyType({column.name: column.unit for column in COLUMNS}),
-        descriptions=MappingProxyType({column.name: column.description for column in COLUMNS} | _DESCRIPTIONS),
-        label=label,
-    )
+    columns: dict[str, NDArray[np.generic]] = {}
+    for column in COLUMNS:
+        columns[column.name] = np.array(list(values[column.name]), kinds[column.kind])
+    units = {column.name: column.unit for column in COLUMNS}
+    return _immutable(columns, units, {column.name: column.description for column in COLUMNS} | _DESCRIPTIONS, label)
 
 
 @functools.cache
@@ -211,12 +208,9 @@ def load_stars(*, updates: bool = True) -> StarTable:
         reader = csv.reader(stream)
         header = next(reader)
         cells = list(zip(*reader, strict=True))
-    columns = {name: _frozen(_array(about[name]["kind"], texts)) for name, texts in zip(header, cells, strict=True)}
-    return StarTable(
-        columns=MappingProxyType(columns),
-        units=MappingProxyType({name: about[name]["unit"] for name in header}),
-        descriptions=MappingProxyType({name: about[name]["description"] for name in header}),
-    )
+    columns = {name: _array(about[name]["kind"], texts) for name, texts in zip(header, cells, strict=True)}
+    units, descriptions = ({name: about[name][what] for name in header} for what in ("unit", "description"))
+    return _immutable(columns, units, descriptions, "")
 
 
 def _array(kind: str, texts: tuple[str, ...]) -> NDArray[np.generic]:
@@ -262,34 +256,19 @@ class CompanionUpdate:
     note: str
 
     @property
-    def reversed(self) -> CompanionUpdate:
+    def reversed(self) -> Self:
         """Return the pair as seen from the companion."""
-        return replace(
-            self,
-            star=self.companion,
-            companion=self.star,
-            pa_deg=round((self.pa_deg + 180.0) % 360.0, 6),
-            delta_v_mag=-self.delta_v_mag,
-        )
+        turned = round((self.pa_deg + 180.0) % 360.0, 6)
+        return replace(self, star=self.companion, companion=self.star, pa_deg=turned, delta_v_mag=-self.delta_v_mag)
 
 
 @functools.cache
 def companion_updates() -> tuple[CompanionUpdate, ...]:
     """Return the rows of ``companion_updates.csv``, one for each pair. It is read once per process."""
+    numbers = ("separation_arcsec", "pa_deg", "epoch_yr", "delta_v_mag")
     with _UPDATES.open(encoding="utf-8", newline="") as stream:
-        return tuple(
-            CompanionUpdate(
-                star=row["star"],
-                companion=row["companion"],
-                separation_arcsec=float(row["separation_arcsec"]),
-                pa_deg=float(row["pa_deg"]),
-                epoch_yr=float(row["epoch_yr"]),
-                delta_v_mag=float(row["delta_v_mag"] or math.nan),
-                reference=row["reference"],
-                note=row["note"],
-            )
-            for row in csv.DictReader(stream)
-        )
+        rows: list[dict[str, Any]] = list(csv.DictReader(stream))
+    return tuple(CompanionUpdate(**row | {name: float(row[name] or math.nan) for name in numbers}) for row in rows)
 
 
 @functools.cache
@@ -322,8 +301,5 @@ def with_companion_updates(table: StarTable) -> StarTable:
                 values["companion_delta_v_src"] = f"derived:V of the companion in {item.reference}"
             for name, value in values.items():
                 changed[name][row] = value
-    columns = dict(table.columns)
-    for name, cells in changed.items():
-        columns[name] = np.array(cells)
-        columns[name].flags.writeable = False
-    return replace(table, columns=MappingProxyType(columns))
+    columns = {name: _frozen(np.array(cells)) for name, cells in changed.items()}
+    return replace(table, columns=MappingProxyType({**table.columns, **columns}))

@@ -159,11 +159,8 @@ class StellarGrid:
         """
         teff, gravity, metal = self._broadcast(teff_k, log_g, metallicity)
         gravity = np.maximum(gravity, self.log_g_floor(teff))
-        (it, wt), (ig, wg), (im, wm) = (
-            bracket(self.teff_k, teff),
-            bracket(self.log_g, gravity),
-            bracket(self.metallicity, metal),
-        )
+        pairs = ((self.teff_k, teff), (self.log_g, gravity), (self.metallicity, metal))
+        (it, wt), (ig, wg), (im, wm) = (bracket(nodes, values) for nodes, values in pairs)
         row = it[..., :, None, None] * self.log_g.size + ig[..., None, :, None]
         nodes = row * self.metallicity.size + im[..., None, None, :]
         weights = wt[..., :, None, None] * wg[..., None, :, None] * wm[..., None, None, :]

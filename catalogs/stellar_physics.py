@@ -41,22 +41,10 @@ _NEAR_SUBTYPES = 2.0
 _LEAST_IN_SUBTYPE = 3
 _CLASSES = re.compile(r"(III|II|IV|I|V)(?:ab|a|b)?(?:\s*[-/]\s*(III|II|IV|I|V))?")
 _GIANTS = ("III", "II", "I", "III-IV", "II-III")
-_FLOWER_COOL = (-0.190537291496456e05, 0.155144866764412e05, -0.421278819301717e04, 0.381476328422343e03)
-_FLOWER_WARM = (
-    -0.370510203809015e05,
-    0.385672629965804e05,
-    -0.150651486316025e05,
-    0.261724637119416e04,
-    -0.170623810323864e03,
-)
-_FLOWER_HOT = (
-    -0.118115450538963e06,
-    0.137145973583929e06,
-    -0.636233812100225e05,
-    0.147412923562646e05,
-    -0.170587278406872e04,
-    0.788731721804990e02,
-)
+# Coefficients of Flower 1996 as corrected by Torres 2010.
+_COOL = (-19053.7291496456, 15514.4866764412, -4212.78819301717, 381.476328422343)
+_WARM = (-37051.0203809015, 38567.2629965804, -15065.1486316025, 2617.24637119416, -170.623810323864)
+_HOT = (-118115.450538963, 137145.973583929, -63623.3812100225, 14741.2923562646, -1705.87278406872, 78.873172180499)
 
 
 def spectral_letter(sp_type: str) -> str:
@@ -151,7 +139,7 @@ def colour_temperature(b_v_mag: float, metallicity: float) -> tuple[float, str]:
 def bolometric_correction(teff_k: float) -> float:
     """Return BC_V (mag) of Flower 1996 as corrected by Torres 2010."""
     x = float(np.log10(_positive("teff_k", teff_k, "K")))
-    series, middle = (_FLOWER_COOL, 3.6) if x < 3.70 else (_FLOWER_WARM, 3.8) if x < 3.90 else (_FLOWER_HOT, 4.3)
+    series, middle = (_COOL, 3.6) if x < 3.70 else (_WARM, 3.8) if x < 3.90 else (_HOT, 4.3)
     total = 0.0
     for coefficient in reversed(_about(series, middle)):
         total = total * (x - middle) + coefficient

@@ -5,7 +5,7 @@ The one reader of users' tables: which column is which, cells in their unit and 
 
 import math
 import re
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,9 +54,8 @@ class Column:
         """Return what a cell may hold, in words."""
         if self.kind == "float":
             return f"a number, {self.range}"
-        return {"bool": "yes or no, true or false, 1 or 0", "int": f"a Hipparcos number, {self.range}"}.get(
-            self.kind, "text"
-        )
+        words = {"bool": "yes or no, true or false, 1 or 0", "int": f"a Hipparcos number, {self.range}"}
+        return words.get(self.kind, "text")
 
     @property
     def range(self) -> str:
@@ -72,7 +71,7 @@ def heading(text: str) -> str:
 class Columns(dict[str, Column]):
     """The columns that a table may have, by name."""
 
-    def __init__(self, columns: Iterable[Column]) -> None:
+    def __init__(self, *columns: Column) -> None:
         super().__init__((column.name, column) for column in columns)
         self._by_heading = {form: item for item in self.values() for form in (heading(item.name), *item.headings)}
 
@@ -170,12 +169,9 @@ class Rows:
         for number, (where, row) in enumerate(self, start=1):
             before = first.setdefault(key(row), number)
             if before != number:
-                raise InputError(
-                    f"{where} column {self.about}",
-                    row[self.about],
-                    allowed=f"every {self.about} once",
-                    hint="; ".join(filter(None, (f"rows {before} and {number} are of one name", remedy))),
-                )
+                hint = "; ".join(filter(None, (f"rows {before} and {number} are of one name", remedy)))
+                allowed = f"every {self.about} once"
+                raise InputError(f"{where} column {self.about}", row[self.about], allowed=allowed, hint=hint)
 
 
 def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str) -> Rows:
@@ -226,9 +222,8 @@ def _chosen(raw: RawTable, columns: Columns, required: Groups) -> tuple[dict[str
         ignored += [column.heading for column in found if column is not chosen[name]]
     lacking = [group for group in required if not any(name in chosen for name in group)]
     if lacking:
-        forms = "; ".join(
-            f"{name} ({', '.join(columns[name].headings[:6])}, ...)" for group in lacking for name in group
-        )
+        names = [name for group in lacking for name in group]
+        forms = "; ".join(f"{name} ({', '.join(columns[name].headings[:6])}, ...)" for name in names)
         wanted = ", ".join(" or ".join(group) for group in lacking)
         # With one known column or none it may be any file at all, and is not quoted.
         listed = f": {_listed([column.heading for column in raw.columns], ', ...')}"
@@ -256,13 +251,10 @@ def _read(label: str, column: Column, given: RawColumn, names: Sequence[Any]) ->
                     raise ValueError
         except (ValueError, OverflowError):
             who = "" if names[i] is None else f" ({names[i]})"
-            raise InputError(
-                f"{label} row {i + 1}{who} column {given.heading}",
-                str(cell)[:_SHOWN],
-                unit=(given.unit or column.unit) if number else "",
-                allowed=column.allowed,
-                hint="write a decimal point" if isinstance(cell, str) and "," in cell else "",
-            ) from None
+            key = f"{label} row {i + 1}{who} column {given.heading}"
+            unit = (given.unit or column.unit) if number else ""
+            hint = "write a decimal point" if isinstance(cell, str) and "," in cell else ""
+            raise InputError(key, str(cell)[:_SHOWN], unit=unit, allowed=column.allowed, hint=hint) from None
         values.append(value)
     return values
 

@@ -9,6 +9,7 @@ import math
 import re
 from dataclasses import dataclass
 
+from catalogs import stellar_physics
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, split_component
 from catalogs.spectra import load_stellar_grid
@@ -16,18 +17,6 @@ from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.star_columns import QUANTITIES, parallax_flags, type_flags
 from catalogs.star_systems import CLOSE_COMPANION_ARCSEC
 from catalogs.stars import StarTable, load_stars, star_table
-from catalogs.stellar_physics import (
-    COOLEST_BC_K,
-    GRAVITY_SOURCE,
-    LUMINOSITY_SOURCE,
-    RADIUS_SOURCE,
-    gravity,
-    light_columns,
-    luminosity_from_v,
-    mass_of,
-    place_columns,
-    radius_from_luminosity,
-)
 from catalogs.table_cells import Row, read_rows
 from catalogs.table_files import RawTable
 from cpic_core import InputError
@@ -156,8 +145,8 @@ def _astrometry_and_light(row: Row, given: Row, listed: str) -> set[str]:
         flags.add("position_unknown")
         ra = dec = _NAN
     motion = (given.get("pm_ra_mas_yr", _NAN), given.get("pm_dec_mas_yr", _NAN))
-    row |= place_columns(ra, dec, motion, given.get("rv_km_s", _NAN), listed)
-    row |= light_columns(given["v_mag"], given.get("b_v_mag", _NAN), given.get("sp_type", ""), listed)
+    row |= stellar_physics.place_columns(ra, dec, motion, given.get("rv_km_s", _NAN), listed)
+    row |= stellar_physics.light_columns(given["v_mag"], given.get("b_v_mag", _NAN), given.get("sp_type", ""), listed)
     return flags
 
 
@@ -176,20 +165,25 @@ def _physics(row: Row, given: Row, listed: str, where: str) -> set[str]:
     row["metallicity"] = given.get("metallicity", 0.0)
     row["metallicity_src"] = listed if "metallicity" in given else "assumed:0"
     luminosity = given.get("luminosity_lsun")
-    if not luminosity and row["teff_k"] < COOLEST_BC_K:
+    if not luminosity and row["teff_k"] < stellar_physics.COOLEST_BC_K:
         flags.add("luminosity_extrapolated")
-    row["luminosity_lsun_src"] = listed if luminosity else LUMINOSITY_SOURCE
-    row["luminosity_lsun"] = luminosity or luminosity_from_v(row["v_mag"], row["distance_pc"], row["teff_k"])
-    row["radius_rsun"] = radius_from_luminosity(row["luminosity_lsun"], row["teff_k"])
-    row["radius_rsun_src"] = RADIUS_SOURCE
-    row["mass_msun"], row["mass_msun_src"] = mass_of(sp_type, row["luminosity_lsun"])
-    implied, typical = gravity(row["mass_msun"], row["radius_rsun"]), _typical_gravity(row["luminosity_class"], sp_type)
+    row["luminosity_lsun_src"] = listed if luminosity else stellar_physics.LUMINOSITY_SOURCE
+    row["luminosity_lsun"] = luminosity or stellar_physics.luminosity_from_v(
+        row["v_mag"], row["distance_pc"], row["teff_k"]
+    )
+    row["radius_rsun"] = stellar_physics.radius_from_luminosity(row["luminosity_lsun"], row["teff_k"])
+    row["radius_rsun_src"] = stellar_physics.RADIUS_SOURCE
+    row["mass_msun"], row["mass_msun_src"] = stellar_physics.mass_of(sp_type, row["luminosity_lsun"])
+    implied, typical = (
+        stellar_physics.gravity(row["mass_msun"], row["radius_rsun"]),
+        _typical_gravity(row["luminosity_class"], sp_type),
+    )
     if "log_g" in given:
         row["log_g"], row["log_g_src"] = given["log_g"], listed
     elif typical is not None:
         row["log_g"], row["log_g_src"] = typical, PARAMETERS_SOURCE
     else:
-        row["log_g"], row["log_g_src"] = implied, GRAVITY_SOURCE
+        row["log_g"], row["log_g_src"] = implied, stellar_physics.GRAVITY_SOURCE
     expected = given.get("log_g", typical)
     if expected is not None and abs(implied - expected) > _GRAVITY_TOLERANCE:
         flags.add("luminosity_conflict")

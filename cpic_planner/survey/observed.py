@@ -21,17 +21,15 @@ from simulator.products import mjd_of
 
 _ROLL = "position angle of the detector's +y axis; without it that of the panels on that day"
 COLUMNS = Columns(
-    (
-        Column("star", "any name of a star of the catalogue", aliases="target object name"),
-        Column("start_utc", "when the visit began, ISO 8601", aliases="date utc dateobs begin"),
-        Column("band", "band of the visit", aliases="filter"),
-        Column("exposure_s", "of one frame", "float", "s", "exposure exptime", 1e-6, 1e6),
-        Column("n_frames", "science frames", "float", "", "frames nframes", 1.0, 1e9),
-        Column("em_gain", "EM gain", "float", "", "gain emgain", 1.0, 1e4),
-        Column("telescope_h", "telescope time that it took", "float", "h", "hours telescopehours", 0.0, 1e5),
-        Column("roll_deg", _ROLL, "float", "deg", "roll", -360.0, 360.0),
-        Column("planets", "planets that it showed; without it none", "float", "", "detections found", 0.0, 1000.0),
-    )
+    Column("star", "any name of a star of the catalogue", aliases="target object name"),
+    Column("start_utc", "when the visit began, ISO 8601", aliases="date utc dateobs begin"),
+    Column("band", "band of the visit", aliases="filter"),
+    Column("exposure_s", "of one frame", "float", "s", "exposure exptime", 1e-6, 1e6),
+    Column("n_frames", "science frames", "float", "", "frames nframes", 1.0, 1e9),
+    Column("em_gain", "EM gain", "float", "", "gain emgain", 1.0, 1e4),
+    Column("telescope_h", "telescope time that it took", "float", "h", "hours telescopehours", 0.0, 1e5),
+    Column("roll_deg", _ROLL, "float", "deg", "roll", -360.0, 360.0),
+    Column("planets", "planets that it showed; without it none", "float", "", "detections found", 0.0, 1000.0),
 )
 """Columns of a log; star, start_utc, band, exposure_s, n_frames and em_gain are needed."""
 _NEEDED = (("star",), ("start_utc",), ("band",), ("exposure_s",), ("n_frames",), ("em_gain",))
