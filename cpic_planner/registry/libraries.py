@@ -187,12 +187,8 @@ class OtherStar(Library):
     def check(self, settings: LibrarySettings, choice: str) -> None:
         """Refuse a strategy without a star."""
         if settings.reference_star is None:
-            raise InputError(
-                "reference_star",
-                "missing",
-                allowed="magnitude (and temperature) of the reference star, -30 to 40 mag",
-                hint=f"the {choice} needs it",
-            )
+            allowed = "magnitude (and temperature) of the reference star, -30 to 40 mag"
+            raise InputError("reference_star", "missing", allowed=allowed, hint=f"the {choice} needs it")
 
     def wings_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
         """Return the one roll: the references have no companion."""
@@ -270,13 +266,9 @@ class TwoRolls(Library):
 
     def check(self, settings: LibrarySettings, choice: str) -> None:
         """Refuse halves of different length."""
-        if settings.reference_ratio != 1.0:
-            raise InputError(
-                "reference_ratio",
-                settings.reference_ratio,
-                allowed=f"1 for the {choice}",
-                hint="each roll is the other's reference",
-            )
+        ratio, hint = settings.reference_ratio, "each roll is the other's reference"
+        if ratio != 1.0:
+            raise InputError("reference_ratio", ratio, allowed=f"1 for the {choice}", hint=hint)
 
     def rolls_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
         """Return both rolls."""

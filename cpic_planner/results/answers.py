@@ -5,14 +5,12 @@ What stands behind answers of the exposure-time calculator: stated errors, and c
 Results of the exposure-time calculator.
 """
 
-from __future__ import annotations
-
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from pydantic import Field, PrivateAttr
 
 from cpic_core import Reason, Status
-from cpic_planner.results.base import DetectionMode, LimitText, Result, Row, StatusText, VerdictText, column
+from cpic_planner.results.base import DetectionMode, LimitText, Result, Row, StatusText, VerdictText, column, optional
 from cpic_planner.results.ranked import ReferencePlanetRecord
 from simulator.knobs import Knobs, Quantity
 
@@ -24,9 +22,8 @@ class EffectRecord(Result):
     effect: str
     decision: Literal["kept", "skipped"]
     reason: str
-    size: float | None = Field(
-        default=None,
-        description="predicted relative size on the measured quantities, the largest of them; null: no bound",
+    size: float | None = optional(
+        "predicted relative size on the measured quantities, the largest of them; null: no bound"
     )
 
 
@@ -134,8 +131,8 @@ class EtcAnswer(Row):
     snr: float | None = None
     significance: float | None = None
     threshold: float | None = None
-    snr_paper: float | None = column("SNR by Eqs. 3 and 4 of Zhu et al. 2025, for comparison", default=None)
-    level: float | None = column("SNR or significance that the answer reaches or refers to", default=None)
+    snr_paper: float | None = optional("SNR by Eqs. 3 and 4 of Zhu et al. 2025, for comparison")
+    level: float | None = optional("SNR or significance that the answer reaches or refers to")
     core_throughput: float | None = None
     exposure_limited_by: str = ""
     gain_limited_by: str = ""
@@ -144,10 +141,9 @@ class EtcAnswer(Row):
     dominant: str = ""
     remedies: dict[str, float] = column(default={})
     flags: tuple[str, ...] = ()
-    verdict: VerdictText | None = column(
+    verdict: VerdictText | None = optional(
         "of the planet: detected (half of the visits show it at its known place), measured_not_detected, unreachable "
-        "(every status but ok); null for a contrast limit, which is about no planet, and in older results",
-        default=None,
+        "(every status but ok); null for a contrast limit, which is about no planet, and in older results"
     )
     verdict_mode: DetectionMode | None = None
     detection_probability: float | None = None
@@ -160,7 +156,7 @@ class EtcAnswer(Row):
         """Stated error and check in images, where a fidelity or a tolerance was asked for."""
         return self._fidelity
 
-    def checked(self, fidelity: AnswerFidelity) -> EtcAnswer:
+    def checked(self, fidelity: AnswerFidelity) -> Self:
         """Return the same answer with its stated error and its check in images."""
         answer = self.model_copy()
         answer._fidelity = fidelity
@@ -187,4 +183,4 @@ class EtcResult(Result):
     reference_planet: ReferencePlanetRecord | None
     best_band: str | None
     answers: list[EtcAnswer]
-    fidelity: EtcFidelity | None = Field(default=None, description="how firm the answers are; null in older results")
+    fidelity: EtcFidelity | None = optional("how firm the answers are; null in older results")

@@ -83,26 +83,9 @@ class Row(Result):
     """Base of rows: every field is a column of the tables that show it."""
 
 
-UNITS = {
-    "per_hour": "1/h",
-    "deg_s": "deg/s",
-    "arcsec": "arcsec",
-    "days": "d",
-    "bytes": "byte",
-    "mjup": "M_jup",
-    "rjup": "R_jup",
-    "lsun": "solLum",
-    "mag": "mag",
-    "deg": "deg",
-    "mb": "Mbyte",
-    "gb": "Gbyte",
-    "pc": "pc",
-    "au": "AU",
-    "nm": "nm",
-    "km": "km",
-    "s": "s",
-    "h": "h",
-}
+UNITS = {"per_hour": "1/h", "deg_s": "deg/s", "arcsec": "arcsec", "days": "d", "bytes": "byte", "mjup": "M_jup"}
+UNITS |= {"rjup": "R_jup", "lsun": "solLum", "mag": "mag", "deg": "deg", "mb": "Mbyte", "gb": "Gbyte", "pc": "pc"}
+UNITS |= {"au": "AU", "nm": "nm", "km": "km", "s": "s", "h": "h"}
 """Unit of a number by the last words of its name, as astropy reads it; longer suffixes stand first."""
 
 
@@ -143,6 +126,7 @@ _PROBABILITY = (
     "probability that a blind search finds the planet, by the law of simulated images; null where no law was measured "
     "(near-infrared camera, photon counting) or there is no answer"
 )
+_KNOWN_PLACE = Look(meaning="the same for a look at the planet's known place, which the verdict is about")
 VOCABULARY: Mapping[str, Look] = {
     "hip": Look("HIP", meaning="Hipparcos number"),
     "v_mag": Look("V", "V mag", ".2f", "Johnson V (Vega), mag"),
@@ -168,12 +152,8 @@ VOCABULARY: Mapping[str, Look] = {
     ),
     "detection_probability": Look("found blind", "blind %", "%", _PROBABILITY),
     "predicted_detection_probability": Look(meaning=_PROBABILITY),
-    "detection_probability_known_place": Look(
-        meaning="the same for a look at the planet's known place, which the verdict is about"
-    ),
-    "predicted_detection_probability_known_place": Look(
-        meaning="the same for a look at the planet's known place, which the verdict is about"
-    ),
+    "detection_probability_known_place": _KNOWN_PLACE,
+    "predicted_detection_probability_known_place": _KNOWN_PLACE,
     "limited_by": Look(
         meaning="single change that would make the planet detected in the given time: speckles (no drift of the "
         "wavefront), background (no light and no noise but the planet's own and the speckles), photons (neither is "
@@ -245,6 +225,11 @@ def column(
     """
     look = Look(label, short, format, meaning, unit, console)
     return Field(default=default, description=meaning or None, json_schema_extra=look)
+
+
+def optional(meaning: str = "", **look: Any) -> Any:
+    """Return a `column` that is null where nothing is given; ``look`` as there: label, short, unit, format."""
+    return column(meaning, default=None, **look)
 
 
 def unit_of(name: str) -> str:

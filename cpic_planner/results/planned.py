@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from cpic_planner.results.answers import ModellingRecord
-from cpic_planner.results.base import Result, Row, StatusText, VerdictText, column
+from cpic_planner.results.base import Result, Row, StatusText, VerdictText, column, optional
 from cpic_planner.results.ranked import RankedTarget, ReferencePlanetRecord
 from simulator.knobs import Quantity
 
@@ -54,96 +54,78 @@ class BandConfirmation(Row):
     em_gain: float | None = None
     integration_s: float | None = None
     time_s: float | None = None
-    realisations: int | None = Field(default=None, description="independent draws of drift and noise")
-    drawn_as: Literal["sums", "frames"] | None = Field(
-        default=None, description="sums of frames over the hole, or every frame, where sums cannot stand for them"
+    realisations: int | None = optional("independent draws of drift and noise")
+    drawn_as: Literal["sums", "frames"] | None = optional(
+        "sums of frames over the hole, or every frame, where sums cannot stand for them"
     )
-    predicted_snr: float | None = column(label="predicted SNR", short="SNR pred", format=".3g", default=None)
+    predicted_snr: float | None = optional(label="predicted SNR", short="SNR pred", format=".3g")
     predicted_significance: float | None = None
-    recovered_snr: float | None = column(
-        label="recovered SNR ± error of the mean", short="SNR rec", format=".3g ± .2g", default=None
+    recovered_snr: float | None = optional(
+        label="recovered SNR ± error of the mean", short="SNR rec", format=".3g ± .2g"
     )
-    recovered_snr_error: float | None = Field(default=None, description="1 sigma of this mean")
+    recovered_snr_error: float | None = optional("1 sigma of this mean")
     recovered_significance: float | None = None
-    threshold: float | None = Field(default=None, description="small-sample threshold for significance")
-    predicted_verdict: VerdictText | None = Field(
-        default=None,
-        description="what the calculator expects of these frames at the planet's known place: detected or "
-        "measured_not_detected; detected and verdict are what the images say; null without frames",
+    threshold: float | None = optional("small-sample threshold for significance")
+    predicted_verdict: VerdictText | None = optional(
+        "what the calculator expects of these frames at the planet's known place: detected or "
+        "measured_not_detected; detected and verdict are what the images say; null without frames"
     )
     predicted_detection_probability: float | None = None
     predicted_detection_probability_known_place: float | None = None
-    etc_ratio: float | None = column(
+    etc_ratio: float | None = optional(
         "predicted over recovered SNR: above 1 is optimistic",
         label="predicted / recovered SNR",
         short="pred/rec",
         format=".2f ± .2f",
-        default=None,
     )
-    etc_ratio_error: float | None = Field(
-        default=None, description="1 sigma, with the accuracy of the prediction itself"
-    )
-    true_contrast: float | None = column(short="contrast true", format=".2e", default=None)
-    recovered_contrast: float | None = column(short="recovered", format=".2e", default=None)
-    contrast_error: float | None = Field(
-        default=None, description="1 sigma of one observation, from aperture-sized samples in the hole"
-    )
-    contrast_mean_error: float | None = Field(default=None, description="1 sigma of recovered_contrast")
-    star_flux: Literal["off_mask", "field_star", "known"] | None = column(
+    etc_ratio_error: float | None = optional("1 sigma, with the accuracy of the prediction itself")
+    true_contrast: float | None = optional(short="contrast true", format=".2e")
+    recovered_contrast: float | None = optional(short="recovered", format=".2e")
+    contrast_error: float | None = optional("1 sigma of one observation, from aperture-sized samples in the hole")
+    contrast_mean_error: float | None = optional("1 sigma of recovered_contrast")
+    star_flux: Literal["off_mask", "field_star", "known"] | None = optional(
         "what contrasts refer to: a series off the mask, a field star, or the scene's own rate",
         label="the star's light, from",
-        default=None,
     )
-    star_flux_error: float | None = Field(default=None, description="relative, common to all realisations")
-    rdi_throughput: float | None = column(label="RDI throughput", format="%", default=None)
-    rdi_modes_used: int | None = column(label="RDI modes", default=None)
-    core_throughput: float | None = column(format="%", default=None)
-    n_background_apertures: int | None = column(label="background apertures", default=None)
-    saturated_in_hole: int | None = column(
-        "pixels of the hole that a limit cut off, in all frames",
-        label="saturated in the hole, all frames",
-        format="d",
-        default=None,
+    star_flux_error: float | None = optional("relative, common to all realisations")
+    rdi_throughput: float | None = optional(label="RDI throughput", format="%")
+    rdi_modes_used: int | None = optional(label="RDI modes")
+    core_throughput: float | None = optional(format="%")
+    n_background_apertures: int | None = optional(label="background apertures")
+    saturated_in_hole: int | None = optional(
+        "pixels of the hole that a limit cut off, in all frames", label="saturated in the hole, all frames", format="d"
     )
-    saturated_outside: float | None = column(
+    saturated_outside: float | None = optional(
         "pixels around the hole that a limit cut off, mean per frame; they do not reach the hole",
         label="saturated around it, per frame",
         format=".0f",
-        default=None,
     )
-    n_detected: int | None = column(
-        "realisations in which the blind search finds the planet",
-        label="found by the blind search",
-        short="found",
-        default=None,
+    n_detected: int | None = optional(
+        "realisations in which the blind search finds the planet", label="found by the blind search", short="found"
     )
-    search_snr: float | None = column(
-        "matched-filter SNR there, mean of the realisations in which the search has a peak",
-        label="SNR of the search",
-        default=None,
+    search_snr: float | None = optional(
+        "matched-filter SNR there, mean of the realisations in which the search has a peak", label="SNR of the search"
     )
-    search_threshold: float | None = column(
+    search_threshold: float | None = optional(
         "SNR that the search asks for there: heavy tails of the speckles and all positions are in it",
         label="threshold of the search",
-        default=None,
     )
-    n_significant: int | None = column(
+    n_significant: int | None = optional(
         "realisations whose significance at the known place reaches the threshold",
         label="significant at the known place",
-        default=None,
     )
-    false_detections: int | None = column(
-        "what it finds elsewhere, all realisations", label="detections elsewhere, all realisations", default=None
+    false_detections: int | None = optional(
+        "what it finds elsewhere, all realisations", label="detections elsewhere, all realisations"
     )
-    detected: bool | None = Field(default=None, description="found in at least half of the realisations")
-    found_separation_arcsec: float | None = Field(default=None, description="fitted, first realisation that shows it")
+    detected: bool | None = optional("found in at least half of the realisations")
+    found_separation_arcsec: float | None = optional("fitted, first realisation that shows it")
     found_separation_error_arcsec: float | None = None
     found_pa_deg: float | None = None
     found_pa_error_deg: float | None = None
     verdict: str = Field(default="", description="in words")
     audit: AuditRecord | None = None
-    modelled: ModellingRecord | None = Field(default=None, description="null where no image was asked for")
-    image: str | None = Field(default=None, description="key of the stored panels")
+    modelled: ModellingRecord | None = optional("null where no image was asked for")
+    image: str | None = optional("key of the stored panels")
 
 
 class ConfirmedTarget(Result):
@@ -158,7 +140,7 @@ class ConfirmedTarget(Result):
         "without any, of those that show it at its known place; null if none does"
     )
     verdict: str = Field(default="", description="of all bands, in words")
-    etc_ratio: float | None = Field(default=None, description="predicted over recovered SNR, mean of the bands")
+    etc_ratio: float | None = optional("predicted over recovered SNR, mean of the bands")
     etc_ratio_error: float | None = None
     bands: list[BandConfirmation]
 

@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from cpic_planner.registry import ScoreName
-from cpic_planner.results.base import DetectionMode, LimitText, Result, Row, StatusText, VerdictText, column
+from cpic_planner.results.base import DetectionMode, LimitText, Result, Row, StatusText, VerdictText, column, optional
 
 KNOWN_PLANETS = "known planets"
 """Name of the population where completeness refers to the stars' own planets."""
@@ -54,9 +54,8 @@ class RankedTarget(Row):
     detection_margin: float
     status: StatusText = column("ok when the reference planet is detected in the given time")
     reason: str = column("why not, empty when ok; speckle_floor: no length of visit is enough; limited_by says why")
-    verdict: VerdictText | None = column(
-        "of the reference planet in the given time: detected with status ok, else unreachable; null in older results",
-        default=None,
+    verdict: VerdictText | None = optional(
+        "of the reference planet in the given time: detected with status ok, else unreachable; null in older results"
     )
     verdict_mode: DetectionMode | None = None
     detection_probability: float | None = None
@@ -166,7 +165,7 @@ class BandStanding(Row):
     band: str
     status: StatusText
     reason: str
-    verdict: VerdictText | None = column("as of the ranked star, in this band alone", default=None)
+    verdict: VerdictText | None = optional("as of the ranked star, in this band alone")
     verdict_mode: DetectionMode | None = None
     detection_probability: float | None = None
     detection_probability_known_place: float | None = None

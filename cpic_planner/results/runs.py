@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from cpic_planner.results.answers import ModellingRecord
-from cpic_planner.results.base import Result, Row, StatusText, column
+from cpic_planner.results.base import Result, Row, StatusText, column, optional
 from simulator.knobs import Quantity
 
 
@@ -26,8 +26,8 @@ class PlannedSequenceRow(Row):
     em_gain: float = column(short="gain", format="g")
     start_utc: str = column("begin of the first exposure", short="begins (UTC)")
     file: str = Field(description="Level-0 file below the folder of the run")
-    modelled: ModellingRecord | None = Field(
-        default=None, description="what its tolerance leaves out, and the predicted error; null without a tolerance"
+    modelled: ModellingRecord | None = optional(
+        "what its tolerance leaves out, and the predicted error; null without a tolerance"
     )
 
 
@@ -138,24 +138,18 @@ class TradeoffRow(Row):
     status: StatusText = Field(description="invalid: the way does not apply to this scene, as reason and message say")
     reason: str = ""
     message: str = ""
-    wall_s: float | None = column(
-        "least wall clock of a warm call, for one case", short="wall s", format=".3g", default=None
-    )
-    cpu_s: float | None = column("processor time of that call", short="CPU s", format=".3g", default=None)
-    cold_s: float | None = Field(
-        default=None, description="from the start of a new process to its first answer; null where none was started"
-    )
-    peak_memory_mb: float | None = column(
-        "peak resident set during the warm calls", short="MB", format=".0f", default=None
-    )
+    wall_s: float | None = optional("least wall clock of a warm call, for one case", short="wall s", format=".3g")
+    cpu_s: float | None = optional("processor time of that call", short="CPU s", format=".3g")
+    cold_s: float | None = optional("from the start of a new process to its first answer; null where none was started")
+    peak_memory_mb: float | None = optional("peak resident set during the warm calls", short="MB", format=".0f")
     repeats: int = Field(default=0, description="calls that were timed")
-    flux_e: float | None = Field(default=None, description="expected electrons of the planet in its aperture, visit")
-    variance_e2: float | None = Field(default=None, description="of that sum, science and reference visit together")
+    flux_e: float | None = optional("expected electrons of the planet in its aperture, visit")
+    variance_e2: float | None = optional("of that sum, science and reference visit together")
     snr: float | None = None
-    flux_error: float | None = column("relative to the reference; free of noise", short="flux", default=None)
+    flux_error: float | None = optional("relative to the reference; free of noise", short="flux")
     flux_uncertainty: float | None = None
-    snr_error: float | None = column("relative to the reference", short="SNR", default=None)
-    snr_uncertainty: float | None = Field(default=None, description="one standard error of that")
+    snr_error: float | None = optional("relative to the reference", short="SNR")
+    snr_uncertainty: float | None = optional("one standard error of that")
     predicted_error: dict[Quantity, float] = Field(default_factory=dict, description="what the effect ledger says")
     settings: dict[str, Any] = Field(default_factory=dict, description="what is modelled")
     samples: dict[str, list[float]] = Field(

@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from cpic_planner.results.base import Result, Row, column
+from cpic_planner.results.base import Result, Row, column, optional
 
 
 class EstimateRecord(Result):
@@ -130,7 +130,7 @@ class StrategyOutcome(Row):
     description: str
     varied: list[VariedSetting] = Field(default_factory=list, description="values of --vary; empty: none")
     instrument: AssumedInstrument | None = None
-    leading_planet: PlanetShare | None = Field(default=None, description="null: no known planet is found")
+    leading_planet: PlanetShare | None = optional("null: no known planet is found")
     settings: dict[str, Any] = Field(description="the strategy as it was run")
     schedule: ScheduleRecord
     planets: EstimateRecord = Field(description="planets found, new and known")
@@ -148,7 +148,7 @@ class StrategyOutcome(Row):
     convergence: list[CurvePoint] = Field(description="mean of planets found against number of universes")
     quantiles: dict[str, list[float]] = Field(description="5, 25, 50, 75, 95 % of detections by quantity; empty: none")
     targets: list[SurveyTarget]
-    images: ImageSample | None = Field(default=None, description="null where no images were asked for")
+    images: ImageSample | None = optional("null where no images were asked for")
 
     @property
     def base(self) -> str:
