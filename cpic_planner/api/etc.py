@@ -14,7 +14,7 @@ from cpic_planner.api.keywords import model_of, stars_named, takes
 from cpic_planner.etc import (
     BandCases,
     EtcModel,
-    FrameWish,
+    FixedFrames,
     Objective,
     band_cases,
     check_range,
@@ -73,15 +73,13 @@ def closed_forms(question: EtcQuestion, model: EtcModel, star: Targets) -> list[
         Stars in order, bands within each, then separations and planets.
     """
     places = places_of(question, star)
-    if places is None:
-        return [
-            answer
-            for band in model.bands
-            for answer in _ask(question, model, star, [band], best_places(question, model, star, band))
-        ]
-    if question.n_frames is None:
+    if places is not None and question.n_frames is None:
         return _ask(question, model, star, model.bands, places)
-    return [answer for band in model.bands for answer in _ask(question, model, star, [band], places)]
+    answers = []
+    for band in model.bands:
+        there = best_places(question, model, star, band) if places is None else places
+        answers += _ask(question, model, star, [band], there)
+    return answers
 
 
 def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
@@ -119,16 +117,10 @@ def wall_s(question: EtcQuestion, model: EtcModel, band: str) -> float:
 def _ask(
     question: EtcQuestion, model: EtcModel, star: Targets, bands: Sequence[str], places: Sequence[float]
 ) -> list[EtcAnswer]:
-    common: dict[str, Any] = {
-        "bands": bands,
-        "separation_arcsec": list(places),
-        "exposure_s": question.exposure_s,
-        "em_gain": question.em_gain,
-    }
-    given: dict[str, Any] = {
-        "time_s": wall_s(question, model, bands[0]),
-        "exact": question.exact or question.n_frames is not None,
-    }
+    frames = {"exposure_s": question.exposure_s, "em_gain": question.em_gain}
+    common: dict[str, Any] = {"bands": bands, "separation_arcsec": list(places)} | frames
+    exact = question.exact or question.n_frames is not None
+    given: dict[str, Any] = {"time_s": wall_s(question, model, bands[0]), "exact": exact}
     if question.contrast_limit:
         return questions.contrast_limit(model, star, sigma=question.sigma, snr=question.snr, **given, **common)
     planet = list(question.planet) if isinstance(question.planet, tuple) else question.planet
@@ -154,12 +146,12 @@ def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str
         Name of a band of the instrument, such as ``F520``.
     """
     grid = separation_grid(model, band)
-    wish = FrameWish(question.exposure_s, question.em_gain)
+    fixed = FixedFrames(question.exposure_s, question.em_gain)
     planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
     ratios = (_TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
     best = []
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
-        cases = band_cases(model, star, band, planets_of(list(grid), planet, contrast), wish)
+        cases = band_cases(model, star, band, planets_of(list(grid), planet, contrast), fixed)
         best.append(float(grid[int(np.argmin(_cost(question, model, cases)))]))
     return best
 
@@ -219,10 +211,8 @@ def checked(
 def _answered(question: EtcQuestion) -> list[EtcAnswer]:
     """The answers about all stars of a question."""
     model = model_of(question)
-    stars = [
-        at_distance(star, question.distance_pc)
-        for star in stars_named(question.target, question.companions, question.catalog)
-    ]
+    named = stars_named(question.target, question.companions, question.catalog)
+    stars = [at_distance(star, question.distance_pc) for star in named]
     if not stars:
         return []
     together = question.separation_arcsec is not None and question.n_frames is None
@@ -333,15 +323,9 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
         time_s = DEFAULT_TIME_S
     model = model_of(question)
     stars = Targets.joined(stars_named(question.target, question.companions, question.catalog))
-    best = best_of(
-        model,
-        stars,
-        time_s=time_s,
-        snr=question.snr,
-        detect=question.detect,
-        separation_arcsec=question.separation_arcsec,
-        planet=question.planet,
-    )
+    names = ("snr", "detect", "separation_arcsec", "planet")
+    goal: dict[str, Any] = {name: getattr(question, name) for name in names}
+    best = best_of(model, stars, time_s=time_s, **goal)
     standings, detected = detection_statuses(best, model), best.margin >= best.needed_margin
     statuses = [Status.OK if n >= 1 else status for (status, _), n in zip(standings, best.n_frames, strict=True)]
     said: dict[str, Any] = {"verdict": [verdict_of(*pair) for pair in zip(statuses, detected.tolist(), strict=True)]}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cpic_core import InputError, Outcome, Reason, Status
-from cpic_planner.etc import EtcModel, aperture_rates, diagonal_pa_deg, reference_distance_au, stand
+from cpic_planner.etc import EtcModel, aperture_rates, diagonal_pa_deg, planet_offsets, reference_distance_au
 from cpic_planner.queries import MAX_FRAMES, ReferencePlanet
 from cpic_planner.results import EtcAnswer, ImageCheck
 from cpic_planner.targets import Targets
@@ -137,7 +137,7 @@ def _task(
     assert answer.em_gain is not None
     assert answer.contrast is not None
     frames = Frames(answer.exposure_s, answer.n_frames, answer.em_gain)
-    place = stand(model, answer.band, answer.separation_arcsec)
+    place = planet_offsets(model, answer.band, answer.separation_arcsec)
     expected = expected_of(model, star, answer.band, place, answer.contrast, frames)
     chosen: dict[str, Any] = {"fidelity": dial.fidelity}
     if dial.fidelity == "custom":
@@ -254,7 +254,9 @@ def _light_ratio(model: EtcModel, star: Targets, answer: EtcAnswer, visits: Visi
         ).light.static_e_s
         for one in (scene, scene.without_planets())
     ]
-    x, y = (np.asarray(part, float).reshape(1, 1) for part in stand(model, answer.band, answer.separation_arcsec))
+    x, y = (
+        np.asarray(part, float).reshape(1, 1) for part in planet_offsets(model, answer.band, answer.separation_arcsec)
+    )
     rates = aperture_rates(model, star, answer.band, x, y, np.full((1, 1), answer.contrast))
     return float(np.sum((maps[0] - maps[1]) * subject.apertures[0]) / rates.planet_e_s.flat[0])
 

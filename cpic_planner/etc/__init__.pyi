@@ -10,7 +10,7 @@ from cpic_planner.etc.budget import (
 from cpic_planner.etc.camera import FrameCamera as FrameCamera
 from cpic_planner.etc.cases import (
     BandCases as BandCases,
-    FrameWish as FrameWish,
+    FixedFrames as FixedFrames,
     band_cases as band_cases,
     etc_result as etc_result,
     planets_of as planets_of,
@@ -39,8 +39,8 @@ from cpic_planner.etc.model import (
     diagonal as diagonal,
     diagonal_pa_deg as diagonal_pa_deg,
     hole_notes as hole_notes,
-    locate as locate,
-    stand as stand,
+    place_status as place_status,
+    planet_offsets as planet_offsets,
     usable_range_arcsec as usable_range_arcsec,
 )
 from cpic_planner.etc.noise import (

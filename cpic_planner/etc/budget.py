@@ -11,6 +11,7 @@ question leaves them open. A question for a time that has no answer gets 1e9 s, 
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,9 +60,7 @@ def binding_limits(problem: FrameProblem, rates: ApertureRates, choice: FrameCho
     """
     camera = problem.camera
     exposure, gain = float(choice.exposure_s[index]), float(choice.em_gain[index])
-    column, hole, tail = (
-        float(getattr(problem, name)[index]) for name in ("peak_columns_e_s", "peak_hole_e_s", "tail_e_s")
-    )
+    column, hole, tail = map(float, problem.peaks_e_s(index))
     fixed = problem.fixed_gain() or 1.0
     saturating = float(longest_exposure_s(column, hole, tail, camera, fixed))
     if camera.exposure_min_s == camera.exposure_max_s:
@@ -141,35 +140,22 @@ def remedies(cases: BandCases, choice: FrameChoice, noise: StackNoise) -> dict[s
     metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
     camera = model.camera(band)
 
-    def snr(
-        changed: ApertureRates, cam: FrameCamera = camera, frames: FloatArray = choice.n_frames, ratio: float = 1.0
-    ) -> FloatArray:
-        return cases.noise_of(changed, cam, choice.exposure_s, frames, choice.em_gain, ratio).snr
+    def snr(light: ApertureRates, cam: FrameCamera = camera, chosen: FrameChoice = choice, ratio: float = 1.0) -> Any:
+        return cases.noise_of(light, cam, chosen, ratio).snr
 
-    place = cases.planets.separation_arcsec[None, :]
+    place, half = cases.planets.separation_arcsec[None, :], ("visit_nm", "walk_nm_per_sqrt_hour")
     width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
     full = speckle_law(metrics, drift, place, width, ratio)
-    calm = speckle_law(
-        metrics,
-        drift.model_copy(
-            update={"visit_nm": drift.visit_nm / 2.0, "walk_nm_per_sqrt_hour": drift.walk_nm_per_sqrt_hour / 2.0}
-        ),
-        place,
-        width,
-        ratio,
-    )
+    calmer = drift.model_copy(update={name: getattr(drift, name) / 2.0 for name in half})
+    calm = speckle_law(metrics, calmer, place, width, ratio)
     star = rates.speckle
     visit = choice.n_frames * (choice.exposure_s + camera.readout_s)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(full.variance(visit) > 0, calm.variance(visit) / full.variance(visit), 1.0)
-    darker = replace(
-        rates,
-        halo_e_s=rates.halo_e_s / 2.0,
-        speckle=star.scaled(0.5),
-        reference_light_e_s=rates.reference_light_e_s - rates.reference_halo_e_s / 2.0,
-    )
+    reference_e_s = rates.reference_light_e_s - rates.reference_halo_e_s / 2.0
+    darker = replace(rates, halo_e_s=rates.halo_e_s / 2.0, speckle=star.scaled(0.5), reference_light_e_s=reference_e_s)
     changed = {
-        "twice_the_time": snr(rates, frames=2.0 * choice.n_frames),
+        "twice_the_time": snr(rates, chosen=replace(choice, n_frames=2.0 * choice.n_frames)),
         "half_the_drift": snr(replace(rates, speckle=star.scaled(share))),
         "half_the_read_noise": snr(rates, replace(camera, read_noise_e=camera.read_noise_e / 2.0)),
         "half_the_clock_charge": snr(rates, replace(camera, cic_e=camera.cic_e / 2.0)),

@@ -1,10 +1,9 @@
 """One frame of a camera as the exposure-time calculator sees it: what it adds, holds, and costs."""
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass
+from typing import Self
 
 from simulator.config import Instrument
 from simulator.detectors import FrameTerm, added_variance
@@ -74,7 +73,7 @@ class FrameCamera(Wells):
         return math.hypot(self.read_noise_e, math.sqrt(float(self._rest.output_e2)))
 
     @classmethod
-    def of(cls, instrument: Instrument, band: str) -> FrameCamera:
+    def of(cls, instrument: Instrument, band: str) -> Self:
         """Camera of a band; effects that are switched off count nothing.
 
         Parameters
@@ -89,9 +88,9 @@ class FrameCamera(Wells):
         rest = FrameTerm.total([FrameTerm(), *terms.values()])
         one_read_e = detector.read_noise_e if detector.switches.read_noise else 0.0
         swing_e = math.hypot(one_read_e, math.sqrt(float(rest.output_e2)))
+        same = ("full_well_e", "register_full_well_e", "readout_s", "exposure_min_s", "line_shift_s")
         return cls(
-            full_well_e=detector.full_well_e,
-            register_full_well_e=detector.register_full_well_e,
+            **{name: getattr(detector, name) for name in same},
             converter_e=max(detector.converter_e - 5.0 * swing_e, 0.0),
             em_gain_max=detector.em_gain_max if detector.multiplies else 1.0,
             register_stages=detector.register_stages if detector.multiplies else 0,
@@ -99,11 +98,8 @@ class FrameCamera(Wells):
             rounding_e=math.sqrt(float(rounding.output_e2)),
             cic_e=float(cic.charge_e),
             dark_e_s=float(dark.rate_e_s),
-            readout_s=detector.readout_s,
-            exposure_min_s=detector.exposure_min_s,
             exposure_max_s=channel.exposure_max_s,
             light_factor=detector.ramp()[1],
             blooms=channel.multiplies,
-            line_shift_s=detector.line_shift_s,
             added=tuple(terms.items()),
         )

@@ -15,7 +15,7 @@ from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.detection import default_law, threshold_array
 from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
 from cpic_planner.etc.frames import FrameChoice, FrameProblem
-from cpic_planner.etc.model import EtcModel, check_range, hole_notes, locate, stand, usable_range_arcsec
+from cpic_planner.etc.model import EtcModel, check_range, hole_notes, place_status, planet_offsets, usable_range_arcsec
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
 from cpic_planner.etc.planet import reference_contrast, reference_notes
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
@@ -30,7 +30,7 @@ _FAINTEST, _ORDINARY = 1e-30, 1e-9
 
 
 @dataclass(frozen=True)
-class FrameWish:
+class FixedFrames:
     """What the user fixes of the frames; the rest is optimised."""
 
     exposure_s: float | None = None
@@ -63,7 +63,7 @@ class BandCases:
     contrast: FloatArray
     threshold: FloatArray
     rates: ApertureRates
-    wish: FrameWish
+    fixed: FixedFrames
 
     @property
     def usable(self) -> NDArray[np.bool_]:
@@ -82,48 +82,39 @@ class BandCases:
         """
         rates = self.rates if contrast is None else self.rates_at(contrast)
         camera = self.model.camera(self.band)
-        if self.wish.exposure_s is not None:
-            camera = replace(camera, exposure_min_s=self.wish.exposure_s, exposure_max_s=self.wish.exposure_s)
-        return frame_problem(rates, camera, self.model.strategy, objective=objective, em_gain=self.wish.em_gain)
+        if self.fixed.exposure_s is not None:
+            camera = replace(camera, exposure_min_s=self.fixed.exposure_s, exposure_max_s=self.fixed.exposure_s)
+        return frame_problem(rates, camera, self.model.strategy, objective=objective, em_gain=self.fixed.em_gain)
 
     def rates_at(self, contrast: FloatArray) -> ApertureRates:
         """The rates with other contrasts: only the planet's own light follows them."""
-        own = self.rates.peak_hole_e_s - self.rates.peak_planet_e_s
+        own = self.rates.peak_in_hole_e_s - self.rates.peak_planet_e_s
         factor = contrast / np.maximum(self.contrast, _FAINTEST)
         peak = self.rates.peak_planet_e_s * factor
-        return replace(
-            self.rates, planet_e_s=self.rates.planet_e_s * factor, peak_planet_e_s=peak, peak_hole_e_s=own + peak
-        )
+        planet_e_s = self.rates.planet_e_s * factor
+        return replace(self.rates, planet_e_s=planet_e_s, peak_planet_e_s=peak, peak_in_hole_e_s=own + peak)
 
     def noise(self, choice: FrameChoice) -> StackNoise:
         """Signal and noise of chosen frames."""
-        return self.noise_of(
-            self.rates, self.model.camera(self.band), choice.exposure_s, choice.n_frames, choice.em_gain
-        )
+        return self.noise_of(self.rates, self.model.camera(self.band), choice)
 
     def noise_of(
-        self,
-        rates: ApertureRates,
-        camera: FrameCamera,
-        exposure_s: FloatArray,
-        n_frames: FloatArray,
-        em_gain: FloatArray,
-        ratio: float = 1.0,
+        self, rates: ApertureRates, camera: FrameCamera, choice: FrameChoice, ratio: float = 1.0
     ) -> StackNoise:
-        """Return signal and noise for other rates, another camera, or more reference frames.
+        """Return signal and noise of chosen frames, for other rates, another camera, or more reference frames.
 
         Parameters
         ----------
         rates : ApertureRates
         camera : FrameCamera
-        exposure_s, n_frames, em_gain : ndarray
+        choice : FrameChoice
             Frames of every case.
         ratio : float
             Reference frames over those of the strategy.
         """
         strategy = self.model.strategy
         strategy = strategy.model_copy(update={"reference_ratio": ratio * strategy.reference_ratio})
-        return stack_noise(rates, exposure_s, n_frames, em_gain, camera, strategy)
+        return stack_noise(rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera, strategy)
 
     def head(self, star: int, planet: int) -> dict[str, Any]:
         """Return the fields of an answer that do not depend on the question.
@@ -196,7 +187,7 @@ def planets_of(
     return Planets(np.broadcast_to(where, n), models, given)
 
 
-def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, wish: FrameWish) -> BandCases:
+def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, fixed: FixedFrames) -> BandCases:
     """Return rates and places of all stars and planets in one band.
 
     Parameters
@@ -205,30 +196,19 @@ def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, w
     targets : Targets
     band : str
     planets : Planets
-    wish : FrameWish
+    fixed : FixedFrames
         What is fixed of the frames.
     """
     metrics, place = model.metrics[band], planets.separation_arcsec
-    places = tuple(locate(model, band, float(value)) for value in place)
-    inside = np.array([found[0] is Status.OK for found in places])
+    places = tuple(place_status(model, band, float(value)) for value in place)
+    inside = np.array([status is Status.OK for status, _, _ in places])
     # What has no answer (a place outside the hole, no light) is carried along as something that can be solved.
-    x, y = stand(model, band, np.where(inside, place, np.mean(usable_range_arcsec(model.instrument, band))))
+    x, y = planet_offsets(model, band, np.where(inside, place, np.mean(usable_range_arcsec(model.instrument, band))))
     contrast = _contrasts(model, targets, band, planets)
     light = np.where(inside, np.maximum(contrast, _FAINTEST), _ORDINARY)
     rates = aperture_rates(model, targets, band, x[None, :], y[None, :], light)
-    return BandCases(
-        model=model,
-        targets=targets,
-        band=band,
-        planets=planets,
-        places=places,
-        x_arcsec=x,
-        y_arcsec=y,
-        contrast=contrast,
-        threshold=threshold_array(metrics.resolution_elements(place), model.strategy.sigma),
-        rates=rates,
-        wish=wish,
-    )
+    threshold = threshold_array(metrics.resolution_elements(place), model.strategy.sigma)
+    return BandCases(model, targets, band, planets, places, x, y, contrast, threshold, rates, fixed)
 
 
 def _contrasts(model: EtcModel, targets: Targets, band: str, planets: Planets) -> FloatArray:
@@ -270,23 +250,12 @@ def etc_result(
 
     ``dial`` and ``seed`` are those of the check in images, closed forms alone without.
     """
-    record = None
-    if planet is not None:
-        record = ReferencePlanetRecord(
-            radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label
-        )
+    record = None if planet is None else ReferencePlanetRecord.of(planet, albedo=planet.albedo.label)
+    decides: dict[str, Any] = {"kind": "etc", "version": __version__, "model": model.content()}
+    decides |= {"target": target.content(), "detection": default_law().model_dump(mode="json"), "asked": asked}
+    decides["planet"] = None if planet is None else planet.content()
     return EtcResult(
-        config_hash=content_hash(
-            {
-                "kind": "etc",
-                "version": __version__,
-                "model": model.content(),
-                "detection": default_law().model_dump(mode="json"),
-                "target": target.content(),
-                "planet": None if planet is None else planet.content(),
-                "asked": asked,
-            }
-        ),
+        config_hash=content_hash(decides),
         target=str(target.name[0]),
         hip=int(target.hip[0]) if target.hip[0] else None,
         v_mag=float(target.v_mag[0]),

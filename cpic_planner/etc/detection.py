@@ -6,7 +6,7 @@ The law of detections that simulated images follow, for a blind search and at a 
 import functools
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -58,12 +58,8 @@ def detection_threshold(n_resolution_elements: float, sigma: float = 5.0) -> Out
     threshold = float(threshold_array(n_resolution_elements, sigma))
     if math.isfinite(threshold):
         return Outcome.ok(threshold, unit="sigma")
-    return Outcome.refuse(
-        Status.UNREACHABLE,
-        Reason.TOO_FEW_ELEMENTS,
-        f"{float(n_resolution_elements):g} elements: the background scatter is undefined below {MIN_ELEMENTS}",
-        unit="sigma",
-    )
+    text = f"{float(n_resolution_elements):g} elements: the background scatter is undefined below {MIN_ELEMENTS}"
+    return Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
 
 
 def threshold_array(n_resolution_elements: npt.ArrayLike, sigma: npt.ArrayLike = 5.0) -> npt.NDArray[np.float64]:
@@ -271,14 +267,9 @@ def tail_share(
     noise : StackNoise
         Of the visits at the planets' places.
     """
-    share = error_light_share(
-        model.metrics[band],
-        model.instrument.drift,
-        separation_arcsec,
-        model.strategy.annulus_lambda_d,
-        model.strategy.reference_ratio,
-        visit_s,
-    )
+    metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
+    width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
+    share = error_light_share(metrics, drift, separation_arcsec, width, ratio, visit_s)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.sqrt(share * noise.terms["speckle"] / noise.quiet)
 
@@ -312,10 +303,6 @@ def visit_chances(
         return Chances(*np.full((2, *margins.shape), np.nan))
     tails = np.nan_to_num(tail_share(model, band, separation_arcsec, visit_s, noise))
     inward = model.metrics[band].lambda_d_arcsec / np.asarray(separation_arcsec, float)
-    blind, known = (
-        np.broadcast_to(
-            detection_probability(law, margins, place, tails, inward, calibration=law.calibration), margins.shape
-        )
-        for place in (False, True)
-    )
-    return Chances(blind, known)
+    settings: dict[str, Any] = {"tails": tails, "inward": inward, "calibration": law.calibration}
+    chances = (detection_probability(law, margins, place, **settings) for place in (False, True))
+    return Chances(*(np.broadcast_to(chance, margins.shape) for chance in chances))

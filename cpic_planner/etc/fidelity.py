@@ -4,6 +4,7 @@ The dial of the exposure-time calculator asks for it, and its records say it.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -41,16 +42,9 @@ def closed_form_fidelity(index: int, answer: EtcAnswer) -> AnswerFidelity:
     answer : EtcAnswer
     """
     error = stated_error(answer.band, answer.separation_arcsec, answer.budget)
-    return AnswerFidelity(
-        answer=index,
-        fidelity="quick",
-        status="ok",
-        reason="",
-        message="",
-        predicted_error=None if error is None else dict(error),
-        closed_form_error=error,
-        images=None,
-    )
+    shared: dict[str, Any] = {"fidelity": "quick", "status": "ok", "reason": "", "message": "", "images": None}
+    predicted = None if error is None else dict(error)
+    return AnswerFidelity(answer=index, predicted_error=predicted, closed_form_error=error, **shared)
 
 
 def etc_fidelity(answers: Sequence[EtcAnswer], dial: Dial, *, seed: int | None = None) -> EtcFidelity:

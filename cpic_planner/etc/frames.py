@@ -11,6 +11,7 @@ to ``v / (t + readout)`` then follow exactly. Time for an SNR and SNR for a time
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class FrameProblem(CaseArrays):
         Speckle variance over signal squared, ``z0 + z1 v + z2 v^2``.
     loss_per_s : ndarray
         Rate of particles that void an aperture: a frame of ``t`` s counts with probability ``exp(-loss t)``.
-    peak_columns_e_s, peak_hole_e_s, tail_e_s : ndarray
+    peak_columns_e_s, peak_in_hole_e_s, register_tail_e_s : ndarray
         Light that must not saturate; see `simulator.signal.saturation`.
     camera : FrameCamera
     em_gain : float, optional
@@ -62,8 +63,8 @@ class FrameProblem(CaseArrays):
     z2: FloatArray
     loss_per_s: FloatArray
     peak_columns_e_s: FloatArray
-    peak_hole_e_s: FloatArray
-    tail_e_s: FloatArray
+    peak_in_hole_e_s: FloatArray
+    register_tail_e_s: FloatArray
     camera: FrameCamera
     em_gain: float | None = None
     counting: CountingLight | None = None
@@ -72,11 +73,13 @@ class FrameProblem(CaseArrays):
         """Gain that is not to be chosen; counting uses the largest one."""
         return self.camera.em_gain_max if self.em_gain is None and self.counting is not None else self.em_gain
 
+    def peaks_e_s(self, index: Any = ...) -> tuple[Any, Any, Any]:
+        """Light of some cases that must not saturate: in the hole's columns, inside it, and before the register."""
+        return self.peak_columns_e_s[index], self.peak_in_hole_e_s[index], self.register_tail_e_s[index]
+
     def longest_s(self) -> FloatArray:
         """Longest exposure that saturates nothing and that the camera allows."""
-        limit = longest_exposure_s(
-            self.peak_columns_e_s, self.peak_hole_e_s, self.tail_e_s, self.camera, self.fixed_gain() or 1.0
-        )
+        limit = longest_exposure_s(*self.peaks_e_s(), self.camera, self.fixed_gain() or 1.0)
         return np.minimum(limit, self.camera.exposure_max_s)
 
     def frame_noise(self, exposure_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +94,7 @@ class FrameProblem(CaseArrays):
             factor2 = noise_factor2(np.asarray(fixed, float), stages) if stages else 1.0
             variance = frame_variance_e2(light, factor2, self.gamma_e2, fixed)
         else:
-            cap = largest_gain(self.peak_hole_e_s, self.tail_e_s, t, self.camera)
+            cap = largest_gain(self.peak_in_hole_e_s, self.register_tail_e_s, t, self.camera)
             camera = self.camera
             gain, variance = best_gain(light, self.gamma_e2, cap, camera.em_gain_max, camera.register_stages)
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
@@ -204,8 +207,7 @@ def _candidates(visit_s: FloatArray, frame_s: FloatArray) -> FloatArray:
     with np.errstate(invalid="ignore", over="ignore"):
         middle = np.clip(np.floor(np.nan_to_num(visit_s / frame_s, posinf=_MAX_FRAMES)), 0.0, _MAX_FRAMES)
     offsets = _NEIGHBOURS.reshape((-1,) + (1,) * middle.ndim)
-    result: FloatArray = np.maximum(middle + offsets, 1.0)
-    return result
+    return np.asarray(np.maximum(middle + offsets, 1.0))
 
 
 def best_in_visit(
@@ -323,9 +325,8 @@ def _smooth_visit_s(problem: FrameProblem, cost: FloatArray, aim: FloatArray) ->
     """Shortest visit with ``G / v + z(v) <= aim``; ``inf`` where there is none. No whole number of frames is faster."""
     peak = _peak_visit_s(problem, cost)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        at_peak = np.where(
-            np.isfinite(peak), cost / peak + problem.residual(np.where(np.isfinite(peak), peak, 0.0)), problem.z0
-        )
+        top = np.where(np.isfinite(peak), peak, 0.0)
+        at_peak = np.where(np.isfinite(peak), cost / peak + problem.residual(top), problem.z0)
         # Rounding must not call the top of the curve out of reach.
         reached = np.isfinite(cost) & np.where(np.isfinite(peak), at_peak <= aim * (1.0 + _ROUNDING), at_peak < aim)
         v = np.where(reached, cost / np.maximum(aim - problem.z0, 1e-300), 1.0)
@@ -352,25 +353,22 @@ def solve_together(
     given : ndarray
         First axis: the problems.
     """
-    found: dict[int, FrameChoice] = {}
+    choices: dict[int, FrameChoice] = {}
     for camera in dict.fromkeys(problem.camera for problem in problems):
         own = [i for i, problem in enumerate(problems) if problem.camera == camera]
         choice = solver(FrameProblem.stacked([problems[i] for i in own]), given[own])
-        found |= {i: choice.at(k) for k, i in enumerate(own)}
-    return [found[i] for i in range(len(problems))]
+        choices |= {i: choice.at(k) for k, i in enumerate(own)}
+    return [choices[i] for i in range(len(problems))]
 
 
-def _pick(
-    problem: FrameProblem, exposure_s: FloatArray, frames: FloatArray, rank: FloatArray, value: FloatArray
-) -> FrameChoice:
-    """Along the first axis the candidate of least rank."""
+def _pick(problem: FrameProblem, t: FloatArray, n: FloatArray, rank: FloatArray, value: FloatArray) -> FrameChoice:
+    """Along the first axis the candidate of least rank, of exposures ``t`` and numbers of frames ``n``."""
     best = np.argmin(rank, axis=0)[None]
 
     def take(array: FloatArray) -> FloatArray:
-        result: FloatArray = np.take_along_axis(array, best, axis=0)[0]
-        return result
+        return np.asarray(np.take_along_axis(array, best, axis=0)[0])
 
-    t, n = take(exposure_s), np.where(np.isfinite(take(rank)), take(frames), 0.0)
+    t, n = take(t), np.where(np.isfinite(take(rank)), take(n), 0.0)
     gain = problem.frame_noise(t)[1]
     visit = n * (t + problem.camera.readout_s)
     return FrameChoice(t, n, gain, visit, np.where(n > 0, take(value), np.inf))

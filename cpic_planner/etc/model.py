@@ -136,15 +136,11 @@ def build_model(
     for name in names:
         camera = FrameCamera.of(instrument, name)
         if chosen.mode == "photon_counting" and camera.register_stages == 0:
-            raise InputError(
-                "mode",
-                chosen.mode,
-                allowed=f"analogue in {name}",
-                hint="only a multiplying register makes single electrons countable",
-            )
+            hint = "only a multiplying register makes single electrons countable"
+            raise InputError("mode", chosen.mode, allowed=f"analogue in {name}", hint=hint)
     tree = instrument.model_dump(mode="json")
     digest = content_hash({"instrument": tree, "files": sorted(set(_files(tree)))})
-    return _model(digest, names, chosen, _Held(instrument))
+    return _model(digest, names, chosen, _Unkeyed(instrument))
 
 
 def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
@@ -160,7 +156,7 @@ def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
         yield tree, state.st_mtime_ns, state.st_size
 
 
-class _Held:
+class _Unkeyed:
     """An instrument that counts as equal to any other: the digest beside it tells them apart."""
 
     def __init__(self, instrument: Instrument) -> None:
@@ -170,18 +166,14 @@ class _Held:
         return 0
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Held)
+        return isinstance(other, _Unkeyed)
 
 
 @functools.lru_cache(maxsize=16)
-def _model(digest: str, bands: tuple[str, ...], strategy: Strategy, held: _Held) -> EtcModel:
+def _model(digest: str, bands: tuple[str, ...], strategy: Strategy, held: _Unkeyed) -> EtcModel:
     instrument = held.instrument
-    return EtcModel(
-        instrument=instrument,
-        passbands=Passbands.from_instrument(instrument),
-        metrics={name: psf_metrics(instrument, name) for name in bands},
-        strategy=strategy,
-    )
+    metrics = {name: psf_metrics(instrument, name) for name in bands}
+    return EtcModel(instrument, Passbands.from_instrument(instrument), metrics, strategy)
 
 
 def diagonal(zone: HoleZone, separation_arcsec: Any) -> tuple[Any, Any]:
@@ -231,7 +223,7 @@ def hole_notes(model: EtcModel, band: str) -> tuple[str, ...]:
     return ("hole_not_reached",) if model.metrics[band].hole_state == "not_reached" else ()
 
 
-def locate(model: EtcModel, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
+def place_status(model: EtcModel, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
     """Whether the aperture of a planet on the diagonal lies in the controlled zone of a band, at both rolls.
 
     Parameters
@@ -263,15 +255,13 @@ def locate(model: EtcModel, band: str, separation_arcsec: float) -> tuple[Status
         least = 2.0 * instrument.aperture_radius_arcsec(band)
         moved = 2.0 * separation_arcsec * math.sin(math.radians(rolls[1]))
         if moved < least:
-            text = (
-                f"{place}: a roll of {rolls[1] - rolls[0]:g} deg moves the planet by {moved:.3f} arcsec, less than its "
-                f"aperture of {least:.3f}"
-            )
+            moves = f"a roll of {rolls[1] - rolls[0]:g} deg moves the planet by {moved:.3f} arcsec"
+            text = f"{place}: {moves}, less than its aperture of {least:.3f}"
             return Status.UNREACHABLE, Reason.SMALL_ROLL, text
     return Status.OK, Reason.NONE, ""
 
 
-def stand(model: EtcModel, band: str, separation_arcsec: Any) -> tuple[Any, Any]:
+def planet_offsets(model: EtcModel, band: str, separation_arcsec: Any) -> tuple[Any, Any]:
     """Detector offsets of a planet: on the diagonal, or half the roll beside it for a library of two rolls.
 
     Parameters
@@ -292,11 +282,8 @@ def stand(model: EtcModel, band: str, separation_arcsec: Any) -> tuple[Any, Any]
 
 def check_range(key: str, value: float, low: float, high: float, unit: str) -> float:
     """Refuse a number that is not finite or not in [low, high]."""
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float | np.floating | np.integer)
-        or not math.isfinite(value)
-    ):
+    number = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
+    if not number or not math.isfinite(value):
         raise InputError(key, value, unit=unit, allowed=f"a finite number from {low:g} to {high:g}")
     if not low <= value <= high:
         raise InputError(key, value, unit=unit, allowed=f"{low:g} to {high:g}")

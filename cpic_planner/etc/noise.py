@@ -151,19 +151,17 @@ def frame_problem(
     share = level * rates.noise_fraction * _throughput_loss(rates)
     white = white_term(rates, camera, strategy.reference_ratio)
     own = own_noise(rates, camera) if with_planet else 0.0
-    z0, z1, z2 = _residual(rates, level)
+    residual = dict(zip(("z0", "z1", "z2"), _residual(rates, level), strict=True))
     arrays = _broadcast(
         alpha_e_s=camera.light_factor * share * white.rate_e_s + own,
         beta_e=camera.light_factor * share * white.charge_e,
         gamma_e2=share * white.output_e2,
         signal_e_s=rates.planet_e_s,
-        z0=z0,
-        z1=z1,
-        z2=z2,
+        **residual,
         loss_per_s=rates.loss_per_s,
         peak_columns_e_s=rates.peak_columns_e_s,
-        peak_hole_e_s=rates.peak_hole_e_s,
-        tail_e_s=rates.tail_e_s,
+        peak_in_hole_e_s=rates.peak_in_hole_e_s,
+        register_tail_e_s=rates.register_tail_e_s,
     )
     counting = None
     if strategy.mode == "photon_counting":

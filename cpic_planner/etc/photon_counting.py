@@ -132,12 +132,8 @@ def counting_law(em_gain: float, stages: int, read_noise_e: float, threshold_e: 
     read_noise = checked_scalar("read_noise_e", read_noise_e, low=0.0, high=1e5, unit="e-")
     threshold = checked_scalar("threshold_e", threshold_e, low=0.0, high=np.inf, unit="e-")
     if threshold > MAX_THRESHOLD_SIGMA * read_noise * (1.0 + 1e-12):
-        raise InputError(
-            "threshold_e",
-            threshold_e,
-            unit="e-",
-            allowed=f"at most {MAX_THRESHOLD_SIGMA:g} times read_noise_e = {read_noise:g}",
-        )
+        allowed = f"at most {MAX_THRESHOLD_SIGMA:g} times read_noise_e = {read_noise:g}"
+        raise InputError("threshold_e", threshold_e, unit="e-", allowed=allowed)
     gain = checked_scalar("em_gain", em_gain, low=1.0, high=GAIN_LIMIT)
     return _law(gain, stages, read_noise, threshold)
 

@@ -1,5 +1,6 @@
 """The three questions of an exposure-time calculator, answered by type, for targets x bands x planets at once."""
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, InputError
-from cpic_planner.etc.cases import BandCases, FrameWish, Planets, band_cases, planets_of
+from cpic_planner.etc.cases import BandCases, FixedFrames, Planets, band_cases, planets_of
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit, least_time, solve_together
 from cpic_planner.etc.model import EtcModel, check_range
 from cpic_planner.etc.noise import Objective
-from cpic_planner.etc.solved import answers_of
+from cpic_planner.etc.solved import Solved
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.results import EtcAnswer
 from cpic_planner.targets import Targets
@@ -70,14 +71,14 @@ def signal_to_noise(
         For values out of range, or sequences of different lengths.
     """
     check_range("time_s", time_s, 1e-3, 1e9, "s")
-    wish, planets = _wish(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
-    every = _bands(model, target, bands, planets, wish)
-    problems = [cases.problem("snr") for cases in every]
+    fixed, planets = _fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
+    cases = _bands(model, target, bands, planets, fixed)
+    problems = [part.problem("snr") for part in cases]
     parts = []
-    for cases, problem, choice in zip(every, problems, _best(problems, model.visit_s(time_s), exact), strict=True):
+    for part, problem, choice in zip(cases, problems, _best(problems, model.visit_s(time_s), exact), strict=True):
         with np.errstate(divide="ignore"):
             value = 1.0 / np.sqrt(choice.inverse_snr2)
-        parts.append(answers_of(cases, problem, choice, "signal_to_noise", value, time_s=time_s))
+        parts.append(Solved(part, problem, choice, "signal_to_noise", value, time_s))
     return _in_order(parts, len(target), len(planets))
 
 
@@ -125,24 +126,15 @@ def exposure_time(
     for name, value in (("snr", snr), ("sigma", sigma)):
         if value is not None:
             check_range(name, value, 1e-6, 1e6, "")
-    wish, planets = _wish(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
-    every = _bands(model, target, bands, planets, wish)
-    problems = [cases.problem("snr" if snr is not None else "significance") for cases in every]
-    levels = np.stack([_levels(cases, snr, sigma) for cases in every])
-    found = solve_together(problems, least_time, np.where(np.isfinite(levels), levels, 1.0))
+    fixed, planets = _fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
+    cases, by_snr = _bands(model, target, bands, planets, fixed), snr is not None
+    problems = [part.problem("snr" if by_snr else "significance") for part in cases]
+    levels = np.stack([_levels(part, snr, sigma) for part in cases])
+    choices = solve_together(problems, least_time, np.where(np.isfinite(levels), levels, 1.0))
     parts = []
-    for cases, problem, choice, level in zip(every, problems, found, levels, strict=True):
-        parts.append(
-            answers_of(
-                cases,
-                problem,
-                choice,
-                "exposure_time",
-                model.time_s(choice.visit_s),
-                level=level,
-                with_planet=snr is not None,
-            )
-        )
+    for part, problem, choice, level in zip(cases, problems, choices, levels, strict=True):
+        wall_s = model.time_s(choice.visit_s)
+        parts.append(Solved(part, problem, choice, "exposure_time", wall_s, level=level, with_planet=by_snr))
     return _in_order(parts, len(target), len(planets))
 
 
@@ -182,9 +174,9 @@ def contrast_limit(
             check_range(name, value, 1e-3, 1e3, "")
     if sigma is not None and snr is not None:
         raise InputError("sigma", sigma, allowed="one of sigma, snr")
-    wish, planets = _wish(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, None, _START)
+    fixed, planets = _fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, None, _START)
     objective: Objective = "snr" if snr is not None else "significance"
-    every, visit = _bands(model, target, bands, planets, wish), model.visit_s(time_s)
+    every, visit = _bands(model, target, bands, planets, fixed), model.visit_s(time_s)
     levels = np.stack([_levels(cases, snr, sigma) for cases in every])
     aims = np.where(np.isfinite(levels), levels, 1.0)
     contrasts, choices = _limits(every, objective, aims, visit, exact)
@@ -203,24 +195,16 @@ def contrast_limit(
             for there, here, early in zip(inverse, choices, stopped, strict=True)
         ]
     parts = []
-    for cases, problem, choice, level, contrast in zip(shown, problems, choices, levels, contrasts, strict=True):
+    for part, problem, choice, level, contrast in zip(shown, problems, choices, levels, contrasts, strict=True):
         limit = np.where(contrast < 1.0, contrast, math.inf)
-        parts.append(
-            answers_of(
-                cases, problem, choice, "contrast_limit", limit, time_s=time_s, level=level, with_planet=snr is not None
-            )
-        )
+        parts.append(Solved(part, problem, choice, "contrast_limit", limit, time_s, level, snr is not None))
     return _in_order(parts, len(target), len(planets))
 
 
-def _best(
-    problems: Sequence[FrameProblem], visit_s: FloatArray, whole: bool, quickest: bool = True
-) -> list[FrameChoice]:
+def _best(parts: Sequence[FrameProblem], visit_s: FloatArray, whole: bool, quickest: bool = True) -> list[FrameChoice]:
     """Best frames of one visit for problems of several bands."""
-    lengths = np.broadcast_to(visit_s, (len(problems), *problems[0].signal_e_s.shape))
-    return solve_together(
-        problems, lambda problem, visit: best_in_visit(problem, visit, whole=whole, quickest=quickest), lengths
-    )
+    best = functools.partial(best_in_visit, whole=whole, quickest=quickest)
+    return solve_together(parts, best, np.broadcast_to(visit_s, (len(parts), *parts[0].signal_e_s.shape)))
 
 
 def _limits(
@@ -261,24 +245,23 @@ def _levels(cases: BandCases, snr: float | None, sigma: float | None) -> FloatAr
 
 
 def _bands(
-    model: EtcModel, target: Targets, bands: Sequence[str] | None, planets: Planets, wish: FrameWish
+    model: EtcModel, target: Targets, bands: Sequence[str] | None, planets: Planets, fixed: FixedFrames
 ) -> list[BandCases]:
     if len(target) < 1:
         raise InputError("target", len(target), allowed="at least one star")
-    return [band_cases(model, target, band, planets, wish) for band in model.named(bands)]
+    return [band_cases(model, target, band, planets, fixed) for band in model.named(bands)]
 
 
-def _in_order(parts: list[list[EtcAnswer]], n_stars: int, n_planets: int) -> list[EtcAnswer]:
+def _in_order(parts: Sequence[Solved], n_stars: int, n_planets: int) -> list[EtcAnswer]:
     """From bands x (stars x planets) to stars x bands x planets."""
-    return [
-        answer
-        for star in range(n_stars)
-        for part in parts
-        for answer in part[star * n_planets : (star + 1) * n_planets]
-    ]
+    answers = [part.answers() for part in parts]
+    rows = [slice(star * n_planets, (star + 1) * n_planets) for star in range(n_stars)]
+    return [answer for row in rows for part in answers for answer in part[row]]
 
 
-def _wish(model: EtcModel, bands: Sequence[str] | None, exposure_s: float | None, em_gain: float | None) -> FrameWish:
+def _fixed_frames(
+    model: EtcModel, bands: Sequence[str] | None, exposure_s: float | None, em_gain: float | None
+) -> FixedFrames:
     cameras = [model.camera(band) for band in model.named(bands)]
     limits: dict[str, Any] = {}
     if exposure_s is not None:
@@ -286,4 +269,4 @@ def _wish(model: EtcModel, bands: Sequence[str] | None, exposure_s: float | None
         limits["exposure_s"] = check_range("exposure_s", exposure_s, shortest, 1e6, "s")
     if em_gain is not None:
         limits["em_gain"] = check_range("em_gain", em_gain, 1.0, min(camera.em_gain_max for camera in cameras), "")
-    return FrameWish(**limits)
+    return FixedFrames(**limits)

@@ -43,14 +43,14 @@ class ApertureRates:
         it does not average down.
     wings_e2_s2 : ndarray
         The same of the light of companions whose wings lie elsewhere in the references; it is the same for all visits.
-    peak_hole_e_s, peak_planet_e_s : ndarray
+    peak_in_hole_e_s, peak_planet_e_s : ndarray
         Hottest pixel inside the hole, planet included: it must not saturate pixel, register or converter; and the
         planet's part of it.
     peak_frame_e_s : ndarray
         Hottest pixel of the central star anywhere.
     peak_columns_e_s : ndarray
         Hottest pixel of the central star in the columns that cross the hole: it must not bloom into it.
-    tail_e_s : ndarray
+    register_tail_e_s : ndarray
         Light of the central star beside the hole that must fit the register, lest charge trails into the hole.
     aperture_pixels : float
         Pixels in the aperture.
@@ -86,11 +86,11 @@ class ApertureRates:
     core: FloatArray
     speckle: SpeckleLaw
     wings_e2_s2: FloatArray
-    peak_hole_e_s: FloatArray
+    peak_in_hole_e_s: FloatArray
     peak_planet_e_s: FloatArray
     peak_frame_e_s: FloatArray
     peak_columns_e_s: FloatArray
-    tail_e_s: FloatArray
+    register_tail_e_s: FloatArray
     aperture_pixels: float
     noise_fraction: float
     source_noise_fraction: float
@@ -172,11 +172,11 @@ def aperture_rates(
         core=core,
         speckle=law.scaled(star**2 * reference.speckle),
         wings_e2_s2=companion.left_e2_s2,
-        peak_hole_e_s=brightest * metrics.peak_on_axis_hole + peak_planet + peak_companion,
+        peak_in_hole_e_s=brightest * metrics.peak_on_axis_hole + peak_planet + peak_companion,
         peak_planet_e_s=peak_planet,
         peak_frame_e_s=brightest * metrics.peak_on_axis_frame,
         peak_columns_e_s=brightest * metrics.peak_on_axis_columns,
-        tail_e_s=brightest * metrics.register_tail,
+        register_tail_e_s=brightest * metrics.register_tail,
         aperture_pixels=area,
         noise_fraction=noise_pixels / area,
         source_noise_fraction=metrics.source_noise_fraction,

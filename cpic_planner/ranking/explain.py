@@ -96,7 +96,9 @@ def _standing(setting: RankSetting, star: Targets, band: str, planets: Planets) 
         model, star, band, planets, exposure_s=best.exposure_s, n_frames=best.n_frames, em_gain=best.em_gain
     )
     standing = detection_statuses(best, model)[0]
-    cases = etc.band_cases(model, star, band, etc.planets_of(float(best.separation_arcsec[0]), planet), etc.FrameWish())
+    cases = etc.band_cases(
+        model, star, band, etc.planets_of(float(best.separation_arcsec[0]), planet), etc.FixedFrames()
+    )
     choice = _choice(model, best)
     noise = cases.noise(choice)
     possible = best.n_frames[0] >= 1

@@ -74,7 +74,7 @@ def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
     inner, outer = etc.usable_range_arcsec(model.instrument, band)
     grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
     if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
-        grid = grid[np.array([etc.locate(model, band, float(place))[0] is Status.OK for place in grid], bool)]
+        grid = grid[np.array([etc.place_status(model, band, float(place))[0] is Status.OK for place in grid], bool)]
     if grid.size == 0:
         allowed = "a zone with room for aperture, background and three elements"
         raise InputError("band", band, allowed=allowed, hint="see annulus_lambda_d, roll_deg and the hole's edges")
@@ -229,12 +229,12 @@ class _Search:
         """Why a given separation is outside the zone of the band."""
         if self.separation_arcsec is None:
             return Reason.NONE
-        return etc.locate(self.model, self.band, self.separation_arcsec)[1]
+        return etc.place_status(self.model, self.band, self.separation_arcsec)[1]
 
     def places(self, separation_arcsec: FloatArray) -> _Places:
         """Rates and contrasts at the separations."""
         model, band = self.model, self.band
-        x, y = etc.stand(model, band, separation_arcsec)
+        x, y = etc.planet_offsets(model, band, separation_arcsec)
         contrast = etc.reference_contrast(model, self.targets, band, separation_arcsec, self.planet)
         elements = model.metrics[band].resolution_elements(separation_arcsec)
         threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
@@ -338,9 +338,11 @@ class _Search:
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],
             longest_exposure_s=column(chosen.problem("significance").longest_s()),
-            **columns(chosen.rates, "peak_columns_e_s", "peak_hole_e_s", "tail_e_s"),
+            **columns(chosen.rates, "peak_columns_e_s"),
+            peak_hole_e_s=column(chosen.rates.peak_in_hole_e_s),
+            tail_e_s=column(chosen.rates.register_tail_e_s),
             core_throughput=column(
-                model.metrics[band].core_throughput(*etc.stand(model, band, chosen.separation_arcsec))
+                model.metrics[band].core_throughput(*etc.planet_offsets(model, band, chosen.separation_arcsec))
             ),
             extrapolated=np.full(n, bool(beyond)),
             outside=np.full(n, refused.value),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpic_core import FloatArray, InputError, Status
-from cpic_planner.etc import EtcModel, FrameWish, Objective, band_cases, best_in_visit, contrast_limit, planets_of
+from cpic_planner.etc import EtcModel, FixedFrames, Objective, band_cases, best_in_visit, contrast_limit, planets_of
 from cpic_planner.ranking import separation_grid
 from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, Look, band_style, literal, new_figure, plain_ticks, style
 from cpic_planner.report.numbers import duration_text, pretty_name
@@ -108,7 +108,7 @@ def etc_curves(
         centre = answer.time_s or time_s
         grid = np.geomspace(TIME_SPAN[0] * centre, TIME_SPAN[1] * centre, N_TIMES)
         planets = planets_of([answer.separation_arcsec] * N_TIMES, None, answer.contrast)
-        cases = band_cases(model, star, answer.band, planets, FrameWish(exposure_s, em_gain))
+        cases = band_cases(model, star, answer.band, planets, FixedFrames(exposure_s, em_gain))
         choice = best_in_visit(cases.problem(objective), model.visit_s(grid)[None, :])
         noise = cases.noise(choice)
         point = None

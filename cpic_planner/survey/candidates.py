@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from catalogs import KnownPlanetTable, star_key
 from cpic_core import BoolArray, FloatArray, InputError, IntArray
-from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, frame_problem, stand
+from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, frame_problem, planet_offsets
 from cpic_planner.planets import OrbitPlaces, PopulationConfig, draw_population
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
@@ -139,7 +139,7 @@ def _fixed(model: EtcModel, targets: Targets, visit: VisitRule, best: OptimalSet
     camera = model.camera(band)
     if visit.exposure_s is not None:
         camera = replace(camera, exposure_min_s=visit.exposure_s, exposure_max_s=visit.exposure_s)
-    x, y = stand(model, band, best.separation_arcsec[:, None])
+    x, y = planet_offsets(model, band, best.separation_arcsec[:, None])
     rates = aperture_rates(model, targets, band, x, y, best.contrast[:, None])
     problem = frame_problem(rates, camera, model.strategy, objective="significance", em_gain=visit.em_gain)
     choice = best_in_visit(problem, model.visit_s(best.time_s)[:, None])

@@ -15,9 +15,9 @@ from cpic_planner.etc import (
     build_model,
     diagonal_pa_deg,
     needed_margin,
+    planet_offsets,
     reference_distance_au,
     stack_noise,
-    stand,
     threshold_array,
     verdict_of,
     visit_chances,
@@ -317,7 +317,9 @@ def prepare_task(
     # Dust is part of the scene: where the simulator's differs, it is in the images alone.
     zodis = (overrides or SimulatorOverrides()).instrument(model.instrument).sky.exozodi_zodis
     scene = target_scene(target, planet, separation, distance, pa_deg, exozodi_zodis=zodis)
-    expected = expected_of(model, target, band, stand(model, band, separation), float(best.contrast[0]), frames)
+    expected = expected_of(
+        model, target, band, planet_offsets(model, band, separation), float(best.contrast[0]), frames
+    )
     return task_of(
         model,
         scene,

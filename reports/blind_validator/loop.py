@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from cases import FIVE_STARS, TIME_S, in_blocks, nominal, task_for
 
-from cpic_planner.etc import build_model, stand
+from cpic_planner.etc import build_model, planet_offsets
 from cpic_planner.queries import SimulatorOverrides
 from cpic_planner.ranking import rank_targets
 from cpic_planner.results import BandConfirmation
@@ -60,7 +60,7 @@ def altered(entry: str, workers: int) -> dict[str, Any]:
         target, _ = find_target(star, companions="on")
         expected = task.predictions[0]
         frames = Frames(task.exposure_s, task.n_frames, task.em_gain)
-        place = stand(model, band, expected["separation_arcsec"])
+        place = planet_offsets(model, band, expected["separation_arcsec"])
         known.append(expected_of(model, target, band, place, expected["contrast"], frames)["snr"] / expected["snr"])
     mean = calibrate(bands)
     assert mean.ratio is not None  # every band was measured

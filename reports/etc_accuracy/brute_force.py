@@ -38,8 +38,8 @@ FIELDS = (
     "z2",
     "loss_per_s",
     "peak_columns_e_s",
-    "peak_hole_e_s",
-    "tail_e_s",
+    "peak_in_hole_e_s",
+    "register_tail_e_s",
 )
 
 
@@ -74,13 +74,13 @@ def _output_e(mean_e: FloatArray) -> FloatArray:
 
 def largest_gain(case: dict[str, FloatArray], exposure_s: FloatArray, camera: Any) -> FloatArray:
     """Largest gain that saturates nothing; 0 where there is none."""
-    column = [case["peak_hole_e_s"], case["peak_columns_e_s"]] if camera.blooms else [case["peak_hole_e_s"]]
+    column = [case["peak_in_hole_e_s"], case["peak_columns_e_s"]] if camera.blooms else [case["peak_in_hole_e_s"]]
     pixel = np.maximum.reduce(column) * exposure_s
     output = min(camera.register_full_well_e, camera.converter_e)
     with np.errstate(divide="ignore"):
-        gain = output / _output_e(case["peak_hole_e_s"] * exposure_s)
+        gain = output / _output_e(case["peak_in_hole_e_s"] * exposure_s)
         if camera.blooms:
-            gain = np.minimum(gain, camera.register_full_well_e / _output_e(case["tail_e_s"] * exposure_s))
+            gain = np.minimum(gain, camera.register_full_well_e / _output_e(case["register_tail_e_s"] * exposure_s))
     gain = np.minimum(gain, camera.em_gain_max)
     return np.where((pixel + SIGMAS * np.sqrt(pixel) <= camera.full_well_e) & (gain >= 1.0), gain, 0.0)
 

@@ -44,7 +44,7 @@ def random_problem(n_stars: int, camera: FrameCamera, *, seed: int) -> FrameProb
         z2=np.where(kind > 0.6, 0.0, z0 * growth**2 * rng.random(shape)),
         loss_per_s=decades(-6.0, -3.0),
         peak_columns_e_s=star * decades(-7.0, -3.0),
-        peak_hole_e_s=brightest,
-        tail_e_s=brightest * decades(-1.0, 1.0),
+        peak_in_hole_e_s=brightest,
+        register_tail_e_s=brightest * decades(-1.0, 1.0),
         camera=camera,
     )

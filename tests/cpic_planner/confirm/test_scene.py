@@ -11,7 +11,7 @@ from cpic_core import InputError, dump_json
 from cpic_planner.cli.main import main
 from cpic_planner.confirm import confirm_job, confirm_scene, scene_target
 from cpic_planner.confirm.scene import prepared_tasks
-from cpic_planner.etc import build_model, reference_distance_au, stand
+from cpic_planner.etc import build_model, planet_offsets, reference_distance_au
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
 from cpic_planner.results import BandConfirmation, ConfirmResult
@@ -152,7 +152,7 @@ def test_a_star_of_the_catalogue_is_the_same_target_through_its_scene():
     model = build_model(load_instrument(), ["F520"])
     frames = Frames(20.0, 100, 400.0)
     ours, theirs = (
-        expected_of(model, star, "F520", stand(model, "F520", 0.6), 1e-8, frames) for star in (back, target)
+        expected_of(model, star, "F520", planet_offsets(model, "F520", 0.6), 1e-8, frames) for star in (back, target)
     )
     assert ours == pytest.approx(theirs)
 

@@ -8,8 +8,8 @@ import pytest
 
 from cpic_core import Reason, Status
 from cpic_planner.etc import (
+    FixedFrames,
     FrameChoice,
-    FrameWish,
     band_cases,
     build_model,
     contrast_limit,
@@ -69,7 +69,7 @@ CHANGES = {
 def setting(model, answer):
     """SNR of the frames of an answer in another model."""
     cases = band_cases(
-        model, TAU_CET, answer.band, planets_of(answer.separation_arcsec, None, answer.contrast), FrameWish()
+        model, TAU_CET, answer.band, planets_of(answer.separation_arcsec, None, answer.contrast), FixedFrames()
     )
     n, t, g = (np.full((1, 1), float(value)) for value in (answer.n_frames, answer.exposure_s, answer.em_gain))
     return float(stack_noise(cases.rates, t, n, g, model.camera(answer.band), model.strategy).snr[0, 0])
@@ -91,7 +91,7 @@ def test_remedies_are_what_another_instrument_would_reach(name, strategy):
 def test_twice_the_time_and_more_references():
     model = build_model(INSTRUMENT)
     for answer in signal_to_noise(model, TAU_CET, time_s=3000.0, separation_arcsec=0.6, contrast=1e-8):
-        cases = band_cases(model, TAU_CET, answer.band, planets_of(0.6, None, 1e-8), FrameWish())
+        cases = band_cases(model, TAU_CET, answer.band, planets_of(0.6, None, 1e-8), FixedFrames())
         n, t, g = (np.full((1, 1), float(value)) for value in (answer.n_frames, answer.exposure_s, answer.em_gain))
         camera = model.camera(answer.band)
         twice = stack_noise(cases.rates, t, 2 * n, g, camera).snr[0, 0]
@@ -103,7 +103,7 @@ def test_twice_the_time_and_more_references():
 
 def test_without_frames_nothing_helps():
     model = build_model(INSTRUMENT)
-    cases = band_cases(model, TAU_CET, "F520", planets_of(0.6, None, 1e-8), FrameWish())
+    cases = band_cases(model, TAU_CET, "F520", planets_of(0.6, None, 1e-8), FixedFrames())
     none = FrameChoice(*(np.full((1, 1), value) for value in (1.0, 0.0, 1.0, 0.0, np.inf)))
     assert all(float(factor[0, 0]) == 1.0 for factor in remedies(cases, none, cases.noise(none)).values())
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cpic_planner.etc import FrameWish, band_cases, build_model, planets_of
+from cpic_planner.etc import FixedFrames, band_cases, build_model, planets_of
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
@@ -12,7 +12,7 @@ MODEL = build_model(load_instrument(), ["F520", "F850"])
 STARS = rank_sample(v_mag_max=2.0).select(range(5))
 
 
-FREE = FrameWish()
+FREE = FixedFrames()
 
 
 def cases(contrast=1e-8, place=(0.5, 0.7), model=MODEL, wish=FREE):
@@ -22,7 +22,7 @@ def cases(contrast=1e-8, place=(0.5, 0.7), model=MODEL, wish=FREE):
 @pytest.mark.parametrize("factor", [1e-20, 1e-3, 1.0, 7.0, 1e8])
 def test_other_contrasts_are_those_computed_afresh(factor):
     other, fresh = cases().rates_at(np.full((5, 2), 1e-8 * factor)), cases(1e-8 * factor).rates
-    for name in ("planet_e_s", "peak_planet_e_s", "peak_hole_e_s", "halo_e_s", "companion_e_s"):
+    for name in ("planet_e_s", "peak_planet_e_s", "peak_in_hole_e_s", "halo_e_s", "companion_e_s"):
         np.testing.assert_allclose(getattr(other, name), getattr(fresh, name), rtol=1e-12)
 
 
@@ -41,7 +41,7 @@ def test_planets_are_one_or_as_many(refused):
 
 def test_planets_of_different_models_in_one_go():
     big, small = ReferencePlanet(radius_rjup=2.0), ReferencePlanet(radius_rjup=1.0)
-    found = band_cases(MODEL, STARS, "F520", planets_of([0.5, 0.5, 0.6], [big, small, big]), FrameWish())
+    found = band_cases(MODEL, STARS, "F520", planets_of([0.5, 0.5, 0.6], [big, small, big]), FixedFrames())
     np.testing.assert_allclose(found.contrast[:, 0], 4.0 * found.contrast[:, 1], rtol=1e-12)
     np.testing.assert_allclose(found.contrast[:, 2] / found.contrast[:, 0], (0.5 / 0.6) ** 2, rtol=1e-12)
 
@@ -62,7 +62,7 @@ def test_places_without_an_answer_are_carried_along():
 
 
 def test_wishes_fix_the_camera():
-    problem = cases(wish=FrameWish(exposure_s=500.0, em_gain=12.0)).problem("snr")
+    problem = cases(wish=FixedFrames(exposure_s=500.0, em_gain=12.0)).problem("snr")
     assert (problem.camera.exposure_min_s, problem.camera.exposure_max_s, problem.fixed_gain()) == (500.0, 500.0, 12.0)
     free = cases().problem("snr")
     assert (free.camera.exposure_max_s, free.fixed_gain()) == (300.0, None)

@@ -25,8 +25,8 @@ ONE = {
     "z2": 1e-12,
     "loss_per_s": 6e-5,
     "peak_columns_e_s": 2e3,
-    "peak_hole_e_s": 5.0,
-    "tail_e_s": 20.0,
+    "peak_in_hole_e_s": 5.0,
+    "register_tail_e_s": 20.0,
 }
 
 
@@ -45,7 +45,7 @@ def drawn(n, seed, camera=CAMERA):
 def white(case, t):
     """Noise over signal squared of a frame at the best of many gains."""
     camera = case.camera
-    hottest = [float(getattr(case, name)[0]) for name in ("peak_columns_e_s", "peak_hole_e_s", "tail_e_s")]
+    hottest = [float(getattr(case, name)[0]) for name in ("peak_columns_e_s", "peak_in_hole_e_s", "register_tail_e_s")]
     wells = ((camera.output_well_e, hottest[1]), (camera.register_full_well_e, hottest[2]))
     cap = min(camera.em_gain_max, *(well / (rate * t + 5 * (2 * rate * t) ** 0.5) for well, rate in wells))
     gain = np.geomspace(1.0, cap, 1500)
@@ -55,7 +55,7 @@ def white(case, t):
 
 
 def longest(case):
-    parts = (float(getattr(case, name)[0]) for name in ("peak_columns_e_s", "peak_hole_e_s", "tail_e_s"))
+    parts = (float(getattr(case, name)[0]) for name in ("peak_columns_e_s", "peak_in_hole_e_s", "register_tail_e_s"))
     return min(float(longest_exposure_s(*parts, case.camera)), case.camera.exposure_max_s)
 
 
@@ -123,7 +123,9 @@ def test_nothing_saturates_and_no_exposure_is_beyond_the_longest():
         assert np.all((choice.em_gain >= 1.0) & (choice.em_gain <= 1000.0))
         assert np.all(choice.n_frames == np.floor(choice.n_frames))
         for i in np.flatnonzero(used):
-            parts = (float(getattr(cases, name)[i]) for name in ("peak_columns_e_s", "peak_hole_e_s", "tail_e_s"))
+            parts = (
+                float(getattr(cases, name)[i]) for name in ("peak_columns_e_s", "peak_in_hole_e_s", "register_tail_e_s")
+            )
             fits = frame_limit(*parts, choice.exposure_s[i] * (1 - 1e-9), choice.em_gain[i] * (1 - 1e-9), CAMERA)
             assert fits is Reason.NONE
         seen = cases.at(used).inverse_snr2(choice.exposure_s[used], choice.n_frames[used])
@@ -191,7 +193,7 @@ def test_the_floor_of_speckles():
 
 
 def test_no_frame_at_all():
-    for case in (problem(peak_columns_e_s=1e9), problem(signal_e_s=0.0), problem(em_gain=1000.0, peak_hole_e_s=1e6)):
+    for case in (problem(peak_columns_e_s=1e9), problem(signal_e_s=0.0), problem(em_gain=1000.0, peak_in_hole_e_s=1e6)):
         assert least_time(case, 1.0).n_frames[0] == 0
         assert best_in_visit(case, np.full(1, 1e4)).n_frames[0] == 0
     assert best_in_visit(problem(), np.full(1, 1.0)).n_frames[0] == 0  # shorter than a readout

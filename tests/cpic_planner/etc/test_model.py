@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from cpic_core import InputError
-from cpic_planner.etc import build_model, check_range, diagonal_pa_deg, locate, stand, usable_range_arcsec
+from cpic_planner.etc import (
+    build_model,
+    check_range,
+    diagonal_pa_deg,
+    place_status,
+    planet_offsets,
+    usable_range_arcsec,
+)
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.queries import Strategy
 from cpic_planner.queries.shared import ReferenceStar
@@ -94,7 +101,7 @@ ROLL = build_model(INSTRUMENT, None, Strategy(library="roll"))
 
 def corners(model, band, place):
     """The circle of the aperture, as points on the detector."""
-    x, y = stand(model, band, place)
+    x, y = planet_offsets(model, band, place)
     angle = np.linspace(0, 2 * np.pi, 721)
     radius = model.instrument.aperture_radius_arcsec(band)
     return x + radius * np.cos(angle), y + radius * np.sin(angle)
@@ -109,27 +116,27 @@ def inside(model, band, x, y):
 @pytest.mark.parametrize("band", MODEL.bands)
 def test_an_answer_needs_the_whole_aperture_in_the_squares(model, band):
     for place in np.linspace(0.2, 1.05, 86):
-        status = locate(model, band, float(place))[0]
+        status = place_status(model, band, float(place))[0]
         assert (status == "ok") == inside(model, band, *corners(model, band, float(place)))
 
 
 def test_the_edges_are_named():
     low, high = usable_range_arcsec(INSTRUMENT, "F520")
-    assert locate(MODEL, "F520", low)[0] == locate(MODEL, "F520", high)[0] == "ok"
-    assert locate(MODEL, "F520", low * 0.999)[1] == "inside_inner_edge"
-    assert locate(MODEL, "F520", high * 1.001)[1] == "outside_outer_edge"
-    assert "F520" in locate(MODEL, "F520", 2.0)[2]
+    assert place_status(MODEL, "F520", low)[0] == place_status(MODEL, "F520", high)[0] == "ok"
+    assert place_status(MODEL, "F520", low * 0.999)[1] == "inside_inner_edge"
+    assert place_status(MODEL, "F520", high * 1.001)[1] == "outside_outer_edge"
+    assert "F520" in place_status(MODEL, "F520", 2.0)[2]
 
 
 def test_a_small_roll_leaves_the_planet_in_its_own_shadow():
     small = build_model(INSTRUMENT, None, Strategy(library="roll", roll_deg=2.0))
-    status, reason, text = locate(small, "F520", 0.6)
+    status, reason, text = place_status(small, "F520", 0.6)
     assert (status, reason) == ("unreachable", "roll_too_small")
     assert "2 deg" in text
 
 
 def test_rolled_planets_stand_half_the_roll_beside_the_diagonal():
-    x, y = stand(ROLL, "F520", 0.6)
+    x, y = planet_offsets(ROLL, "F520", 0.6)
     assert math.hypot(x, y) == pytest.approx(0.6)
     assert math.degrees(math.atan2(y, x)) == pytest.approx(45.0 + 15.0)
 
@@ -137,7 +144,7 @@ def test_rolled_planets_stand_half_the_roll_beside_the_diagonal():
 @pytest.mark.parametrize("parity", [-1, 1])
 def test_parity_turns_the_sky_not_the_detector(parity):
     model = build_model(load_instrument({"detector": {"parity": parity}}), ["F520"])
-    assert stand(model, "F520", 0.6) == stand(MODEL, "F520", 0.6)
+    assert planet_offsets(model, "F520", 0.6) == planet_offsets(MODEL, "F520", 0.6)
     zone = model.metrics["F520"].zone
     # Upper right on the detector: west of the star where x grows to the west.
     assert diagonal_pa_deg(zone, parity) == pytest.approx(315.0 if parity == -1 else 45.0)

@@ -102,7 +102,7 @@ def test_stars_planets_and_places_broadcast():
         for j in range(3):
             for k in range(2):
                 one = of(model(), targets(v_mag), contrast[0, 0, k], X[j : j + 1], Y[j : j + 1])
-                for name in ("planet_e_s", "halo_e_s", "peak_hole_e_s", "background_e_s", "smear_e"):
+                for name in ("planet_e_s", "halo_e_s", "peak_in_hole_e_s", "background_e_s", "smear_e"):
                     found = np.broadcast_to(getattr(every, name), (2, 3, 2))[i, j, k]
                     assert found == pytest.approx(getattr(one, name).item(), rel=1e-12), name
                 assert np.broadcast_to(every.speckle.k0, (2, 3, 2))[i, j, k] == pytest.approx(one.speckle.k0.item())
@@ -113,7 +113,7 @@ def test_one_place_for_each_star():
     every = aperture_rates(model(), type(stars[0]).joined(stars), BAND, X[:3], Y[:3], np.array([1e-8, 3e-8, 2e-8]))
     for i, star in enumerate(stars):
         one = of(model(), star, (1e-8, 3e-8, 2e-8)[i], X[i : i + 1], Y[i : i + 1])
-        for name in ("planet_e_s", "halo_e_s", "companion_e_s", "peak_hole_e_s", "smear_e"):
+        for name in ("planet_e_s", "halo_e_s", "companion_e_s", "peak_in_hole_e_s", "smear_e"):
             assert getattr(every, name).shape == (3,)
             assert getattr(every, name)[i] == pytest.approx(getattr(one, name).item(), rel=1e-12), name
 
@@ -208,13 +208,13 @@ def test_hottest_pixels(light):
     own = light.psf.on_axis[np.ix_(inside, inside)].max()
     contrast = 0.5 * own / off_axis
     alone, pair = (of(model(), star, contrast) for star in (targets(3.0), targets(3.0, **PAIR)))
-    np.testing.assert_allclose(alone.peak_hole_e_s, 1.5 * star_e_s * own, rtol=1e-5)
+    np.testing.assert_allclose(alone.peak_in_hole_e_s, 1.5 * star_e_s * own, rtol=1e-5)
     np.testing.assert_allclose(alone.peak_planet_e_s, 0.5 * star_e_s * own, rtol=1e-5)
     np.testing.assert_allclose(pair.peak_planet_e_s, alone.peak_planet_e_s)
     image = light.psf.at(*companion_place())
     for j, (x, y) in enumerate(zip(X, Y, strict=True)):
         near = np.ix_(np.abs(light.centre - y) <= BIN / 2, np.abs(light.centre - x) <= BIN / 2)
-        added = (pair.peak_hole_e_s - alone.peak_hole_e_s)[0, j]
+        added = (pair.peak_in_hole_e_s - alone.peak_in_hole_e_s)[0, j]
         assert added == pytest.approx(other_e_s * image[near].mean(), rel=0.25)
     columns = PIXEL * (np.arange(1080) - DETECTOR.star_column)
     crossing = (np.abs(columns) >= INNER - PIXEL / 2) & (np.abs(columns) <= OUTER + PIXEL / 2)
@@ -230,7 +230,7 @@ def test_light_beside_the_hole_that_the_register_carries_into_it(light):
         for low, high in ((-OUTER, -INNER), (INNER, OUTER)):
             before, after = row[x < low][::-1], row[x > high]
             worst = max(worst, *(np.max(np.cumsum(run) / np.arange(1, run.size + 1)) for run in (before, after)))
-    assert of(model(), targets(3.0)).tail_e_s.item() == pytest.approx(electrons(3.0) * worst, rel=0.02)
+    assert of(model(), targets(3.0)).register_tail_e_s.item() == pytest.approx(electrons(3.0) * worst, rel=0.02)
 
 
 def test_speckles_are_those_of_pairs_of_visits(light):
@@ -341,10 +341,10 @@ def test_references_of_another_star_are_scaled(v_mag, ratio):
     np.testing.assert_allclose(rates.reference_halo_e_s, own.halo_e_s / ratio, rtol=1e-9)
     np.testing.assert_allclose(rates.reference_scale, ratio**-2, rtol=1e-9)
     brighter = max(ratio, 1.0)
-    for name in ("peak_frame_e_s", "peak_columns_e_s", "tail_e_s"):
+    for name in ("peak_frame_e_s", "peak_columns_e_s", "register_tail_e_s"):
         np.testing.assert_allclose(getattr(rates, name), brighter * getattr(own, name), rtol=1e-9)
-    alone = of(model(), targets(3.0), 1e-30).peak_hole_e_s
-    np.testing.assert_allclose(rates.peak_hole_e_s, own.peak_hole_e_s + (brighter - 1.0) * alone, rtol=1e-9)
+    alone = of(model(), targets(3.0), 1e-30).peak_in_hole_e_s
+    np.testing.assert_allclose(rates.peak_in_hole_e_s, own.peak_in_hole_e_s + (brighter - 1.0) * alone, rtol=1e-9)
 
 
 def test_an_idealised_library_adds_nothing():

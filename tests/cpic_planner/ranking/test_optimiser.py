@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc import build_model, locate, usable_range_arcsec
+from cpic_planner.etc import build_model, place_status, usable_range_arcsec
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking import optimise, separation_grid
@@ -130,7 +130,7 @@ def test_goals_are_one_and_in_range(refused):
 
 def test_rolled_planets_stay_in_the_zone_and_no_place_is_refused(refused):
     roll = build_model(load_instrument(), ["F520"], Strategy(library="roll"))
-    assert all(locate(roll, "F520", float(place))[0] == "ok" for place in separation_grid(roll, "F520"))
+    assert all(place_status(roll, "F520", float(place))[0] == "ok" for place in separation_grid(roll, "F520"))
     assert len(separation_grid(roll, "F520")) < len(separation_grid(MODEL, "F520"))
     for strategy in (Strategy(library="roll", roll_deg=2.0), Strategy(annulus_lambda_d=0.01)):
         refused("band = F520", optimise, build_model(load_instrument(), ["F520"], strategy), STARS, time_s=3600.0)
