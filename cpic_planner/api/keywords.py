@@ -103,10 +103,10 @@ def _parameter(
 def _words(info: FieldInfo) -> str:
     """Type of a keyword in words, as numpydoc has it."""
     own = asked_of(info)
-    if own is not None and own.accepts:
-        return own.accepts
     kind, several = kind_of(info)
-    if get_origin(kind) is Literal:
+    if own is not None and own.accepts:
+        word = own.accepts
+    elif get_origin(kind) is Literal:
         word = f"{{{', '.join(repr(item) for item in get_args(kind))}}}"
     else:
         word = f"sequence of {kind.__name__}" if several else kind.__name__
@@ -119,15 +119,15 @@ def _documented(text: str, model: type[Question], parameters: Sequence[inspect.P
     for parameter in parameters:
         info = model.model_fields[parameter.name]
         own = asked_of(info)
-        told = [spelled(info.description or "")]
+        said = [spelled(info.description or "")]
         limits, unit = limits_of(info), (own.unit if own else "") or unit_of(parameter.name)
         if limits or unit:
-            told.append(f"{limits} {unit}".strip() + ("" if limits else ", as its unit"))
-        if own is not None and own.default_words:
-            told.append(f"default: {spelled(own.default_words)}")
+            said.append(f"{limits} {unit}".strip() + ("" if limits else ", as its unit"))
+        if own is not None and own.unset:
+            said.append(f"default: {spelled(own.unset)}")
         lines.append(f"{parameter.name} : {parameter.annotation}")
-        said = f"{told[0].rstrip('.')} ({'; '.join(told[1:])})." if told[1:] else told[0]
-        lines += textwrap.wrap(said, 110, initial_indent="    ", subsequent_indent="    ")
+        text_of = f"{said[0].rstrip('.')} ({'; '.join(said[1:])})." if said[1:] else said[0]
+        lines += textwrap.wrap(text_of, 110, initial_indent="    ", subsequent_indent="    ")
     body = inspect.cleandoc(text)
     head, sign, rest = body.partition("\n\nReturns\n")
     return "\n".join([head, "", *lines]) + sign + rest + "\n"

@@ -12,31 +12,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from catalogs import Catalogue
+from cpic_planner import queries, results
 from cpic_planner.api.keywords import model_of, stars_named, takes
 from cpic_planner.etc import EtcModel
-from cpic_planner.queries import (
-    ConfirmQuestion,
-    PlanQuestion,
-    RankQuestion,
-    SimulateQuestion,
-    StarImagesQuestion,
-    VisibilityQuestion,
-    WhatIfQuestion,
-    asked,
-)
 from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets
-from cpic_planner.results import (
-    ConfirmedTarget,
-    ConfirmResult,
-    Explanation,
-    PlanResult,
-    RankResult,
-    SensitivityResult,
-    SimulationResult,
-    VisibilityResult,
-    WhatIfResult,
-)
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
+
+_QUIET = {"out": None, "images": 0, "workers": 1}
 
 
 @dataclass(frozen=True)
@@ -51,7 +33,7 @@ class Prepared:
     notes: tuple[str, ...]
 
 
-def prepared(question: RankQuestion) -> Prepared:
+def prepared(question: queries.RankQuestion) -> Prepared:
     """Return the stars of a ranking and how they are ranked.
 
     Raises
@@ -60,14 +42,9 @@ def prepared(question: RankQuestion) -> Prepared:
         For tables that cannot be read, unknown bands, or no star that is left.
     """
     table = as_catalogue(question.catalog)
-    targets = rank_sample(
-        catalog=table,
-        v_mag_max=question.v_mag_max,
-        dwarfs_only=question.dwarfs_only,
-        singles_only=question.singles_only,
-        companions=question.companions,
-    )
-    sample = sample_text(table, question.v_mag_max, question.dwarfs_only, question.singles_only)
+    cuts = {name: getattr(question, name) for name in ("v_mag_max", "dwarfs_only", "singles_only")}
+    targets = rank_sample(catalog=table, companions=question.companions, **cuts)
+    sample = sample_text(table, *cuts.values())
     counted, notes = counted_planets(question), table.notes
     if isinstance(counted, KnownChoice):
         targets, sample = counted.stars(targets), f"{sample}; {KNOWN_ONLY}"
@@ -76,8 +53,8 @@ def prepared(question: RankQuestion) -> Prepared:
     return Prepared(model_of(question), targets, table, sample, asked_for, tuple(notes))
 
 
-@takes(RankQuestion)
-def rank_targets(question: RankQuestion) -> RankResult:
+@takes(queries.RankQuestion)
+def rank_targets(question: queries.RankQuestion) -> results.RankResult:
     """Rank the catalogue by closed forms; see `cpic_planner.ranking.rank_targets` and `cpic_planner.load_targets`.
 
     Returns
@@ -96,8 +73,8 @@ def rank_targets(question: RankQuestion) -> RankResult:
     return rank(ready.model, ready.targets, sample=ready.sample, catalogue=ready.catalogue.provenance, **ready.asked)
 
 
-@takes(RankQuestion)
-def rank_sensitivity(question: RankQuestion) -> SensitivityResult:
+@takes(queries.RankQuestion)
+def rank_sensitivity(question: queries.RankQuestion) -> results.SensitivityResult:
     """Say how the ranking changes under other assumptions; see `cpic_planner.ranking.sensitivity`.
 
     Returns
@@ -110,14 +87,14 @@ def rank_sensitivity(question: RankQuestion) -> SensitivityResult:
     return sensitivity(ready.model, ready.targets, **ready.asked)
 
 
-class ExplainQuestion(RankQuestion):
+class ExplainQuestion(queries.RankQuestion):
     """Why one star stands where it stands."""
 
-    target: str = asked(..., "Star name.", argument=True)
+    target: str = queries.asked(..., "Star name.", argument=True)
 
 
 @takes(ExplainQuestion, first=("target",))
-def explain_rank(question: ExplainQuestion) -> Explanation:
+def explain_rank(question: ExplainQuestion) -> results.Explanation:
     """Say why one star stands where it stands in the ranking.
 
     Returns
@@ -136,8 +113,8 @@ def explain_rank(question: ExplainQuestion) -> Explanation:
     return explain_star(ready.model, ready.targets, name, **ready.asked)
 
 
-@takes(PlanQuestion, first=("out",), needs=("out",))
-def make_plan(question: PlanQuestion) -> PlanResult:
+@takes(queries.PlanQuestion, first=("out",), needs=("out",))
+def make_plan(question: queries.PlanQuestion) -> results.PlanResult:
     """Run the main job and write its products into ``out``; an interrupted run continues there.
 
     Returns
@@ -154,8 +131,8 @@ def make_plan(question: PlanQuestion) -> PlanResult:
     return run(question, question.out, catalog=question.catalog, **question.how).result
 
 
-@takes(StarImagesQuestion, first=("target",), without=("force", "scheduler"))
-def confirm_targets(question: StarImagesQuestion) -> list[ConfirmedTarget]:
+@takes(queries.StarImagesQuestion, first=("target",), without=("force", "scheduler"))
+def confirm_targets(question: queries.StarImagesQuestion) -> list[results.ConfirmedTarget]:
     """Simulate and measure the named stars, each with its reference planet at the best separation.
 
     Returns
@@ -180,8 +157,8 @@ def confirm_targets(question: StarImagesQuestion) -> list[ConfirmedTarget]:
     )
 
 
-@takes(ConfirmQuestion, first=("scene",))
-def confirm_scene(question: ConfirmQuestion) -> ConfirmResult:
+@takes(queries.ConfirmQuestion, first=("scene",))
+def confirm_scene(question: queries.ConfirmQuestion) -> results.ConfirmResult:
     """Observe one scene in simulated images and measure it blind, beside what the ETC expects, as ``cpic confirm``.
 
     Returns
@@ -198,8 +175,8 @@ def confirm_scene(question: ConfirmQuestion) -> ConfirmResult:
     return run(question, question.out, **question.how).result
 
 
-@takes(SimulateQuestion, first=("what", "out"))
-def simulate_products(question: SimulateQuestion) -> SimulationResult:
+@takes(queries.SimulateQuestion, first=("what", "out"))
+def simulate_products(question: queries.SimulateQuestion) -> results.SimulationResult:
     """Make Level-0 products with truth, as ``cpic simulate`` does.
 
     Returns
@@ -214,13 +191,14 @@ def simulate_products(question: SimulateQuestion) -> SimulationResult:
     """
     from cpic_planner.simulation import simulate, simulation_from
 
-    simulation, _ = simulation_from(
-        question.what, settings=question.settings, changes=question.changes, instrument=question.instrument
-    )
+    given = {"settings": question.settings, "changes": question.changes, "instrument": question.instrument}
+    simulation, _ = simulation_from(question.what, **given)
     return simulate(simulation, question.out, truth=question.truth, **question.how).result
 
 
-def visibility_of(question: VisibilityQuestion, tell: Callable[[str], None] = lambda text: None) -> VisibilityResult:
+def visibility_of(
+    question: queries.VisibilityQuestion, tell: Callable[[str], None] = lambda text: None
+) -> results.VisibilityResult:
     """Return when stars can be seen, each star once.
 
     Parameters
@@ -237,17 +215,16 @@ def visibility_of(question: VisibilityQuestion, tell: Callable[[str], None] = la
     from cpic_planner.survey.visibility import load_visibility
     from cpic_planner.survey.visibility.result import visibility_result
 
-    config, mission, table = (
-        load_visibility(question.limits),
-        question.instrument.mission,
-        as_catalogue(question.catalog),
-    )
+    config, mission = load_visibility(question.limits), question.instrument.mission
+    table = as_catalogue(question.catalog)
     stars: dict[str, Targets] = {}
-    found = [find_target(name, catalog=table) for name in question.target]
-    for remark in (*table.notes, *(remark for _, remark in found if remark)):
-        tell(remark)
-    for star, _ in found:
+    remarks = list(table.notes)
+    for name in question.target:
+        star, remark = find_target(name, catalog=table)
         stars.setdefault(str(star.name[0]), star)
+        remarks += [remark] if remark else []
+    for remark in remarks:
+        tell(remark)
     return visibility_result(
         Targets.joined(list(stars.values())),
         config,
@@ -259,8 +236,8 @@ def visibility_of(question: VisibilityQuestion, tell: Callable[[str], None] = la
     )
 
 
-@takes(VisibilityQuestion, first=("target",))
-def star_visibility(question: VisibilityQuestion) -> VisibilityResult:
+@takes(queries.VisibilityQuestion, first=("target",))
+def star_visibility(question: queries.VisibilityQuestion) -> results.VisibilityResult:
     """Say when stars can be seen from the orbit, for how long, and at which roll.
 
     One orbit in the middle of each step stands for it.
@@ -277,8 +254,8 @@ def star_visibility(question: VisibilityQuestion) -> VisibilityResult:
     return visibility_of(question)
 
 
-@takes(WhatIfQuestion, first=("strategies",), without=("strategy",), defaults={"out": None, "images": 0, "workers": 1})
-def compare_strategies(question: WhatIfQuestion) -> WhatIfResult:
+@takes(queries.WhatIfQuestion, first=("strategies",), without=("strategy",), defaults=_QUIET)
+def compare_strategies(question: queries.WhatIfQuestion) -> results.WhatIfResult:
     """Compare survey strategies over the same synthetic universes.
 
     Without ``out`` nothing is kept. Values of ``vary`` carry a unit or an x, see `cpic_planner.survey.sweeps.varied`.

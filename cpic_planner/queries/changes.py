@@ -8,19 +8,17 @@ The one way in which simulator overrides, assumptions of rankings and surveys, a
     bands.F850.qe=x0.8              "*" stands for any name: bands.*.qe, bands.F5*.qe
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, Literal, Self, TypeAlias, cast
 
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
 from cpic_core import InputError
 from cpic_planner.queries.base import advice, children, matching, put, sections
-from cpic_planner.queries.written_values import read_value, two_spellings, with_unit
+from cpic_planner.queries.written_values import is_number, read_value, two_spellings, with_unit
 from simulator.config import Drift, FrozenModel, Instrument, canonical_json, unit_of
 
 ALIASES = {
@@ -45,21 +43,13 @@ NAMES = {key: name for name, key in ALIASES.items()}
 Plain: TypeAlias = StrictBool | StrictInt | StrictFloat | StrictStr | None
 
 # What `simulator.imaging.store.metrics_key` is made of.
+_IN_VISIBLE = ("telescope", "coronagraph", "wavefront", "mirror", "dark_hole", "drift.psd_slope")
+_IN_INFRARED = ("pixel_scale_arcsec", "mask_half_width_arcsec", "outer_half_side_arcsec")
+_IN_BAND = ("camera", "center_nm", "width_nm", "transmission_file")
 _OPTICS = (
-    "telescope",
-    "coronagraph",
-    "near_infrared.pixel_scale_arcsec",
-    "near_infrared.mask_half_width_arcsec",
-    "near_infrared.outer_half_side_arcsec",
-    "wavefront",
-    "mirror",
-    "dark_hole",
-    "drift.psd_slope",
-    "bands.*.camera",
-    "bands.*.center_nm",
-    "bands.*.width_nm",
-    "bands.*.transmission_file",
-    "detector.pixel_scale_arcsec",
+    *(*_IN_VISIBLE, "detector.pixel_scale_arcsec"),
+    *(f"near_infrared.{name}" for name in _IN_INFRARED),
+    *(f"bands.*.{name}" for name in _IN_BAND),
 )
 
 
@@ -74,12 +64,16 @@ class Change(FrozenModel):
     value: Plain
 
     @model_validator(mode="after")
-    def _possible(self) -> Change:
-        if self.action == "scale" and not (_is_number(self.value) and cast(float, self.value) >= 0):
-            raise InputError(self.key, self.value_text, allowed="a finite factor, at least 0")
+    def _possible(self) -> Self:
+        if self.action == "scale" and not (is_number(self.value) and cast(float, self.value) >= 0):
+            raise self.refused("a finite factor, at least 0")
         if self.key == COMPANIONS and (self.action == "scale" or self.value not in ("on", "off")):
-            raise InputError(self.key, self.value_text, allowed="on, off")
+            raise self.refused("on, off")
         return self
+
+    def refused(self, allowed: str, hint: str = "") -> InputError:
+        """Return the refusal of this change."""
+        return InputError(self.key, self.value_text, allowed=allowed, hint=hint)
 
     @property
     def value_text(self) -> str:
@@ -93,7 +87,7 @@ class Change(FrozenModel):
         name = NAMES.get(self.key, self.key)
         if self.action == "scale" or self.key == COMPANIONS:
             return f"{name} {self.value_text}"
-        return f"{name} = {with_unit(self.value_text, unit_of(self.key) if _is_number(self.value) else '')}"
+        return f"{name} = {with_unit(self.value_text, unit_of(self.key) if is_number(self.value) else '')}"
 
     @property
     def is_optical(self) -> bool:
@@ -101,12 +95,12 @@ class Change(FrozenModel):
         return is_optical(self.key)
 
     @classmethod
-    def scaling(cls, key: str, factor: float) -> Change:
+    def scaling(cls, key: str, factor: float) -> Self:
         """Return the change of a number by a factor."""
         return cls(key=key, action="scale", value=factor)
 
     @classmethod
-    def read(cls, given: str, value: Any, nominal: Instrument | None = None) -> Change:
+    def read(cls, given: str, value: Any, nominal: Instrument | None = None) -> Self:
         """Return the change that a key and a value mean, as people write them.
 
         Parameters
@@ -125,7 +119,7 @@ class Change(FrozenModel):
         key, unit = ALIASES.get(given, given), unit_of(long_key(given))
         if not isinstance(value, bool | int | float | str | None):
             raise InputError(key, value, allowed="a number, a word, or a factor as x0.7")
-        bare, text = _is_number(value), str(value)
+        bare, text = is_number(value), str(value)
         if isinstance(value, str):
             written = read_value(key, value, unit)
             if written.action == "scale":
@@ -135,21 +129,11 @@ class Change(FrozenModel):
         if isinstance(value, float) and not math.isfinite(value):
             raise InputError(key, str(value), allowed="a finite number")
         if bare and given in (*ALIASES, DRIFT):
-            raise two_spellings(
-                given,
-                given,
-                text.strip(),
-                unit=unit,
-                present=_present(long_key(given), nominal),
-                value_key="" if unit else key,
-            )
-        if key == DRIFT and not (_is_number(value) and value >= 0):
-            raise InputError(
-                key,
-                text,
-                allowed="a factor as x2, or a number with a unit as 0.1nm, at least 0",
-                hint=f"its keys: {', '.join(Drift.model_fields)}",
-            )
+            present, value_key = _present(long_key(given), nominal), "" if unit else key
+            raise two_spellings(given, given, text.strip(), unit=unit, present=present, value_key=value_key)
+        if key == DRIFT and not (is_number(value) and value >= 0):
+            allowed = "a factor as x2, or a number with a unit as 0.1nm, at least 0"
+            raise InputError(key, text, allowed=allowed, hint=f"its keys: {', '.join(Drift.model_fields)}")
         if key == COMPANIONS and isinstance(value, bool):
             value = "on" if value else "off"
         return cls(key=key, value=value)
@@ -188,23 +172,16 @@ def alterations(nominal: Instrument, changes: Iterable[Change]) -> tuple[Alterat
     InputError
         For a key that the instrument does not have, a factor on what is no number, and a value altered twice.
     """
-    found: dict[str, Alteration] = {}
+    altered_by: dict[str, Alteration] = {}
     for change in changes:
         for key, value, altered in change.values(nominal):
-            if key in found:
-                raise InputError(
-                    change.key,
-                    change.value_text,
-                    allowed="each value altered once",
-                    hint=f"{key} is altered by {found[key].change.key} too",
-                )
-            found[key] = Alteration(key, value, altered, change)
-    return tuple(found[key] for key in sorted(found))
+            if key in altered_by:
+                raise change.refused("each value altered once", f"{key} is altered by {altered_by[key].change.key} too")
+            altered_by[key] = Alteration(key, value, altered, change)
+    return tuple(altered_by[key] for key in sorted(altered_by))
 
 
-def tree_of(
-    items: Iterable[Alteration], leaf: Callable[[Alteration], Any] = lambda item: item.altered
-) -> dict[str, Any]:
+def tree_of(items: Iterable[Alteration], leaf: Callable[[Alteration], Any] = lambda one: one.altered) -> dict[str, Any]:
     """Return alterations as the mapping that `Instrument.changed` takes.
 
     Parameters
@@ -251,58 +228,38 @@ def long_key(key: str) -> str:
 
 def _present(key: str, nominal: Instrument | None) -> float | None:
     """The number of an instrument that a key means, if it means one."""
-    found = {} if nominal is None else dict(matching(sections(nominal), key))
-    values = {value for value in found.values() if _is_number(value)}
+    leaves = {} if nominal is None else dict(matching(sections(nominal), key))
+    values = {value for value in leaves.values() if is_number(value)}
     return values.pop() if len(values) == 1 else None
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _leaves(nominal: Instrument, change: Change) -> list[tuple[str, Any]]:
     """Keys and values of an instrument that a key means."""
     root = sections(nominal)
     if change.key == DRIFT:
-        return [found for key in (_VISIT, _WALK) for found in matching(root, key)]
-    found = list(matching(root, change.key))
-    if not found:
-        raise InputError(
-            change.key,
-            change.value_text,
-            allowed="a key of the instrument",
-            hint=advice(root, change.key, (*ALIASES, COMPANIONS)),
-        )
-    for key, value in found:
+        return [leaf for key in (_VISIT, _WALK) for leaf in matching(root, key)]
+    leaves = list(matching(root, change.key))
+    if not leaves:
+        raise change.refused("a key of the instrument", advice(root, change.key, (*ALIASES, COMPANIONS)))
+    for key, value in leaves:
         below = children(value)
         if below is not None:
-            raise InputError(
-                change.key,
-                change.value_text,
-                allowed=f"a single value, not all of {key}",
-                hint=f"its keys: {', '.join(below)}",
-            )
-    return found
+            raise change.refused(f"a single value, not all of {key}", f"its keys: {', '.join(below)}")
+    return leaves
 
 
 def _altered(change: Change, key: str, nominal: Any, instrument: Instrument) -> Any:
     if change.key == DRIFT and change.action == "set" and key == _WALK:
         offset = instrument.drift.visit_nm
         if not offset:
-            raise InputError(
-                change.key,
-                change.value_text,
-                allowed="an instrument with drift",
-                hint=f"its {_VISIT} is 0: the walk cannot be scaled in the same ratio",
-            )
+            hint = f"its {_VISIT} is 0: the walk cannot be scaled in the same ratio"
+            raise change.refused("an instrument with drift", hint)
         return nominal * cast(float, change.value) / offset
     if change.action == "scale":
-        if not _is_number(nominal):
+        if not is_number(nominal):
             shown = "not set" if nominal is None else str(nominal).lower()
-            raise InputError(
-                change.key, change.value_text, allowed="a value: only numbers take a factor", hint=f"{key} is {shown}"
-            )
+            raise change.refused("a value: only numbers take a factor", f"{key} is {shown}")
         return nominal * cast(float, change.value)
     if isinstance(nominal, bool) and change.value in ("on", "off"):
         return change.value == "on"
-    return change.value_text if isinstance(nominal, str) and _is_number(change.value) else change.value
+    return change.value_text if isinstance(nominal, str) and is_number(change.value) else change.value

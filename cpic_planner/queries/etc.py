@@ -1,31 +1,18 @@
 """The question of ``cpic etc``: time for a level, SNR for a time, or the contrast limit of one star."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BeforeValidator, model_validator
 
 from cpic_core import InputError
+from cpic_planner.queries import shared
 from cpic_planner.queries.base import called
 from cpic_planner.queries.fields import asked
-from cpic_planner.queries.shared import (
-    DEFAULT_TIME_S,
-    MAX_REALISATIONS,
-    Fidelity,
-    InstrumentQuestion,
-    ReferencePlanet,
-    Seed,
-    StarsQuestion,
-    Strategy,
-    Texts,
-    several,
-)
 from simulator.config import validate
 from simulator.knobs import Dial, dial_of
 
-Numbers = Annotated[tuple[float, ...], BeforeValidator(several)]
+Numbers = Annotated[tuple[float, ...], BeforeValidator(shared.several)]
 _LEVELS = ("snr", "sigma", "detect")
 
 
@@ -33,10 +20,11 @@ def _planets(given: Any) -> Any:
     """Planets from what people write: one or several, objects or mappings."""
     if isinstance(given, Sequence) and not isinstance(given, str):
         return tuple(_planets(body) for body in given)
-    return given if isinstance(given, ReferencePlanet) else validate(ReferencePlanet, given, where="planet")
+    planet = shared.ReferencePlanet
+    return given if isinstance(given, planet) else validate(planet, given, where="planet")
 
 
-class EtcQuestion(InstrumentQuestion, StarsQuestion):
+class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
     """Ask the exposure-time calculator.
 
     With ``contrast_limit`` the answer is the faintest contrast that reaches the level, else with a level the least
@@ -45,7 +33,7 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
 
     KIND: ClassVar[str] = "etc"
 
-    target: Texts = asked(
+    target: shared.Texts = asked(
         ...,
         'Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700", "61 Cyg A" ...',
         argument=True,
@@ -61,14 +49,14 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
     )
     detect: bool = asked(False, "Level: a detection, by the small-sample threshold at that separation.")
     time_s: float | None = asked(
-        None, "Wall time of one visit, readouts and reference frames included.", default_words=f"{DEFAULT_TIME_S:g}"
+        None, "Wall time of one visit, readouts and reference frames included.", unset=f"{shared.DEFAULT_TIME_S:g}"
     )
     contrast_limit: bool = asked(False, "Ask for the faintest contrast that reaches the level in {time_s}.")
     separation_arcsec: Numbers | None = asked(
         None,
         "Projected separation, on the diagonal of a quadrant; repeat for several.",
-        accepts="float or sequence of float, optional",
-        default_words="where the answer is best",
+        accepts="float or sequence of float",
+        unset="where the answer is best",
     )
     semi_major_axis_au: float | None = asked(
         None, "Radius of a circular orbit; gives separation and distance at the phase angle."
@@ -76,13 +64,13 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
     contrast: Numbers | None = asked(
         None,
         "Planet-to-star ratio instead of a planet model; repeat for several (as many as separations, or one of them).",
-        accepts="float or sequence of float, optional",
+        accepts="float or sequence of float",
     )
-    planet: ReferencePlanet | tuple[ReferencePlanet, ...] = asked(
-        ReferencePlanet(),
+    planet: shared.ReferencePlanet | tuple[shared.ReferencePlanet, ...] = asked(
+        shared.ReferencePlanet(),
         "The planet whose light is asked for.",
         read=_planets,
-        accepts="ReferencePlanet, mapping, or sequence of them, optional",
+        accepts="ReferencePlanet, mapping, or sequence of them",
     )
     exposure_s: float | None = asked(None, "Frame exposure, instead of the best.")
     n_frames: int | None = asked(None, "Science frames of {exposure_s}; sets the time.", ge=1, option="--frames")
@@ -90,25 +78,19 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
     exact: bool = asked(
         False, "Use all of the time, although the walk of the wavefront can make a shorter visit better."
     )
-    strategy: Strategy = asked(
-        Strategy(), "How the observation is made and reduced.", accepts="Strategy or mapping, optional"
-    )
+    strategy: shared.Strategy = shared.asked_strategy()
     distance_pc: float | None = asked(None, "Distance, instead of the catalogue's.")
-    fidelity: Fidelity | None = asked(None, "Closed forms alone, or checked in images.", default_words="quick")
+    fidelity: shared.Fidelity | None = asked(None, "Closed forms alone, or checked in images.", unset="quick")
     tolerance: float | None = asked(
         None, "Instead of {fidelity}: images only where the stated error of planet flux or SNR exceeds this, 0 to 0.5."
     )
     realisations: int | None = asked(
-        None,
-        "Draws of the images of each answer.",
-        ge=1,
-        le=MAX_REALISATIONS,
-        default_words="what tells the SNR to 5 %",
+        None, "Draws of the images of each answer.", ge=1, le=shared.MAX_REALISATIONS, unset="what tells the SNR to 5 %"
     )
-    seed: Seed | None = asked(None, "Seed of the images.", default_words="1")
+    seed: shared.Seed | None = asked(None, "Seed of the images.", unset="1")
 
     @model_validator(mode="after")
-    def _possible(self) -> EtcQuestion:
+    def _possible(self) -> Self:
         self._check_level()
         self._check_planet()
         self._check_images()
@@ -128,18 +110,16 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
         self.refuse_together(("separation_arcsec", "semi_major_axis_au"), "both place the planet")
         self.refuse_together(("contrast_limit", "contrast"), "the limit is the answer")
         planet = self.planet
-        for path in (
-            ("planet",) if isinstance(planet, tuple) else (f"planet.{name}" for name in planet.model_fields_set)
-        ):
+        paths = ["planet"] if isinstance(planet, tuple) else [f"planet.{name}" for name in planet.model_fields_set]
+        for path in paths:
             if path == "planet.phase_deg" and self.semi_major_axis_au is not None:
                 continue
             self.refuse_together((path, "contrast"), "a given contrast needs no planet")
             self.refuse_together((path, "contrast_limit"), "the limit holds for any planet")
         places, ratios = len(self.separation_arcsec or ()), len(self.contrast or ())
         if min(places, ratios) > 1 and places != ratios:
-            raise InputError(
-                "contrast", f"{ratios} times", allowed=f"once, or {places} times as {called('separation_arcsec')}"
-            )
+            allowed = f"once, or {places} times as {called('separation_arcsec')}"
+            raise InputError("contrast", f"{ratios} times", allowed=allowed)
 
     def _check_images(self) -> None:
         self.refuse_together(("tolerance", "fidelity"), "they are two names of one dial")
@@ -166,7 +146,7 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
     @property
     def wall_s(self) -> float:
         """The wall time that is given; of no meaning where it is asked for, or where frames set it."""
-        return DEFAULT_TIME_S if self.time_s is None else self.time_s
+        return shared.DEFAULT_TIME_S if self.time_s is None else self.time_s
 
     def hashed(self) -> dict[str, Any]:
         """Return what decides numbers: the dial by what it does, and only what the answer depends on."""
@@ -178,21 +158,17 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
         return tree | {"dial": self.dial.model_dump(mode="json"), "seed": 1 if self.seed is None else self.seed}
 
 
-class OptimiseQuestion(InstrumentQuestion, StarsQuestion):
+class OptimiseQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
     """Ask for the best band, separation, exposure, number of frames and EM gain of stars."""
 
     KIND: ClassVar[str] = "optimise"
 
-    target: Texts = asked(..., "Star names.", accepts="str or sequence of str")
+    target: shared.Texts = asked(..., "Star names.", accepts="str or sequence of str")
     time_s: float | None = asked(
-        None, "Wall time: the clearest detection within it.", default_words="36000 if no goal is given"
+        None, "Wall time: the clearest detection within it.", unset="36000 if no goal is given"
     )
     snr: float | None = asked(None, "Photometric SNR to reach in the least time.")
     detect: bool = asked(False, "A detection to reach in the least time.")
     separation_arcsec: float | None = asked(None, "Projected separation of the planet, instead of the best one.")
-    planet: ReferencePlanet = asked(
-        ReferencePlanet(), "The reference planet.", read=_planets, accepts="ReferencePlanet or mapping, optional"
-    )
-    strategy: Strategy = asked(
-        Strategy(), "How the observation is made and reduced.", accepts="Strategy or mapping, optional"
-    )
+    planet: shared.ReferencePlanet = shared.asked_planet(read=_planets)
+    strategy: shared.Strategy = shared.asked_strategy()

@@ -38,7 +38,7 @@ class Asked:
         Whether the value decides numbers, so that it enters the hash of a run.
     argument : bool
         Whether the command line takes it by position.
-    default_words : str
+    unset : str
         The default in words, where it is no plain value.
     accepts : str
         Types that the Python function takes, in words.
@@ -64,7 +64,7 @@ class Asked:
     unit: str = ""
     physics: bool = True
     argument: bool = False
-    default_words: str = ""
+    unset: str = ""
     accepts: str = ""
     metavar: str = ""
     hidden: bool = False
@@ -111,7 +111,7 @@ def asked(default: Any = ..., text: str = "", **settings: Any) -> Any:
 
 def spelled(text: str, names: Mapping[str, str] | None = None) -> str:
     """Return a text with the fields in its braces by their names, which are their keywords without ``names``."""
-    return re.sub(r"\{(\w+)\}", lambda found: (names or {}).get(found[1], found[1]), text)
+    return re.sub(r"\{(\w+)\}", lambda match: (names or {}).get(match[1], match[1]), text)
 
 
 def asked_of(info: FieldInfo) -> Asked | None:
@@ -240,7 +240,7 @@ def _parts(annotation: Any) -> tuple[Any, ...]:
 
 def help_of(name: str, info: FieldInfo, own: Asked) -> str:
     """Return the help of an option: its text, then default, range and unit."""
-    said = [f"default: {word}"] if (word := own.default_words or _plain(info.default)) else []
+    said = [f"default: {word}"] if (word := own.unset or _plain(info.default)) else []
     limits = limits_of(info)
     unit = own.unit or unit_of(name)
     said += [f"{limits} {unit}".strip()] if limits else []
@@ -253,6 +253,6 @@ def _plain(default: Any) -> str:
         return "on" if default is True else ""
     if isinstance(default, tuple):
         return ", ".join(map(_plain, default))
-    return (
-        f"{default:g}" if isinstance(default, int | float) else str(default) if isinstance(default, str | Path) else ""
-    )
+    if isinstance(default, int | float):
+        return f"{default:g}"
+    return str(default) if isinstance(default, str | Path) else ""

@@ -3,31 +3,17 @@
 The question of ``cpic confirm``: what simulated images of a scene show.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from catalogs import resolve_star
 from cpic_core import InputError
+from cpic_planner.queries import shared
 from cpic_planner.queries.base import Parts, called
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.overrides import SimulatorOverrides
-from cpic_planner.queries.shared import (
-    MAX_REALISATIONS,
-    Fidelity,
-    InstrumentQuestion,
-    OnOff,
-    Reduction,
-    ReferencePlanet,
-    RunQuestion,
-    Seed,
-    StarsQuestion,
-    Strategy,
-    Texts,
-)
 from simulator.config import Scene, load_scene
 from simulator.knobs import Dial, dial_of
 
@@ -35,24 +21,22 @@ REALISATIONS = 8
 """Draws of drift and noise of every target and band: an SNR of 10 from 12 apertures is then known to 9 %."""
 
 
-class ImageQuestion(InstrumentQuestion):
+class ImageQuestion(shared.InstrumentQuestion):
     """What decides images that are measured.
 
     ``fidelity`` or ``tolerance`` set the dial of speed against accuracy, ``standard`` without any.
     ``simulator_overrides`` alter the images alone.
     """
 
-    strategy: Strategy = asked(
-        Strategy(),
+    strategy: shared.Strategy = shared.asked_strategy(
         "How the observation is made and reduced; photon counting is predicted, not yet measured in images.",
-        group=Reduction,
-        accepts="Strategy or mapping, optional",
+        group=shared.Reduction,
     )
     realisations: int = asked(
         REALISATIONS,
         "Made-up observations of every planet and band, each with its own drift and noise.",
         ge=1,
-        le=MAX_REALISATIONS,
+        le=shared.MAX_REALISATIONS,
     )
     simulator_overrides: SimulatorOverrides = asked(
         SimulatorOverrides(),
@@ -61,15 +45,15 @@ class ImageQuestion(InstrumentQuestion):
         metavar="KEY=VALUE",
         several=True,
         option="--simulator-overrides",
-        accepts="mapping, str, Path or sequence, optional",
+        accepts="mapping, str, Path or sequence",
     )
-    fidelity: Fidelity | None = asked(None, "Speed against accuracy of the images.", default_words="standard")
+    fidelity: shared.Fidelity | None = asked(None, "Speed against accuracy of the images.", unset="standard")
     tolerance: float | None = asked(
         None,
         "Instead of {fidelity}: the cheapest images whose planet flux and SNR are predicted to be this close to the "
         "reference, 0 to 0.5.",
     )
-    seed: Seed = asked(1, "Seed of every random number.")
+    seed: shared.Seed = asked(1, "Seed of every random number.")
 
     @classmethod
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
@@ -79,7 +63,7 @@ class ImageQuestion(InstrumentQuestion):
         return tree
 
     @model_validator(mode="after")
-    def _imaged(self) -> ImageQuestion:
+    def _imaged(self) -> Self:
         refuse_counting(self.strategy)
         self.simulator_overrides.instrument(self.instrument)  # refuses unknown keys
         self.refuse_together(("tolerance", "fidelity"), "they are two names of one dial")
@@ -100,27 +84,20 @@ class ImageQuestion(InstrumentQuestion):
     @property
     def image_settings(self) -> dict[str, Any]:
         """Settings of `cpic_planner.validation.task.task_of`."""
-        return {
-            "seed": self.seed,
-            "fidelity": self.fidelity,
-            "tolerance": self.tolerance,
-            "realisations": self.realisations,
-            "overrides": self.simulator_overrides,
-        }
+        same = {name: getattr(self, name) for name in ("seed", "fidelity", "tolerance", "realisations")}
+        return same | {"overrides": self.simulator_overrides}
 
 
-class StarImagesQuestion(ImageQuestion, StarsQuestion, RunQuestion):
+class StarImagesQuestion(ImageQuestion, shared.StarsQuestion, shared.RunQuestion):
     """Images of named stars, each with its reference planet at the best separation."""
 
     KIND: ClassVar[str] = "confirm_targets"
 
-    target: Texts = asked(..., "Star names.", accepts="str or sequence of str")
+    target: shared.Texts = asked(..., "Star names.", accepts="str or sequence of str")
     time_s: float = asked(
         36000.0, "Wall time per target and band, readouts and reference frames included.", ge=1e-3, le=1e9
     )
-    planet: ReferencePlanet = asked(
-        ReferencePlanet(), "The reference planet.", accepts="ReferencePlanet or mapping, optional"
-    )
+    planet: shared.ReferencePlanet = shared.asked_planet()
 
 
 def audited(dial: Dial, asked_for: bool | None = None) -> bool:
@@ -138,16 +115,12 @@ def audited(dial: Dial, asked_for: bool | None = None) -> bool:
         Where one is asked of the reference.
     """
     if asked_for and dial.fidelity == "reference":
-        raise InputError(
-            "audit",
-            "given",
-            allowed="quick, standard or a tolerance",
-            hint="the reference runs every realisation frame by frame",
-        )
+        hint, allowed = "the reference runs every realisation frame by frame", "quick, standard or a tolerance"
+        raise InputError("audit", "given", allowed=allowed, hint=hint)
     return dial.fidelity == "standard" if asked_for is None else asked_for
 
 
-def refuse_counting(strategy: Strategy) -> None:
+def refuse_counting(strategy: shared.Strategy) -> None:
     """Refuse photon counting, which is predicted but not measured in images.
 
     Raises
@@ -156,12 +129,8 @@ def refuse_counting(strategy: Strategy) -> None:
         Naming the mode.
     """
     if strategy.mode != "analogue":
-        raise InputError(
-            "strategy.mode",
-            strategy.mode,
-            allowed="analogue",
-            hint="photon counting is predicted, not yet measured in images",
-        )
+        hint = "photon counting is predicted, not yet measured in images"
+        raise InputError("strategy.mode", strategy.mode, allowed="analogue", hint=hint)
 
 
 MAX_FRAMES = 4000
@@ -172,8 +141,8 @@ class SceneParts(Parts):
     """Options of a scene."""
 
     scene: str = asked(..., "Scene: a preset or a YAML file.", argument=True)
-    companions: OnOff | None = asked(
-        None, "Put the scene's companions on the images.", default_words="as the scene says"
+    companions: shared.OnOff | None = asked(
+        None, "Put the scene's companions on the images.", unset="as the scene says"
     )
 
     def made(self, base: Any) -> Scene:
@@ -193,15 +162,11 @@ def _scene(source: str) -> Scene:
             resolve_star(source)
         except InputError:
             raise error from None
-        raise InputError(
-            error.key,
-            source,
-            allowed=error.allowed,
-            hint="this is a star of the catalogue: write a scene with it as cstar, or see cpic plan",
-        ) from None
+        hint = "this is a star of the catalogue: write a scene with it as cstar, or see cpic plan"
+        raise InputError(error.key, source, allowed=error.allowed, hint=hint) from None
 
 
-class ConfirmQuestion(ImageQuestion, RunQuestion):
+class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
     """Everything that decides the confirmation of a scene.
 
     Frames are given by ``exposure_s`` and ``n_frames``, or are the best within ``time_s`` of wall time for the first
@@ -219,33 +184,28 @@ class ConfirmQuestion(ImageQuestion, RunQuestion):
         accepts="Scene, mapping, str or Path",
     )
     time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
-        None, "Wall time per band, readouts and reference frames included.", default_words="36000"
+        None, "Wall time per band, readouts and reference frames included.", unset="36000"
     )
     exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = asked(None, "Exposure of one frame.")
     n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = asked(
         None, "Science frames; needs {exposure_s}.", option="--frames"
     )
-    em_gain: Annotated[float, Field(ge=1, le=1e4)] | None = asked(None, "Actual EM gain.", default_words="the best one")
+    em_gain: Annotated[float, Field(ge=1, le=1e4)] | None = asked(None, "Actual EM gain.", unset="the best one")
     audit: bool | None = asked(
-        None, "Run one more realisation frame by frame, with every effect.", default_words="with {fidelity} standard"
+        None, "Run one more realisation frame by frame, with every effect.", unset="with {fidelity} standard"
     )
-    out: Path | None = asked(None, "Output folder.", default_words="print only", physics=False)
+    out: Path | None = asked(None, "Output folder.", unset="print only", physics=False)
 
     @model_validator(mode="after")
-    def _frames(self) -> ConfirmQuestion:
+    def _frames(self) -> Self:
         if self.time_s is not None and self.n_frames is not None:
-            raise InputError(
-                "n_frames", self.n_frames, allowed=f"without {called('time_s')}", hint="the time sets their number"
-            )
+            allowed = f"without {called('time_s')}"
+            raise InputError("n_frames", self.n_frames, allowed=allowed, hint="the time sets their number")
         if self.n_frames is not None and self.exposure_s is None:
             raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
         if self.exposure_s is not None and self.n_frames is None and self.time_s is None:
-            raise InputError(
-                "exposure_s",
-                self.exposure_s,
-                unit="s",
-                allowed=f"together with {called('n_frames')} or {called('time_s')}",
-            )
+            allowed = f"together with {called('n_frames')} or {called('time_s')}"
+            raise InputError("exposure_s", self.exposure_s, unit="s", allowed=allowed)
         if self.force and self.out is None:
             raise InputError("force", "given", allowed=f"together with {called('out')}")
         audited(self.dial, self.audit)

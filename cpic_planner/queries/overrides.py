@@ -48,12 +48,8 @@ class SimulatorOverrides(FrozenModel):
         keys = [entry.key for entry in entries]
         for key in keys:
             if keys.count(key) > 1:
-                raise InputError(
-                    key,
-                    "given twice",
-                    allowed="each key once",
-                    hint=f"{NAMES[key]} is the same key" if key in NAMES else "",
-                )
+                hint = f"{NAMES[key]} is the same key" if key in NAMES else ""
+                raise InputError(key, "given twice", allowed="each key once", hint=hint)
         return tuple(sorted(entries, key=lambda entry: entry.key))
 
     @classmethod
@@ -114,10 +110,7 @@ class SimulatorOverrides(FrozenModel):
 
     def companions(self, nominal: OnOff) -> OnOff:
         """Whether the light of companions is in the images, given whether the prediction counts it."""
-        for entry in self.entries:
-            if entry.key == COMPANIONS:
-                return cast(OnOff, entry.value)
-        return nominal
+        return next((cast(OnOff, entry.value) for entry in self.entries if entry.key == COMPANIONS), nominal)
 
     def scene(self, nominal: Scene) -> Scene:
         """The scene that is simulated, given the one of the prediction."""
@@ -205,8 +198,8 @@ def _stated(key: str, value: Any) -> Any:
 
 def _sourced(item: Alteration) -> dict[str, Any]:
     """An altered value with its standing, as an instrument's file has it."""
-    told = f"override of the simulator, {item.change.text}; nominal {item.nominal}"
-    return {"value": item.altered, "source": told, "confidence": "A"}
+    source = f"override of the simulator, {item.change.text}; nominal {item.nominal}"
+    return {"value": item.altered, "source": source, "confidence": "A"}
 
 
 def _named(error: InputError) -> InputError:

@@ -1,24 +1,14 @@
 """The question of ``cpic rank``: which stars promise most."""
 
-from __future__ import annotations
-
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from pydantic import model_validator
 
 from cpic_core import InputError
 from cpic_planner.planets import PopulationConfig, load_population
+from cpic_planner.queries import shared
 from cpic_planner.queries.base import called
 from cpic_planner.queries.fields import asked
-from cpic_planner.queries.shared import (
-    DEFAULT_TIME_S,
-    CutsQuestion,
-    InstrumentQuestion,
-    KnownPlanetsQuestion,
-    ReferencePlanet,
-    Seed,
-    Strategy,
-)
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 
 N_PLANETS = 4000
@@ -26,18 +16,16 @@ N_PLANETS = 4000
 MAX_PLANETS = 1_000_000
 
 
-class CountedPlanetsQuestion(KnownPlanetsQuestion):
+class CountedPlanetsQuestion(shared.KnownPlanetsQuestion):
     """A question about the planets that completeness counts: of a population, or known ones."""
 
-    planet: ReferencePlanet = asked(
-        ReferencePlanet(), "The reference planet.", accepts="ReferencePlanet or mapping, optional"
-    )
+    planet: shared.ReferencePlanet = shared.asked_planet()
     population: PopulationConfig = asked(
         load_population,
         "Planets that completeness refers to: giants, jupiters, solar_system, or a YAML file.",
         read=load_population,
-        default_words="giants",
-        accepts="PopulationConfig, mapping, str or Path, optional",
+        unset="giants",
+        accepts="PopulationConfig, mapping, str or Path",
     )
     n_planets: int = asked(
         N_PLANETS,
@@ -50,32 +38,27 @@ class CountedPlanetsQuestion(KnownPlanetsQuestion):
     def check_planets(self) -> None:
         """Refuse a population beside known planets, and a date without them."""
         if self.known_planets is not None and "population" in self.model_fields_set:
-            raise InputError(
-                "population",
+            taken, hint = (
                 f"given with {called('known_planets')}",
-                allowed="one of the two",
-                hint="known planets stand instead of a hypothetical population",
+                "known planets stand instead of a hypothetical population",
             )
+            raise InputError("population", taken, allowed="one of the two", hint=hint)
         if self.known_planets is None and self.date_utc is not None:
-            raise InputError(
-                "date_utc",
-                self.date_utc,
-                allowed=f"only with {called('known_planets')}",
-                hint="nothing else depends on a date",
-            )
+            allowed = f"only with {called('known_planets')}"
+            raise InputError("date_utc", self.date_utc, allowed=allowed, hint="nothing else depends on a date")
 
 
-class RankedQuestion(InstrumentQuestion, CutsQuestion, CountedPlanetsQuestion):
+class RankedQuestion(shared.InstrumentQuestion, shared.CutsQuestion, CountedPlanetsQuestion):
     """What a ranking of stars is asked."""
 
     time_s: float = asked(
-        DEFAULT_TIME_S, "Wall time per target and band, readouts and reference frames included.", ge=1e-3, le=1e9
+        shared.DEFAULT_TIME_S, "Wall time per target and band, readouts and reference frames included.", ge=1e-3, le=1e9
     )
-    seed: Seed = asked(1, "Seed of every random number.")
+    seed: shared.Seed = asked(1, "Seed of every random number.")
     score: ScoreName = asked(DEFAULT_SCORE, "What the ranking is by.")
 
     @model_validator(mode="after")
-    def _one_kind_of_planets(self) -> RankedQuestion:
+    def _one_kind_of_planets(self) -> Self:
         self.check_planets()
         return self
 
@@ -85,6 +68,4 @@ class RankQuestion(RankedQuestion):
 
     KIND: ClassVar[str] = "rank"
 
-    strategy: Strategy = asked(
-        Strategy(), "How the observation is made and reduced.", accepts="Strategy or mapping, optional"
-    )
+    strategy: shared.Strategy = shared.asked_strategy()

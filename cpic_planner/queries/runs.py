@@ -29,19 +29,8 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
     out: Path = asked(Path("cpic-plan"), "Output folder; an interrupted run continues there.", physics=False)
 
 
-UNIVERSE = (
-    "universes",
-    "seed",
-    "start_utc",
-    "duration_days",
-    "slot_days",
-    "observed",
-    "background",
-    "visibility",
-    "catalog",
-    "instrument",
-    "known_planets",
-)
+_SAMPLE = ("universes", "seed", "start_utc", "duration_days", "slot_days")
+UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "catalog", "instrument", "known_planets")
 """Fields that stand instead of those of `cpic_planner.survey.strategy_file.UniverseConfig`, which checks them."""
 
 
@@ -58,21 +47,19 @@ class WhatIfQuestion(RunQuestion):
         "Preset (survey_default) or YAML file.",
         argument=True,
         command=str,
-        accepts="mapping, str or Path, optional",
+        accepts="mapping, str or Path",
     )
     strategy: Texts = asked((), "Only this strategy of them; repeat for several.")
     vary: Texts = asked(
         (), "KEY=VALUE,VALUE...: every strategy with each value, as drift=0.1nm,x3; repeat for several keys."
     )
-    universes: int | None = asked(None, "Synthetic universes.", ge=2, le=10_000_000, default_words="1000")
-    seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, default_words="1")
+    universes: int | None = asked(None, "Synthetic universes.", ge=2, le=10_000_000, unset="1000")
+    seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, unset="1")
     start_utc: str | None = asked(None, "Begin of the survey, UTC.", option="--start")
     duration_days: float | None = asked(None, "Length of the survey in days.", option="--days")
     slot_days: float | None = asked(None, "Step of the calendar in days.")
     observed: str | None = asked(None, "Observation log (CSV): plan what is left of the survey.", read=str)
-    background: Literal["off", "on"] | None = asked(
-        None, "Let background stars make false alarms.", default_words="off"
-    )
+    background: Literal["off", "on"] | None = asked(None, "Let background stars make false alarms.", unset="off")
     visibility: str | None = asked(None, "Limits of pointing: preset, or YAML file.", read=str)
     catalog: str | None = asked(None, "Star table: snapshot, latest, simbad_2012, or a file.", read=str)
     instrument: str | None = asked(None, "Preset name or YAML file.", read=str)
@@ -89,9 +76,9 @@ class WhatIfQuestion(RunQuestion):
     out: Path | None = asked(
         None,
         "Output folder; an interrupted run continues there.",
-        default_words="cpic-whatif; none in Python, where nothing is kept without",
+        unset="cpic-whatif; none in Python, where nothing is kept without",
         physics=False,
-        accepts="str or Path, optional",
+        accepts="str or Path",
     )
 
     def shared(self) -> dict[str, Any]:
@@ -104,7 +91,7 @@ class TradeoffQuestion(Question):
 
     KIND: ClassVar[str] = "tradeoff"
 
-    scenes: Texts = asked((), "Fixed scene; repeat for several.", option="--scene", default_words="all")
+    scenes: Texts = asked((), "Fixed scene; repeat for several.", option="--scene", unset="all")
     only: Texts = asked((), "Way to measure again; the other rows in {out} are kept. Repeat for several.")
     quick_look: bool = asked(False, "Two frames and few samples: a minute a scene, for a look.")
     workers: int = asked(1, "2: knobs and effects of a scene are measured at once.", ge=1, le=2, physics=False)

@@ -19,17 +19,8 @@ from cpic_planner.queries.base import Parts, Question, called
 from cpic_planner.queries.changes import Change, changed
 from cpic_planner.queries.fields import asked
 from cpic_planner.registry import DEFAULT_LIBRARY, LIBRARIES, Library, LibraryName
-from simulator.config import (
-    AlbedoSpec,
-    AlbedoValue,
-    FrozenModel,
-    Instrument,
-    MeasuredAlbedo,
-    Utc,
-    albedo_spec,
-    load_instrument,
-    names_file,
-)
+from simulator import config
+from simulator.config import FrozenModel, Instrument
 
 if TYPE_CHECKING:
     from cpic_planner.jobs import RunSettings
@@ -41,41 +32,36 @@ class AlbedoParts(Parts):
     albedo: str | None = asked(
         None,
         "jupiter, saturn, uranus, neptune, parametric, a number, or a file with wavelength and geometric albedo.",
-        default_words="jupiter, or parametric where its parameters are given",
+        unset="jupiter, or parametric where its parameters are given",
     )
     log10_mh: float | None = asked(None, "Parametric albedo: log10 of metallicity over solar, 0 to 2.")
     log10_fsed: float | None = asked(None, "Parametric albedo: log10 of the clouds' sedimentation efficiency, -2 to 2.")
     insolation_au: float | None = asked(
-        None, "Parametric albedo: distance from the Sun of equal insolation.", default_words="r / sqrt(L) of the star"
+        None, "Parametric albedo: distance from the Sun of equal insolation.", unset="r / sqrt(L) of the star"
     )
     phase_function: Literal["lambert", "grid"] | None = asked(
-        None, "Parametric albedo: Lambert's, or that of the model grid.", default_words="lambert"
+        None, "Parametric albedo: Lambert's, or that of the model grid.", unset="lambert"
     )
 
-    def made(self, base: Any) -> AlbedoSpec:
+    def made(self, base: Any) -> config.AlbedoSpec:
         """Return the albedo that the options name."""
         parameters = self.model_dump(exclude={"albedo"}, exclude_none=True)
         name = self.albedo
-        if name is None:
-            return albedo_spec({"model": "parametric"} | parameters)
-        if names_file(name):
+        if name is None or name == "parametric":
+            return config.albedo_spec({"model": "parametric"} | parameters)
+        if config.names_file(name):
             if not Path(name).is_file():
                 raise InputError("albedo", name, allowed="an existing file")
-            return albedo_spec({"model": "grid" if parameters else "table", "file": name} | parameters)
-        if name == "parametric":
-            return albedo_spec({"model": "parametric"} | parameters)
+            return config.albedo_spec({"model": "grid" if parameters else "table", "file": name} | parameters)
         if parameters:
-            raise InputError(
-                next(iter(parameters)),
-                f"given with {called('albedo')} {name}",
-                allowed="one of the two",
-                hint=f"parameters are those of {called('albedo')} parametric or of a grid of models",
-            )
+            option = called("albedo")
+            hint = f"parameters are those of {option} parametric or of a grid of models"
+            raise InputError(next(iter(parameters)), f"given with {option} {name}", allowed="one of the two", hint=hint)
         try:
             number = float(name)
         except ValueError:
-            return albedo_spec(name)
-        return albedo_spec(number)
+            return config.albedo_spec(name)
+        return config.albedo_spec(number)
 
 
 class ReferencePlanet(FrozenModel):
@@ -87,7 +73,9 @@ class ReferencePlanet(FrozenModel):
 
     radius_rjup: float = asked(1.0, "Planet radius in R_J = 71 492 km.", gt=0, le=10, option="--planet-radius-rjup")
     phase_deg: float = asked(90.0, "Phase angle.", gt=0, lt=180)
-    albedo: AlbedoValue = asked(MeasuredAlbedo(model="jupiter"), "What the planet reflects.", parts=AlbedoParts)
+    albedo: config.AlbedoValue = asked(
+        config.MeasuredAlbedo(model="jupiter"), "What the planet reflects.", parts=AlbedoParts
+    )
 
     def content(self) -> dict[str, Any]:
         """Everything that decides its light, for content hashes: a file counts by what is in it."""
@@ -98,36 +86,27 @@ class ReferencePlanet(FrozenModel):
         return tree
 
 
-_OF_STAR = ("library", "reference_star")
-_OF_ROLL = ("library", "roll")
-_COUNTED = ("mode", "photon_counting")
+def asked_planet(text: str = "The reference planet.", **settings: Any) -> Any:
+    """Declare the field of a reference planet; ``settings`` as of `asked`."""
+    return asked(ReferencePlanet(), text, accepts="ReferencePlanet or mapping", **settings)
+
+
+def _of_star(name: str, default: Any, text: str, low: float, high: float) -> Any:
+    """Declare a number of the star of a reference library."""
+    option = f"--reference-{name}"
+    return asked(default, text, ge=low, le=high, option=option, only_with=("library", "reference_star"))
+
+
+_OF_ROLL, _COUNTED = ("library", "roll"), ("mode", "photon_counting")
 
 
 class ReferenceStar(FrozenModel):
     """Star of a reference library."""
 
-    v_mag: float = asked(
-        ...,
-        "V magnitude of the star of {library} reference_star.",
-        ge=-30,
-        le=40,
-        option="--reference-v-mag",
-        only_with=_OF_STAR,
-    )
-    teff_k: float = asked(
-        5772.0, "Temperature of that star.", ge=1000, le=100_000, option="--reference-teff-k", only_with=_OF_STAR
-    )
-    log_g: float = asked(
-        4.4, "log10 of its surface gravity in cm/s2.", ge=-1, le=7, option="--reference-log-g", only_with=_OF_STAR
-    )
-    metallicity: float = asked(
-        0.0,
-        "log10 of its metallicity over the Sun's.",
-        ge=-5,
-        le=1,
-        option="--reference-metallicity",
-        only_with=_OF_STAR,
-    )
+    v_mag: float = _of_star("v-mag", ..., "V magnitude of the star of {library} reference_star.", -30, 40)
+    teff_k: float = _of_star("teff-k", 5772.0, "Temperature of that star.", 1000, 100_000)
+    log_g: float = _of_star("log-g", 4.4, "log10 of its surface gravity in cm/s2.", -1, 7)
+    metallicity: float = _of_star("metallicity", 0.0, "log10 of its metallicity over the Sun's.", -5, 1)
 
 
 class Reduction(FrozenModel):
@@ -206,6 +185,11 @@ class Strategy(Reduction):
     )
 
 
+def asked_strategy(text: str = "How the observation is made and reduced.", **settings: Any) -> Any:
+    """Declare the field of a strategy; ``settings`` as of `asked`."""
+    return asked(Strategy(), text, accepts="Strategy or mapping", **settings)
+
+
 DEFAULT_TIME_S = 36000.0
 MAX_REALISATIONS = 100_000
 OnOff = Literal["on", "off"]
@@ -226,30 +210,30 @@ Texts = Annotated[tuple[str, ...], BeforeValidator(several)]
 @functools.lru_cache(maxsize=1)
 def default_instrument() -> Instrument:
     """Return the shipped instrument, always the same object."""
-    return load_instrument()
+    return config.load_instrument()
 
 
 def read_instrument(source: Any) -> Instrument:
     """Return an instrument from what people write; see `simulator.load_instrument`."""
-    return source if isinstance(source, Instrument) else load_instrument(source)
+    return source if isinstance(source, Instrument) else config.load_instrument(source)
 
 
 class InstrumentParts(Parts):
     """Options of the instrument."""
 
-    instrument: str | None = asked(None, "Preset name or YAML file with what differs.", default_words="cpic_default")
+    instrument: str | None = asked(None, "Preset name or YAML file with what differs.", unset="cpic_default")
     exozodi_zodis: float | None = asked(
         None,
         "Dust around the star, in units of the solar system's.",
         option="--exozodi",
-        default_words="that of the instrument, 0",
+        unset="that of the instrument, 0",
     )
 
     drift_nm: float | None = asked(
         None,
         "Rms of the wavefront offset between two visits; the walk within a visit changes in the same ratio.",
         option="--drift-nm",
-        default_words="that of the instrument, 0.05",
+        unset="that of the instrument, 0.05",
     )
 
     def made(self, base: Any) -> Instrument:
@@ -269,14 +253,14 @@ class InstrumentQuestion(Question):
         "The instrument: a preset, a YAML file or a mapping with what differs.",
         parts=InstrumentParts,
         read=read_instrument,
-        accepts="Instrument, mapping, str or Path, optional",
+        accepts="Instrument, mapping, str or Path",
     )
     bands: Texts | None = asked(
         None,
         "Band, e.g. F662; repeat for several.",
         option="--band",
-        default_words="all visible bands",
-        accepts="sequence of str, optional",
+        unset="all visible bands",
+        accepts="sequence of str",
     )
 
     def band_names(self) -> tuple[str, ...]:
@@ -294,7 +278,7 @@ class CatalogQuestion(Question):
         "they were first listed), or a CSV, ECSV, VOTable or FITS file.",
         physics=False,
         command=str,
-        accepts="str, Path or Catalogue, optional",
+        accepts="str, Path or Catalogue",
     )
 
 
@@ -307,7 +291,7 @@ class StarsQuestion(CatalogQuestion):
 class CutsQuestion(StarsQuestion):
     """A question about all stars of a table within some cuts."""
 
-    v_mag_max: float | None = asked(None, "Faintest V magnitude.", default_words="7; none for a table of your own")
+    v_mag_max: float | None = asked(None, "Faintest V magnitude.", unset="7; none for a table of your own")
     dwarfs_only: bool = asked(False, "Dwarfs only (luminosity class V or IV-V).", option="--dwarfs")
     singles_only: bool = asked(
         False,
@@ -329,12 +313,8 @@ class KnownPlanetsQuestion(Question):
         physics=False,
         read=str,
     )
-    date_utc: Utc | None = asked(
-        None,
-        "Date of the known planets' places, UTC.",
-        option="--date",
-        default_words="the mission's start",
-        physics=False,
+    date_utc: config.Utc | None = asked(
+        None, "Date of the known planets' places, UTC.", option="--date", unset="the mission's start", physics=False
     )
 
 

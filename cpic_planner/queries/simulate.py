@@ -42,6 +42,10 @@ Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
 Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
 
 
+_NUMBERS: dict[str, Any] = {"command": str, "accepts": "float or sequence of float"}
+_PAIR: dict[str, Any] = {"metavar": "X,Y", "command": str, "several": False, "accepts": "pair of float"}
+
+
 class SwitchParts(Parts):
     """Options of the switches of effects."""
 
@@ -72,88 +76,65 @@ class SimulateQuestion(RunQuestion):
         metavar="WHAT...",
         command=str,
         several=True,
-        accepts="simulation, scene, mapping, str, Path, or a list of them, optional",
+        accepts="simulation, scene, mapping, str, Path, or a list of them",
     )
-    kind: SequenceKind | None = asked(None, "Type of the sequence; BIAS to LASER need no scene.", default_words="SCI")
+    kind: SequenceKind | None = asked(None, "Type of the sequence; BIAS to LASER need no scene.", unset="SCI")
     band: Names | None = asked(
-        None, "Band, e.g. F662; repeat, or F520,F662, for several.", metavar="BAND", default_words="all visible bands"
+        None, "Band, e.g. F662; repeat, or F520,F662, for several.", metavar="BAND", unset="all visible bands"
     )
     exposure_s: Numbers | None = asked(
-        None,
-        "Exposure of a frame; repeat, or 30,300, for several.",
-        metavar="S",
-        command=str,
-        default_words="10",
-        accepts="float or sequence of float, optional",
+        None, "Exposure of a frame; repeat, or 30,300, for several.", metavar="S", unset="10", **_NUMBERS
     )
-    frames: int | None = asked(None, "Frames of a sequence.", ge=1, default_words="1")
+    frames: int | None = asked(None, "Frames of a sequence.", ge=1, unset="1")
     em_gain: Numbers | None = asked(
-        None,
-        "Actual EM gain; repeat, or 1,20, for several.",
-        metavar="GAIN",
-        command=str,
-        default_words="1",
-        accepts="float or sequence of float, optional",
+        None, "Actual EM gain; repeat, or 1,20, for several.", metavar="GAIN", unset="1", **_NUMBERS
     )
-    roll_deg: float | None = asked(None, "Roll of the telescope.", default_words="0")
+    roll_deg: float | None = asked(None, "Roll of the telescope.", unset="0")
     star_offset_arcsec: Pair | None = asked(
-        None,
-        "Place of the star relative to the centre of the mask.",
-        metavar="X,Y",
-        command=str,
-        several=False,
-        default_words="0,0",
-        accepts="pair of float, optional",
+        None, "Place of the star relative to the centre of the mask.", unset="0,0", **_PAIR
     )
     role: Literal["science", "reference", "calibration"] | None = asked(
-        None, "Which visit: each has a wavefront of its own.", default_words="science"
+        None, "Which visit: each has a wavefront of its own.", unset="science"
     )
-    camera: Literal["VIS", "NIR"] | None = asked(None, "Camera of BIAS and DARK.", default_words="VIS")
+    camera: Literal["VIS", "NIR"] | None = asked(None, "Camera of BIAS and DARK.", unset="VIS")
     level_e: float | None = asked(None, "Electrons of a pixel of FLAT, of the whole spot of LASER.")
     scene_model: Literal["exact", "paper"] | None = asked(
-        None, "Light of the scene: exact, or in the paper's approximation.", default_words="exact"
+        None, "Light of the scene: exact, or in the paper's approximation.", unset="exact"
     )
-    offset_arcsec: Pair | None = asked(
-        None,
-        "Place of the spot of LASER.",
-        metavar="X,Y",
-        command=str,
-        several=False,
-        accepts="pair of float, optional",
-    )
+    offset_arcsec: Pair | None = asked(None, "Place of the spot of LASER.", **_PAIR)
     ra_deg: float | None = asked(None, "Right ascension of BKG.")
     dec_deg: float | None = asked(None, "Declination of BKG.")
     realisation: int | None = asked(
-        None, "Number of the noise realisation.", default_words="a number of its own for each sequence"
+        None, "Number of the noise realisation.", unset="a number of its own for each sequence"
     )
     obsid: int | str | None = asked(
         None,
         "Number of the first sequence, eleven digits.",
         command=str,
-        default_words="sequences are counted",
-        accepts="int or str, optional",
+        unset="sequences are counted",
+        accepts="int or str",
     )
-    seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, default_words="1")
-    start_utc: str | None = asked(None, "Begin of the first frame.", default_words="that of the mission")
+    seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, unset="1")
+    start_utc: str | None = asked(None, "Begin of the first frame.", unset="that of the mission")
     # Left as it is written: a simulation names instruments of its own.
     instrument: Any = asked(
         None,
         "Preset name or YAML file with what differs.",
         command=str,
-        default_words="cpic_default",
-        accepts="Instrument, mapping, str or Path, optional",
+        unset="cpic_default",
+        accepts="Instrument, mapping, str or Path",
     )
-    fidelity: Fidelity | None = asked(None, "Speed against accuracy of the optics.", default_words="standard")
+    fidelity: Fidelity | None = asked(None, "Speed against accuracy of the optics.", unset="standard")
     tolerance: float | None = asked(
         None,
         "Leave out what is predicted to change planet flux, SNR and pixels by less than this, 0 to 0.5.",
-        default_words="0, nothing",
+        unset="0, nothing",
     )
     switches: dict[str, bool] | None = asked(
         None,
         "Effects of the camera to switch on or off; all stands for every one.",
         parts=SwitchParts,
-        accepts="mapping of str to bool, optional",
+        accepts="mapping of str to bool",
     )
     truth: bool = asked(True, "Write the truth beside the products.")
     out: Path = asked(Path("out/simulate"), "Output folder; an interrupted run continues there.", physics=False)

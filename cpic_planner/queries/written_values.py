@@ -15,39 +15,18 @@ from cpic_core import InputError, parse_yaml
 
 _FACTOR = re.compile(r"[x*×]\s*([-+.\d].*)")
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+_LENGTHS = {"pm": -12, "nm": -9, "um": -6, "mm": -3, "cm": -2, "m": 0, "km": 3}
 _FAMILIES: tuple[dict[str, Fraction], ...] = (
-    {
-        "pm": Fraction(1, 10**12),
-        "nm": Fraction(1, 10**9),
-        "um": Fraction(1, 10**6),
-        "mm": Fraction(1, 1000),
-        "cm": Fraction(1, 100),
-        "m": Fraction(1),
-        "km": Fraction(1000),
-    },
+    {unit: Fraction(10) ** power for unit, power in _LENGTHS.items()},
     {"s": Fraction(1), "min": Fraction(60), "h": Fraction(3600), "d": Fraction(86400)},
     {"mas": Fraction(1, 1000), "arcsec": Fraction(1), "arcmin": Fraction(60), "deg": Fraction(3600)},
     {"pm/sqrt(h)": Fraction(1, 1000), "nm/sqrt(h)": Fraction(1), "um/sqrt(h)": Fraction(1000)},
     {"%": Fraction(1, 100), "": Fraction(1)},
 )
 """Units that convert into each other, with their sizes; any other unit stands for itself."""
-_SPELLED = {
-    "µm": "um",
-    "μm": "um",
-    "sec": "s",
-    "hr": "h",
-    "hour": "h",
-    "hours": "h",
-    "day": "d",
-    "days": "d",
-    "zodis": "zodi",
-    "e": "e-",
-    "e/s": "e-/s",
-    "AU": "au",
-    "pm/√h": "pm/sqrt(h)",
-    "nm/√h": "nm/sqrt(h)",
-    "um/√h": "um/sqrt(h)",
-}
+_SPELLED = {"µm": "um", "μm": "um", "sec": "s", "zodis": "zodi", "e": "e-", "e/s": "e-/s", "AU": "au"}
+_SPELLED |= dict.fromkeys(("hr", "hour", "hours"), "h") | dict.fromkeys(("day", "days"), "d")
+_SPELLED |= {f"{size}/√h": f"{size}/sqrt(h)" for size in ("pm", "nm", "um")}
 """Other spellings of units."""
 
 
@@ -106,14 +85,13 @@ def read_value(key: str, text: str, unit: str = "") -> Written:
     factor = _FACTOR.fullmatch(text)
     if factor is not None:
         number = _plain(key, factor[1])
-        if not _is_number(number) or not 0 <= number < math.inf:
+        if not is_number(number) or not 0 <= number < math.inf:
             raise InputError(key, text, allowed="a factor on the present value, as x0.7: finite, at least 0")
         return Written("scale", number, f"x{factor[1].strip()}")
-    if (unit or text.endswith("%")) and (found := _NUMBER.fullmatch(text)) and found[2]:
+    if (unit or text.endswith("%")) and (match := _NUMBER.fullmatch(text)) and match[2]:
+        number, given = match.groups()
         return Written(
-            "set",
-            _converted(key, text, found[1], found[2].strip(), unit),
-            f"{found[1]} {_SPELLED.get(found[2], found[2])}",
+            "set", _converted(key, text, number, given.strip(), unit), f"{number} {_SPELLED.get(given, given)}"
         )
     value = _plain(key, text)
     if isinstance(value, list):
@@ -121,9 +99,9 @@ def read_value(key: str, text: str, unit: str = "") -> Written:
             read_value(key, item, unit) if isinstance(item, str) else Written("set", item, str(item), True)
             for item in value
         ]
-        plain = all(item.bare and _is_number(item.value) for item in items)
+        plain = all(item.bare and is_number(item.value) for item in items)
         return Written("set", [item.value for item in items], with_unit(text, unit) if plain else text)
-    if _is_number(value):
+    if is_number(value):
         return Written("set", value, with_unit(text, unit), bare=True)
     return Written("set", value, text)
 
@@ -194,5 +172,6 @@ def _plain(key: str, text: str) -> Any:
         return text
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Whether a value is a number, which a truth value is not."""
     return isinstance(value, int | float) and not isinstance(value, bool)

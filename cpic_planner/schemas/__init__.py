@@ -17,9 +17,7 @@ _WHERE = {
     "queries.simulate": {"simulate": "SimulateQuestion"},
     "queries.known": {"visibility": "VisibilityQuestion", "known": "KnownQuestion"},
 }
-QUESTIONS = {
-    name: f"cpic_planner.{module}:{model}" for module, models in _WHERE.items() for name, model in models.items()
-}
+QUESTIONS = {name: f"cpic_planner.{room}:{model}" for room, models in _WHERE.items() for name, model in models.items()}
 """Where the question of each command is."""
 RESULTS = {
     name: f"cpic_planner.results:{model}"
