@@ -78,12 +78,11 @@ class TaskQueue:
         for index in sorted(indices, reverse=True):
             (self._suspects if index in self._deaths_alone else self._waiting).appendleft(index)
 
-    def judge(self, index: int, deaths: int) -> None:
+    def suspect(self, index: int, deaths: int) -> None:
         """Put a task that Dask gave up aside, or blame it for the deaths that nothing else in flight explains."""
         if index not in self._deaths_alone:
-            _LOG.warning(
-                "task %d of %d: %d workers died with it; it will run alone at the end", index + 1, self._total, deaths
-            )
+            text = "task %d of %d: %d workers died with it; it will run alone at the end"
+            _LOG.warning(text, index + 1, self._total, deaths)
             self._deaths_alone[index] = 0
         else:
             self._deaths_alone[index] += deaths
@@ -99,10 +98,9 @@ class TaskQueue:
         if self._blamed:
             numbers = ", ".join(str(index + 1) for index in sorted(self._blamed))
             rest = f"{self.left} others are not finished" if self.left else "all others are done"
-            raise ClusterError(
-                f"task {numbers} of {self._total} ended its worker {_DEATHS_ALONE} times or more with "
-                f"nothing else running: short of memory, or a crash in native code; {rest}"
-            )
+            often = f"task {numbers} of {self._total} ended its worker {_DEATHS_ALONE} times or more"
+            why = "with nothing else running: short of memory, or a crash in native code"
+            raise ClusterError(f"{often} {why}; {rest}")
 
 
 class _LaterError(Exception):
@@ -141,7 +139,7 @@ def run_on(address: str, work: Work, patience_s: float, own: Workers | None = No
                     except _LaterError:
                         break
                     except KilledWorker as error:
-                        queue.judge(index, error.allowed_failures + 1)
+                        queue.suspect(index, error.allowed_failures + 1)
                         continue
                     except _NOBODY:  # a scheduler that is set to give up when it has no workers
                         queue.put_back([index])
@@ -220,11 +218,8 @@ class _Link:
         if (threads == 0) != self._idle:
             self._idle = threads == 0
             if self.own is None:
-                _LOG.warning(
-                    "the scheduler %s %s",
-                    self.address,
-                    "has no workers: waiting for some" if self._idle else "has workers again",
-                )
+                state = "has no workers: waiting for some" if self._idle else "has workers again"
+                _LOG.warning("the scheduler %s %s", self.address, state)
 
     def send(self, index: int) -> None:
         """Send one task out."""
@@ -243,10 +238,10 @@ class _Link:
 
     def ready(self) -> list[int]:
         """Tasks that ended in one way or other, after a short wait if there is none."""
-        found = [index for index, future in self.flying.items() if future.status not in ("pending", "lost")]
-        if not found and self.flying:
+        ended = [index for index, future in self.flying.items() if future.status not in ("pending", "lost")]
+        if not ended and self.flying:
             time.sleep(_POLL_S)
-        return found
+        return ended
 
     def take(self, index: int) -> Any:
         """Fetch the result of a task that ended, or raise what it raised."""

@@ -24,8 +24,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from cpic_core import InputError, LockHeld, dump_json, exclusive_lock, read_file, write_bytes
-from cpic_planner.jobs.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list, set_aside
+from cpic_core import LockHeld, dump_json, exclusive_lock, read_file, write_bytes
+from cpic_planner.jobs.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list, refused, set_aside
 
 _LOG = logging.getLogger(__name__)
 _MAX_PART_BYTES = 4_000_000_000
@@ -105,7 +105,8 @@ class RunFolder:
             If it is not what was stored there in a run of this configuration.
         """
         try:
-            line, _, content = _part_bytes(path).partition(b"\n")
+            content = read_file(path, key="part", allowed="a readable file", max_bytes=_MAX_PART_BYTES)
+            line, _, content = content.partition(b"\n")
             head = json.loads(line)
             good = (
                 head["sha256"] == hashlib.sha256(content).hexdigest()
@@ -162,10 +163,6 @@ class RunFolder:
         return f"parts/{safe}-{hashlib.sha256(key.encode()).hexdigest()[:8]}{suffix}"
 
 
-def _part_bytes(path: Path) -> bytes:
-    return read_file(path, key="part", allowed="a readable file", max_bytes=_MAX_PART_BYTES)
-
-
 @contextlib.contextmanager
 def open_run_folder(
     path: str | Path, *, kind: str, config_hash: str, products: Sequence[str] = (), force: bool = False
@@ -198,7 +195,7 @@ def open_run_folder(
         if not os.access(folder, os.W_OK):
             raise PermissionError(13, "not writable")
     except OSError as error:
-        raise InputError("--out", str(folder), allowed="a writable folder", hint=error.strerror or "") from None
+        raise refused(folder, "a writable folder", error.strerror or "") from None
     if not has_list(folder):
         _refuse_foreign(folder, products, force)  # before the lock: not even that is left in somebody's folder
     with contextlib.ExitStack() as stack:
@@ -206,24 +203,16 @@ def open_run_folder(
         try:
             files = WrittenFiles.read(folder)
         except DamagedListError as error:
-            _LOG.warning(
-                "the list of the run, %s, is damaged (%s): kept as %s; nothing that it names is removed",
-                LIST_NAME,
-                error,
-                set_aside(folder / LIST_NAME, "damaged").name,
-            )
+            text = "the list of the run, %s, is damaged (%s): kept as %s; nothing that it names is removed"
+            _LOG.warning(text, LIST_NAME, error, set_aside(folder / LIST_NAME, "damaged").name)
             files = None
         if files is None:
             _refuse_foreign(folder, products, force)
         resumed = files is not None and (files.kind, files.config_hash) == (kind, config_hash)
         if files is not None and not resumed and files.names() and not force:
-            raise InputError(
-                "--out",
-                str(folder),
-                allowed=f"a folder of configuration {config_hash}",
-                hint=f"it holds a {files.kind} of configuration {files.config_hash}; "
-                "choose another folder, or --force to replace it",
-            )
+            held = f"it holds a {files.kind} of configuration {files.config_hash}"
+            hint = f"{held}; choose another folder, or --force to replace it"
+            raise refused(folder, f"a folder of configuration {config_hash}", hint)
         if files is not None:
             _refuse_names(files, products)
         if files is None or not resumed:
@@ -239,18 +228,14 @@ def open_run_folder(
 def _locked(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder, and say in it who does."""
     path = folder / _LOCK
-    foreign = InputError(
-        "--out",
-        str(path),
-        allowed="a folder without this file",
-        hint="it is no lock of a run: move it, or choose another folder",
-    )
+    hint = "it is no lock of a run: move it, or choose another folder"
+    foreign = refused(path, "a folder without this file", hint)
     with contextlib.ExitStack() as stack:
         try:
             lock = stack.enter_context(exclusive_lock(path, wait=False))
         except LockHeld as held:
             text = held.text if held.text.startswith(_LOCK_TEXT) else "another run holds it"
-            raise InputError("--out", str(folder), allowed="a folder that no other run is using", hint=text) from None
+            raise refused(folder, "a folder that no other run is using", text) from None
         except OSError:
             raise foreign from None
         lock.seek(0)
@@ -273,7 +258,7 @@ def _refuse_foreign(folder: Path, products: Sequence[str], force: bool) -> None:
         hint = f"it holds {held[0]}, which no list of a run names; --force writes beside it"
         if _OLD_LIST in held and "parts" in held:
             hint = f"it holds {_OLD_LIST} of a version that kept no list of its files, or somebody else's"
-        raise InputError("--out", str(folder), allowed="an empty folder or one of an earlier run", hint=hint)
+        raise refused(folder, "an empty folder or one of an earlier run", hint)
     _refuse_names(WrittenFiles(folder, "", ""), products)
 
 

@@ -13,6 +13,7 @@ that it makes of their bodies. `run` does everything else, the same for every ki
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import platform
@@ -109,14 +110,10 @@ class Cost:
     def at(self, workers: int) -> dict[str, float]:
         """Return counts, wall time, memory and disk with so many workers; none ends before the longest task."""
         busy = max(min(workers, len(self.times_s)), 1)
-        return {
-            **self.counts,
-            "wall_s": self.start_s
-            + (self.pool_s if busy > 1 else 0.0)
-            + max(sum(self.times_s) / busy, max(self.times_s, default=0.0)),
-            "memory_mb": self.memory_mb + self.worker_mb * workers,
-            "disk_mb": self.disk_mb,
-        }
+        most = max(sum(self.times_s) / busy, max(self.times_s, default=0.0))
+        wall_s = self.start_s + (self.pool_s if busy > 1 else 0.0) + most
+        memory_mb = self.memory_mb + self.worker_mb * workers
+        return {**self.counts, "wall_s": wall_s, "memory_mb": memory_mb, "disk_mb": self.disk_mb}
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,28 +266,24 @@ class Runner:
         """
         keeper: PartStore = store or self.output or _Nowhere()
         every = {task.key: task for task in tasks}
-        found: dict[str, Any] = {}
+        kept: dict[str, Any] = {}
         for task in () if again else every.values():
             if (body := keeper.part(task.key)) is not None:
-                found[task.key] = body
+                kept[task.key] = body
                 self.advance(f"{task.text or task.key} (kept)", task.steps)
-        self.resumed_parts += len(found)
-        waiting = [task for key, task in every.items() if key not in found]
+        self.resumed_parts += len(kept)
+        waiting = [task for key, task in every.items() if key not in kept]
         tells = tells and in_this_process(len(waiting), self.workers, self.scheduler)
-        done = run_tasks(
-            functools.partial(function, progress=self.advance) if tells else function,
-            [task.arguments for task in waiting],
-            common=common,
-            workers=self.workers,
-            scheduler=self.scheduler,
-        )
+        function = functools.partial(function, progress=self.advance) if tells else function
+        arguments = [task.arguments for task in waiting]
+        done = run_tasks(function, arguments, common=common, workers=self.workers, scheduler=self.scheduler)
         for position, body in done:
             task = waiting[position]
-            found[task.key] = keeper.save_part(task.key, body)
+            kept[task.key] = keeper.save_part(task.key, body)
             self.computed_parts += 1
             if not tells:
                 self.advance(task.text or task.key, task.steps)
-        ordered = {key: found[key] for key in every}
+        ordered = {key: kept[key] for key in every}
         self.bodies |= ordered
         return ordered
 
@@ -342,16 +335,13 @@ def run(
         result = job.work(runner)
         folder.write(job.result_name, dump_json(result.model_dump(mode="json")))
         job.write(folder, result, runner.bodies)
-        record = RunRecord(
+        record = RunRecord.of(
+            runner,
             command=command or [],
             config_hash=job.digest,
             started_utc=started.isoformat(timespec="seconds"),
             finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
             wall_s=round(time.monotonic() - clock, 3),
-            workers=workers,
-            scheduler=scheduler,
-            resumed_parts=runner.resumed_parts,
-            computed_parts=runner.computed_parts,
             host=host(),
             versions=versions(),
         )
@@ -378,21 +368,15 @@ def estimate(job: Job[Any], *, workers: int = 1) -> dict[str, float]:
 
 def host() -> dict[str, Any]:
     """Return system, machine, Python, and number of cores: for the record of a run, never for its results."""
-    return {
-        "system": platform.system(),
-        "machine": platform.machine(),
-        "python": platform.python_version(),
-        "cpu_count": os.cpu_count(),
-    }
+    system = {"system": platform.system(), "machine": platform.machine(), "python": platform.python_version()}
+    return system | {"cpu_count": os.cpu_count()}
 
 
 def versions() -> dict[str, str]:
     """Return versions of this package and of those that its results rest on."""
     names = ("cpic-planner", "numpy", "scipy", "astropy", "photutils", "numba", "pydantic", "dask")
-    found = {}
+    installed = dict.fromkeys(names, "not installed")
     for name in names:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            installed[name] = metadata.version(name)
+    return installed

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from typing import Any
 
 import dask
 from distributed import LocalCluster
@@ -45,14 +46,9 @@ def quiet_dask() -> Iterator[None]:
 @contextlib.contextmanager
 def local_cluster(workers: int) -> Iterator[tuple[str, LocalWorkers]]:
     """Yield the address of a scheduler and its workers, single-threaded processes that end with this one."""
+    where: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
     with (
-        LocalCluster(
-            n_workers=0,
-            processes=True,
-            dashboard_address="127.0.0.1:0",
-            host="127.0.0.1",
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
+        LocalCluster(n_workers=0, processes=True, silence_logs=logging.CRITICAL, **where) as cluster,
         tempfile.TemporaryDirectory(prefix="cpic-workers-", ignore_cleanup_errors=True) as scratch,
     ):
         crew = LocalWorkers(cluster.scheduler_address, workers, scratch)
@@ -70,28 +66,13 @@ class LocalWorkers:
     """
 
     def __init__(self, address: str, n_workers: int, scratch: str) -> None:
-        self._command = [
-            sys.executable,
-            "-P",
-            "-m",
-            "cpic_planner.jobs.worker",
-            str(os.getpid()),
-            scratch,
-            address,
-            "--nthreads=1",
-            "--memory-limit=0",
-            "--host=127.0.0.1",
-            f"--death-timeout={_REGISTER_S}",
-            "--no-nanny",
-            "--no-dashboard",
-        ]
+        worker = [sys.executable, "-P", "-m", "cpic_planner.jobs.worker", str(os.getpid()), scratch, address]
+        limits = ["--nthreads=1", "--memory-limit=0", "--host=127.0.0.1", f"--death-timeout={_REGISTER_S}"]
+        self._command = [*worker, *limits, "--no-nanny", "--no-dashboard"]
         # What can be imported here can be there; threads are set before the libraries load.
         paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-        self._environment = (
-            os.environ
-            | dict.fromkeys(THREAD_VARIABLES, "1")
-            | {"PYTHONPATH": paths, "DASK_LOGGING__DISTRIBUTED": "critical"}
-        )
+        own = {"PYTHONPATH": paths, "DASK_LOGGING__DISTRIBUTED": "critical"}
+        self._environment = os.environ | dict.fromkeys(THREAD_VARIABLES, "1") | own
         self._processes: list[subprocess.Popen[bytes] | None] = [None] * n_workers
         self._replaced = 0
 

@@ -1,7 +1,5 @@
 """What a worker process of this machine runs: ``python -m cpic_planner.jobs.worker PARENT SCRATCH ARGUMENT...``."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

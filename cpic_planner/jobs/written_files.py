@@ -38,7 +38,13 @@ _HEAD = {"software": DISTRIBUTION, "schema_version": SCHEMA_VERSION}
 
 _TEMPORARY = re.compile(r"\.cpic-[0-9a-f]{8}")
 
+_WITHOUT_IT, _MOVE_IT = "a folder without this file", "move it, or choose another folder"
 Standing = Literal["free", "ours", "changed"]
+
+
+def refused(path: Path, allowed: str, hint: str = "") -> InputError:
+    """Return the refusal of an output folder, or of a file in it."""
+    return InputError("--out", str(path), allowed=allowed, hint=hint)
 
 
 class DamagedListError(RuntimeError):
@@ -94,22 +100,18 @@ class WrittenFiles:
             if head["software"] != DISTRIBUTION:
                 raise ValueError("not a list of this program")
             if head["schema_version"] != SCHEMA_VERSION:
-                raise InputError(
-                    "--out",
-                    str(root),
-                    allowed="a folder of this version of the program",
-                    hint="another version wrote the run that it holds",
-                )
-            found = cls(root, str(head["kind"]), str(head["config_hash"]))
+                hint = "another version wrote the run that it holds"
+                raise refused(root, "a folder of this version of the program", hint)
+            listed = cls(root, str(head["kind"]), str(head["config_hash"]))
             for line in lines[1:]:
-                found._note(json.loads(line))
+                listed._note(json.loads(line))
         except InputError:
             raise
         except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
             raise DamagedListError(f"{type(error).__name__}: {error}") from None
         if len(whole) < len(text):
             os.truncate(path, len(whole))
-        return found
+        return listed
 
     def standing(self, name: str) -> Standing:
         """Whether the place of a listed file is free, holds what was written there, or something that was changed.
@@ -143,13 +145,8 @@ class WrittenFiles:
         """
         path = self._place(name)
         if name not in self._contents and os.path.lexists(path):
-            raise InputError(
-                "--out",
-                str(path),
-                allowed="a folder without this file",
-                hint="the run writes a file of this name, and did not write the one that is there: "
-                "move it, or choose another folder",
-            )
+            hint = "the run writes a file of this name, and did not write the one that is there"
+            raise refused(path, _WITHOUT_IT, f"{hint}: {_MOVE_IT}")
 
     def install(self, temporary: Path, name: str, *, size_bytes: int, sha256: str) -> Path:
         """Give a file, whole under a temporary name in the same file system, its name below the folder.
@@ -225,13 +222,8 @@ class WrittenFiles:
         for part in PurePosixPath(name).parent.parts:
             path = path / part
             if path.is_symlink() or (path.exists() and not path.is_dir()):
-                raise InputError(
-                    "--out",
-                    str(path),
-                    allowed="a folder without this file",
-                    hint="the run needs a folder of this name, and this is a link or a file: "
-                    "move it, or choose another folder",
-                )
+                hint = "the run needs a folder of this name, and this is a link or a file"
+                raise refused(path, _WITHOUT_IT, f"{hint}: {_MOVE_IT}")
         return self.root / name
 
     def _set_changed_aside(self, name: str) -> None:
@@ -281,7 +273,7 @@ def has_list(root: Path) -> bool:
     """
     path = root / LIST_NAME
     if os.path.lexists(path) and (path.is_symlink() or not path.is_file()):
-        raise InputError("--out", str(path), allowed="a folder without this file", hint="it is no list of a run")
+        raise refused(path, _WITHOUT_IT, "it is no list of a run")
     return path.exists()
 
 

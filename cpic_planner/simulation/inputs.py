@@ -16,26 +16,8 @@ from cpic_planner.jobs import Cost
 from cpic_planner.results import ModellingRecord, PlannedSequenceRow, SimulationEstimate
 from cpic_planner.simulation.sequences import PlannedSequence, check_light, plan_sequences
 from cpic_planner.validation import modelling_record
-from simulator.config import (
-    SCENE_KEYS,
-    SIMULATION_KEYS,
-    SKY_KINDS,
-    Instrument,
-    Scene,
-    SequenceConfig,
-    SimulationConfig,
-    load_instrument,
-    load_scene,
-    load_simulation,
-    meaningful_keys,
-    nearest,
-    of_no_use,
-    preset_names,
-    preset_path,
-    scenes_from_table,
-    simulation_of,
-    validate,
-)
+from simulator import config
+from simulator.config import Instrument, Scene, SequenceConfig, SimulationConfig
 from simulator.knobs import FIDELITIES
 from simulator.ledger import Choice, observation_choice
 
@@ -45,23 +27,11 @@ def sequence_choice(item: PlannedSequence) -> Choice | None:
     entry = item.entry
     if entry.scene is None or entry.tolerance == 0:
         return None
-    return observation_choice(
-        entry.scene,
-        entry.instrument,
-        tolerance=entry.tolerance,
-        quantity=None,
-        finest=FIDELITIES[entry.fidelity],
-        full=True,
-        band=item.band,
-        exposure_s=item.exposure_s,
-        n_frames=item.n_frames,
-        em_gain=item.em_gain,
-        roll_deg=entry.roll_deg,
-        star_offset_arcsec=entry.star_offset_arcsec,
-        scene_model=entry.scene_model,
-        start_utc=item.start_utc,
-        switches=entry.switches_for(item.camera),
-    )
+    frames = {name: getattr(item, name) for name in ("band", "exposure_s", "n_frames", "em_gain", "start_utc")}
+    light = {name: getattr(entry, name) for name in ("tolerance", "roll_deg", "star_offset_arcsec", "scene_model")}
+    finest, switches = FIDELITIES[entry.fidelity], entry.switches_for(item.camera)
+    settings: dict[str, Any] = {"quantity": None, "finest": finest, "full": True, "switches": switches}
+    return observation_choice(entry.scene, entry.instrument, **settings, **frames, **light)
 
 
 def modelled(item: PlannedSequence) -> ModellingRecord | None:
@@ -113,42 +83,41 @@ def simulation_from(
     own = dict(settings or {})
     kind = own.get("kind", "SCI")
     for key, value in own.items():
-        if key not in meaningful_keys(kind):
-            raise of_no_use(key, value, kind)
-    if kind not in SKY_KINDS:
+        if key not in config.meaningful_keys(kind):
+            raise config.of_no_use(key, value, kind)
+    if kind not in config.SKY_KINDS:
         if what:
             raise InputError("what", _label(what[0]), allowed=f"nothing: {kind} looks at no scene")
-        chosen = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
-        entry = validate(SequenceConfig, own | {"instrument": chosen})
-        return simulation_of(kind, [entry], changes=changes), ()
+        chosen = instrument if isinstance(instrument, Instrument) else config.load_instrument(instrument)
+        entry = config.validate(SequenceConfig, own | {"instrument": chosen})
+        return config.simulation_of(kind, [entry], changes=changes), ()
     if not what:
-        raise InputError(
-            "what", "missing", allowed="scenes, simulations, tables of stars, or a calibration kind", hint=_presets()
-        )
+        allowed = "scenes, simulations, tables of stars, or a calibration kind"
+        raise InputError("what", "missing", allowed=allowed, hint=_presets())
     names: list[str] = []
     notes: list[str] = []
     sequences: list[SequenceConfig] = []
     described = ""
     whole: Instrument | None = None
     for item in what:
-        found = _read(item, instrument)
-        if isinstance(found, SimulationConfig):
-            names.append(found.name)
-            described = found.description
-            sequences += found.sequences
+        read = _read(item, instrument)
+        if isinstance(read, SimulationConfig):
+            names.append(read.name)
+            described = read.description
+            sequences += read.sequences
             continue
-        name, scenes, remarks = found
+        name, scenes, remarks = read
         names.append(name)
         notes += remarks
         if whole is None:
-            whole = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
-        sequences += [validate(SequenceConfig, own | {"scene": scene, "instrument": whole}) for scene in scenes]
+            whole = instrument if isinstance(instrument, Instrument) else config.load_instrument(instrument)
+        sequences += [config.validate(SequenceConfig, own | {"scene": scene, "instrument": whole}) for scene in scenes]
     if whole is None:
         for key, value in own.items():
             raise InputError(key, value, allowed="for scenes and tables; a simulation names its own")
     title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     description = described if len(names) == 1 else ""
-    return simulation_of(title, sequences, description=description, changes=changes), tuple(notes)
+    return config.simulation_of(title, sequences, description=description, changes=changes), tuple(notes)
 
 
 def _label(item: SimulationInput) -> str:
@@ -156,13 +125,13 @@ def _label(item: SimulationInput) -> str:
 
 
 def _presets() -> str:
-    return f"presets: {', '.join((*preset_names('simulation'), *preset_names('scene')))}"
+    return f"presets: {', '.join((*config.preset_names('simulation'), *config.preset_names('scene')))}"
 
 
 def _read(item: SimulationInput, instrument: Any) -> SimulationConfig | tuple[str, Sequence[Scene], Sequence[str]]:
     """A simulation, or scenes with the name of what they come from and remarks."""
     if isinstance(item, SimulationConfig):
-        return load_simulation(item, instrument=instrument)
+        return config.load_simulation(item, instrument=instrument)
     if isinstance(item, Scene):
         return item.name, (item,), ()
     if isinstance(item, Mapping):
@@ -170,24 +139,22 @@ def _read(item: SimulationInput, instrument: Any) -> SimulationConfig | tuple[st
     if not isinstance(item, str | Path) or not str(item):
         raise InputError("what", repr(item), allowed="a scene, a simulation or a table of stars")
     name = str(item)
-    if preset_path("simulation", name) is not None:
-        return load_simulation(name, instrument=instrument)
-    if preset_path("scene", name) is not None:
+    if config.preset_path("simulation", name) is not None:
+        return config.load_simulation(name, instrument=instrument)
+    if config.preset_path("scene", name) is not None:
         return _scene(name)
     path = Path(item).expanduser()
     if name not in NAMED_TABLES:
         if not path.exists():
-            known = (*preset_names("simulation"), *preset_names("scene"))
-            raise InputError(
-                "what",
-                name,
-                allowed="a preset, a YAML file, or a table of stars that exists",
-                hint=nearest(name, known) or _presets(),
-            )
+            known = (*config.preset_names("simulation"), *config.preset_names("scene"))
+            allowed = "a preset, a YAML file, or a table of stars that exists"
+            raise InputError("what", name, allowed=allowed, hint=config.nearest(name, known) or _presets())
         if path.suffix.lower() in _YAML:
-            return _read_mapping(load_mapping(path, "scene", (*SCENE_KEYS, *SIMULATION_KEYS)), path, instrument)
+            return _read_mapping(
+                load_mapping(path, "scene", (*config.SCENE_KEYS, *config.SIMULATION_KEYS)), path, instrument
+            )
     stars = open_catalogue(name if name in NAMED_TABLES else path)
-    return path.stem, scenes_from_table(stars.table), stars.notes
+    return path.stem, config.scenes_from_table(stars.table), stars.notes
 
 
 def _read_mapping(
@@ -197,16 +164,15 @@ def _read_mapping(
     plain = tree if isinstance(tree, Mapping) else {}
     kind = plain.get("kind", "simulation" if "sequences" in plain else "scene")
     if kind == "simulation":
-        return load_simulation(source, instrument=instrument)
+        return config.load_simulation(source, instrument=instrument)
     if kind != "scene":
-        raise InputError(
-            "what", _label(source), allowed="a file of kind: scene or kind: simulation", hint=f"it is of kind {kind}"
-        )
+        allowed = "a file of kind: scene or kind: simulation"
+        raise InputError("what", _label(source), allowed=allowed, hint=f"it is of kind {kind}")
     return _scene(source)
 
 
 def _scene(source: Any) -> tuple[str, Sequence[Scene], Sequence[str]]:
-    scene = load_scene(source)
+    scene = config.load_scene(source)
     return scene.name, (scene,), ()
 
 
@@ -235,15 +201,14 @@ def simulation_estimate(simulation: SimulationConfig, *, truth: bool = True, wor
     planned = plan_sequences(simulation)
     check_light(planned)
     records = [modelled(item) for item in planned]
+    rows = [PlannedSequenceRow(**item.row(), modelled=record) for item, record in zip(planned, records, strict=True)]
     return SimulationEstimate(
         name=simulation.name,
         n_sequences=len(planned),
         n_frames=sum(item.n_frames for item in planned),
         workers=workers,
         **sequences_cost(planned, records, truth=truth).at(workers),
-        sequences=[
-            PlannedSequenceRow(**item.row(), modelled=record) for item, record in zip(planned, records, strict=True)
-        ],
+        sequences=rows,
     )
 
 

@@ -43,7 +43,16 @@ def simulation_job(
         root = str(folder.temporary.resolve())
         tasks = [Task(item.obsid, (item, root, truth), steps=item.n_frames) for item in planned]
         bodies = runner.finish(make_sequence, tasks, store=_Products(folder), tells=True)
-        return _result(simulation, planned, settings, runner.digest, bodies, truth=truth)
+        rows = [_row(item, own, bodies[item.obsid], truth) for item, own in zip(planned, settings, strict=True)]
+        return SimulationResult(
+            version=__version__,
+            config_hash=runner.digest,
+            name=simulation.name,
+            description=simulation.description,
+            n_frames=sum(item.n_frames for item in planned),
+            size_bytes=sum(row.size_bytes for row in rows),
+            sequences=rows,
+        )
 
     return Job(
         kind="simulation",
@@ -162,14 +171,14 @@ def make_sequence(
     own = Path(root) / item.obsid
     try:
         tally = _Tally(item.build())
-        told = None if progress is None else lambda done, total: progress(f"{item.target} {item.band}".strip(), 1)
-        write_level0(cast(Any, tally), own, obsid=item.obsid, overwrite=True, truth=truth, progress=told)
+        shown = f"{item.target} {item.band}".strip()
+        advance = None if progress is None else lambda done, total: progress(shown, 1)
+        write_level0(cast(Any, tally), own, obsid=item.obsid, overwrite=True, truth=truth, progress=advance)
     except InputError as error:
         raise located(error, f"sequence {item.obsid}") from None
     names = _files(item.name, truth=truth)
-    return {
-        "files": {name: {"size_bytes": (own / name).stat().st_size, "sha256": digest_of(own / name)} for name in names}
-    } | {name: getattr(tally, name) for name in _TALLIED}
+    files = {name: {"size_bytes": (own / name).stat().st_size, "sha256": digest_of(own / name)} for name in names}
+    return {"files": files} | {name: getattr(tally, name) for name in _TALLIED}
 
 
 def _files(name: ProductName, *, truth: bool) -> list[str]:
@@ -193,45 +202,18 @@ def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) 
     whole = root.resolve()
     free = shutil.disk_usage(next(place for place in (whole, *whole.parents) if place.is_dir())).free
     if needed > free:
-        raise InputError(
-            "--out",
-            str(root),
-            allowed=f"a disk with {needed / 1e9:.2f} GB to spare",
-            hint=f"{free / 1e9:.2f} GB are free there",
-        )
+        allowed, hint = f"a disk with {needed / 1e9:.2f} GB to spare", f"{free / 1e9:.2f} GB are free there"
+        raise InputError("--out", str(root), allowed=allowed, hint=hint)
 
 
-def _result(
-    simulation: SimulationConfig,
-    planned: Sequence[PlannedSequence],
-    settings: Sequence[dict[str, Any]],
-    digest: str,
-    bodies: Mapping[str, Mapping[str, Any]],
-    *,
-    truth: bool,
-) -> SimulationResult:
-    sequences = []
-    for item, own in zip(planned, settings, strict=True):
-        body = bodies[item.obsid]
-        file = item.name.file.as_posix()
-        sequences.append(
-            SimulatedSequence(
-                **item.row(),
-                modelled=modelled(item),
-                settings=own,
-                truth=item.name.truth.as_posix() if truth else None,
-                params=item.name.params.as_posix(),
-                size_bytes=sum(known["size_bytes"] for known in body["files"].values()),
-                sha256=body["files"][file]["sha256"],
-                **{name: body[name] for name in _TALLIED},
-            )
-        )
-    return SimulationResult(
-        version=__version__,
-        config_hash=digest,
-        name=simulation.name,
-        description=simulation.description,
-        n_frames=sum(item.n_frames for item in planned),
-        size_bytes=sum(item.size_bytes for item in sequences),
-        sequences=sequences,
+def _row(item: PlannedSequence, settings: dict[str, Any], body: Mapping[str, Any], truth: bool) -> SimulatedSequence:
+    return SimulatedSequence(
+        **item.row(),
+        modelled=modelled(item),
+        settings=settings,
+        truth=item.name.truth.as_posix() if truth else None,
+        params=item.name.params.as_posix(),
+        size_bytes=sum(known["size_bytes"] for known in body["files"].values()),
+        sha256=body["files"][item.name.file.as_posix()]["sha256"],
+        **{name: body[name] for name in _TALLIED},
     )

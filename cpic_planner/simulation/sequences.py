@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, cast
 
 from cpic_core import InputError
@@ -61,79 +62,39 @@ class PlannedSequence:
 
     def row(self) -> dict[str, Any]:
         """What it is, in plain values."""
-        return {
-            "obsid": self.obsid,
-            "kind": self.entry.kind,
-            "target": self.target,
-            "role": self.entry.role if self.on_sky else "",
-            "camera": self.camera,
-            "band": self.band,
-            "exposure_s": self.exposure_s,
-            "n_frames": self.n_frames,
-            "em_gain": self.em_gain,
-            "start_utc": self.start_utc,
-            "file": self.name.file.as_posix(),
-        }
+        own = ("obsid", "target", "camera", "band", "exposure_s", "n_frames", "em_gain", "start_utc")
+        role = self.entry.role if self.on_sky else ""
+        about = {"kind": self.entry.kind, "role": role, "file": self.name.file.as_posix()}
+        return {name: getattr(self, name) for name in own} | about
 
     def settings(self, digest: Callable[[FrozenModel], str] = lambda part: part.content_hash) -> dict[str, Any]:
         """What decides its frames, as plain values; scene and instrument by their hash."""
         entry = self.entry
         useful = set(meaningful_keys(entry.kind)) - {"scene", "instrument"}
         plain = entry.model_dump(mode="json", include=useful)
-        return plain | {
-            "obsid": self.obsid,
-            "band": self.band,
-            "camera": self.camera,
-            "exposure_s": self.exposure_s,
-            "em_gain": self.em_gain,
-            "realisation": self.realisation,
-            "start_utc": self.start_utc,
-            "switches": entry.switches_for(self.camera),
-            "scene": None if entry.scene is None else digest(entry.scene),
-            "instrument": digest(entry.instrument),
-        }
+        own = ("obsid", "band", "camera", "exposure_s", "em_gain", "realisation", "start_utc")
+        scene = None if entry.scene is None else digest(entry.scene)
+        hashes = {"scene": scene, "instrument": digest(entry.instrument)}
+        switches = {"switches": entry.switches_for(self.camera)}
+        return plain | {name: getattr(self, name) for name in own} | switches | hashes
 
     def build(self) -> FrameSequence:
         """Set up the sequence; frames are drawn when they are asked for."""
         entry = self.entry
-        shared: dict[str, Any] = {
-            "n_frames": entry.frames,
-            "em_gain": self.em_gain,
-            "seed": entry.seed,
-            "realisation": self.realisation,
-            "start_utc": self.start_utc,
-            "instrument": entry.instrument,
-            "switches": entry.switches_for(self.camera),
-        }
+        shared = {name: getattr(self, name) for name in ("n_frames", "em_gain", "realisation", "start_utc")}
+        shared |= {"seed": entry.seed, "instrument": entry.instrument, "switches": entry.switches_for(self.camera)}
         if entry.scene is not None:
             from simulator.observing import observe
 
-            return observe(
-                entry.scene,
-                band=self.band,
-                exposure_s=self.exposure_s,
-                kind=cast(Any, entry.kind),
-                fidelity=entry.fidelity,
-                tolerance=entry.tolerance,
-                roll_deg=entry.roll_deg,
-                star_offset_arcsec=entry.star_offset_arcsec,
-                role=entry.role,
-                scene_model=entry.scene_model,
-                **shared,
-            )
+            names = ("fidelity", "tolerance", "roll_deg", "star_offset_arcsec", "role", "scene_model")
+            shared |= {name: getattr(entry, name) for name in names}
+            kind = cast(Any, entry.kind)
+            return observe(entry.scene, band=self.band, exposure_s=self.exposure_s, kind=kind, **shared)
         from simulator.observing import calibrate
 
-        return calibrate(
-            cast(Any, entry.kind),
-            band=self.band,
-            camera=None if self.band else entry.camera,
-            exposure_s=self.exposure_s,
-            level_e=entry.level_e,
-            offset_arcsec=entry.offset_arcsec,
-            ra_deg=entry.ra_deg,
-            dec_deg=entry.dec_deg,
-            **shared,
-        )
+        shared |= {name: getattr(entry, name) for name in ("level_e", "offset_arcsec", "ra_deg", "dec_deg")}
+        camera = None if self.band else entry.camera
+        return calibrate(cast(Any, entry.kind), band=self.band, camera=camera, exposure_s=self.exposure_s, **shared)
 
 
 def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
@@ -167,12 +128,8 @@ def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
             except InputError as error:
                 raise at(where, error) from None
             if obsid in used:
-                raise InputError(
-                    f"{where}.obsid",
-                    obsid,
-                    allowed="a number of its own",
-                    hint=f"simulation.sequences.{used[obsid]} has it too",
-                )
+                hint = f"simulation.sequences.{used[obsid]} has it too"
+                raise InputError(f"{where}.obsid", obsid, allowed="a number of its own", hint=hint)
             used[obsid] = number
             realisation = entry.realisation
             if realisation is None:
@@ -181,19 +138,10 @@ def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
                     counts[key] += 1
                 realisation = counts[key]
                 counts[key] += 1
-            what = _Named(camera, entry.kind, entry.instrument)
+            what = SimpleNamespace(camera=camera, kind=entry.kind, instrument=entry.instrument)
             name = product_name(cast(Any, what), times, obsid)
             planned.append(PlannedSequence(entry, obsid, band, camera, exposure_s, em_gain, realisation, start, name))
     return tuple(planned)
-
-
-@dataclass(frozen=True)
-class _Named:
-    """What a product's name is made from, before there is a sequence."""
-
-    camera: str
-    kind: str
-    instrument: Any
 
 
 def _readout_s(entry: SequenceConfig, camera: str) -> float:

@@ -5,9 +5,8 @@ The closed-form answer: what the exposure-time calculator says of a fixed scene.
 The work that is timed: both visits of an observation, drawn, calibrated, and the planet's aperture measured.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +59,7 @@ class Places:
     source_noise_fraction: float
 
     @classmethod
-    def of(cls, case: FixedScene) -> Places:
+    def of(cls, case: FixedScene) -> Self:
         """Those of a scene: the same for every way, so that ways can be compared."""
         metrics = psf_metrics(case.instrument, case.band)
         alone = case.scene.model_copy(update={"stars": (), "extended": ()})
@@ -74,24 +73,17 @@ class Places:
         white = metrics.zone.covers(offset, offset, -radius) & away
         weights = overlap_weights(radius / pixel)
         at = int(np.abs(offset - planet.y_arcsec).argmin()), int(np.abs(offset - planet.x_arcsec).argmin())
-        return cls(
-            white=white,
-            near=white & around,
-            annulus=metrics.zone.covers(offset, offset) & around,
-            weights=weights,
-            level=_level(case, weights, at),
-            star_e_s=star.rate_e_s,
-            source_noise_fraction=metrics.source_noise_fraction,
-        )
+        annulus, level = metrics.zone.covers(offset, offset) & around, _level(case, weights, at)
+        own = star.rate_e_s, metrics.source_noise_fraction
+        return cls(white, white & around, annulus, weights, level, *own)
 
 
 def _level(case: FixedScene, weights: FloatArray, at: tuple[int, int]) -> FloatArray:
     """Closed-form variance at the planet over that at each place, from the expected light at quick knobs."""
-    seen = visit(
-        case, Setup("frames", "hole", FIDELITIES["quick"], 1, scene_model=case.scene_model), planets=False, n_frames=1
-    )
-    noise = FrameNoise.of(seen.instrument.detector_of(case.band), case.em_gain, case.exposure_s)
-    sums = aperture_sums(noise.charge_variance_e2(seen.expected_e + noise.clock_e), weights**2)
+    setup = Setup("frames", "hole", FIDELITIES["quick"], 1, scene_model=case.scene_model)
+    observed = visit(case, setup, planets=False, n_frames=1)
+    noise = FrameNoise.of(observed.instrument.detector_of(case.band), case.em_gain, case.exposure_s)
+    sums = aperture_sums(noise.charge_variance_e2(observed.expected_e + noise.clock_e), weights**2)
     return np.where(sums > 0, sums[at] / np.where(sums > 0, sums, 1.0), 1.0)
 
 
@@ -112,18 +104,16 @@ class ClosedForm:
     def noise(self, n_cases: int = 1) -> StackNoise:
         """One question, or as many at once, of planets that differ."""
         case, place = self.case, np.ones((1, n_cases))
-        contrast = self.contrast * np.linspace(1.0, 2.0, n_cases)[None]
-        rates = aperture_rates(
-            self.model, self.target, case.band, self.x_arcsec * place, self.y_arcsec * place, contrast
-        )
+        x, y, contrast = self.x_arcsec * place, self.y_arcsec * place, self.contrast * np.linspace(1.0, 2.0, n_cases)
+        rates = aperture_rates(self.model, self.target, case.band, x, y, contrast[None])
         return stack_noise(rates, case.exposure_s, case.n_frames, case.em_gain, self.model.camera(case.band))
 
     def answer(self) -> dict[str, float]:
         """Flux and variance of the visit, e- and e-^2, as the images are measured: no error of the mean background."""
-        said = self.noise()
-        terms = {name: float(np.ravel(part)[0]) for name, part in said.terms.items() if name not in _NOT_PLACE}
+        noise = self.noise()
+        terms = {name: float(np.ravel(part)[0]) for name, part in noise.terms.items() if name not in _NOT_PLACE}
         speckle = terms.pop("speckle")
-        return {"flux_e": float(np.ravel(said.signal_e)[0]), "white_e2": sum(terms.values()), "speckle_e2": speckle}
+        return {"flux_e": float(np.ravel(noise.signal_e)[0]), "white_e2": sum(terms.values()), "speckle_e2": speckle}
 
 
 def closed_form(case: FixedScene) -> ClosedForm:
@@ -251,10 +241,10 @@ def worked(case: FixedScene, setup: Setup, visits: tuple[Observation, Observatio
     if setup.draw == "sums":
         try:
             epochs = setup.n_epochs(case)
-            sums = [hole_stacks(seen, epochs=epochs).draw().sum(axis=0) for seen in (science, reference)]
+            sums = [hole_stacks(observed, epochs=epochs).draw().sum(axis=0) for observed in (science, reference)]
         except InputError as error:
             raise NotApplicable(error.hint or str(error)) from None
         return Work(science, aperture_flux_e(science, sums[0] - sums[1]), ())
-    drawn = tuple(drawn_frames(seen) for seen in (science, reference))
+    drawn = tuple(drawn_frames(observed) for observed in (science, reference))
     means = [part.electrons.mean(axis=0) for part in drawn]
     return Work(science, case.n_frames * aperture_flux_e(science, means[0] - means[1]), drawn)

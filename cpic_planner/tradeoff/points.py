@@ -11,7 +11,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from cpic_core import FloatArray, InputError, stream
-from cpic_planner.tradeoff.chain import Drawn, NotApplicable, Places, aperture_flux_e
+from cpic_planner.tradeoff.chain import Drawn, NotApplicable, Places, aperture_flux_e, stamp_of
 from cpic_planner.tradeoff.setup import REFERENCE_EPOCHS, SEED, FixedScene, Setup, reference_setup, visit
 from cpic_planner.validation import calibrated_frames, pedestal_e
 from simulator.camera import Frame, FrameNoise
@@ -93,10 +93,8 @@ def _main(case: FixedScene) -> list[Point]:
         setup = Setup(draw, region, FIDELITIES[fidelity], epochs, scene_model=case.scene_model)
         points.append(Point(f"{name}_{fidelity}", f"{title}, {fidelity} knobs", "images", setup=setup))
     points += [Point(name, f"--fidelity {name}", "tier", fidelity=name) for name in ("quick", "standard")]
-    points += [
-        Point(f"tolerance_{value:g}", f"--tolerance {value:g}", "tolerance", tolerance=value)
-        for value in TOLERANCES_MEASURED
-    ]
+    levels = {f"tolerance_{value:g}": value for value in TOLERANCES_MEASURED}
+    points += [Point(name, f"--tolerance {level:g}", "tolerance", tolerance=level) for name, level in levels.items()]
     return points
 
 
@@ -122,25 +120,19 @@ def _knobs(case: FixedScene) -> list[Point]:
 
 
 def _effects(case: FixedScene) -> list[Point]:
-    best, instrument, scene = reference_setup(case), case.instrument, case.scene
-    switches = instrument.detector_of(case.band).switches
-    points = [
-        Point(
-            f"no_{name}",
-            f"without {name.replace('_', ' ')}",
-            "effect",
-            light_changes=False,
-            setup=best.changed(switches={name: False}),
-        )
-        for name, on in switches.model_dump().items()
-        if on
+    best, stars = reference_setup(case), case.scene.stars
+    switches = case.instrument.detector_of(case.band).switches.model_dump()
+
+    def without(name: str, words: str, light_changes: bool = True, **changes: Any) -> Point:
+        setup = best.changed(**changes)
+        return Point(f"no_{name}", f"without {words}", "effect", light_changes=light_changes, setup=setup)
+
+    return [
+        *(without(name, name.replace("_", " "), False, switches={name: False}) for name, on in switches.items() if on),
+        without("sky", "sky", sky=False),
+        without("drift", "drift of the wavefront", drift=False),
+        *([without("other_stars", "other stars", left_out=tuple(star.name for star in stars))] if stars else []),
     ]
-    points.append(Point("no_sky", "without sky", "effect", setup=best.changed(sky=False)))
-    points.append(Point("no_drift", "without drift of the wavefront", "effect", setup=best.changed(drift=False)))
-    if scene.stars:
-        names = tuple(star.name for star in scene.stars)
-        points.append(Point("no_other_stars", "without other stars", "effect", setup=best.changed(left_out=names)))
-    return points
 
 
 def named_points(case: FixedScene, names: tuple[str, ...], *, main_only: bool = False) -> tuple[Point, ...]:
@@ -199,15 +191,12 @@ def light_without(case: FixedScene, setup: Setup) -> FloatArray:
     return visit(case, setup, planets=False, n_frames=1, epochs=1).light.static_e_s
 
 
-def _calibrated(seen: Observation, setup: Setup) -> FloatArray:
-    if setup.draw == "frames" and seen.camera == "VIS":
-        values = {item.name: getattr(seen, item.name) for item in dataclasses.fields(seen) if item.init}
-        result: FloatArray = calibrated_frames(_Noiseless(**values | {"n_frames": 1}), cropped=True).electrons[0]
-        return result
-    rows, columns, _ = seen.area.stamp(seen.psf.on_axis.shape[0])
-    visible = seen.camera == "VIS"
-    gain = seen.instrument.detector.gain_e_adu if visible else seen.instrument.near_infrared.detector.gain_e_adu
-    return seen.expected[rows, columns] * (gain / seen.em_gain)
+def _calibrated(shown: Observation, setup: Setup) -> FloatArray:
+    if setup.draw == "frames" and shown.camera == "VIS":
+        values = {item.name: getattr(shown, item.name) for item in dataclasses.fields(shown) if item.init}
+        return np.asarray(calibrated_frames(_Noiseless(**values | {"n_frames": 1}), cropped=True).electrons[0])
+    gain = shown.instrument.channel(shown.camera).detector.gain_e_adu
+    return shown.expected[stamp_of(shown)] * (gain / shown.em_gain)
 
 
 def white_of_frames(places: Places, drawn: Sequence[Drawn]) -> FloatArray:
@@ -223,7 +212,7 @@ def white_of_frames(places: Places, drawn: Sequence[Drawn]) -> FloatArray:
     places : Places
     drawn : sequence of Drawn
     """
-    weights, found = places.weights, []
+    weights, samples = places.weights, []
     for part in drawn:
         n = len(part.electrons)
         covered = part.usable.mean(axis=0)
@@ -233,8 +222,8 @@ def white_of_frames(places: Places, drawn: Sequence[Drawn]) -> FloatArray:
             raise NotApplicable("a limit or particles void every aperture of the hole")
         left = np.where(part.usable, part.electrons - part.electrons.mean(axis=0), 0.0) * (n / (n - 1.0)) ** 0.5
         squares = aperture_sums(left, weights)[:, chosen] ** 2 * (places.level[chosen] / kept[chosen] ** 2)
-        found.append(squares.mean(axis=1))
-    return np.concatenate(found)
+        samples.append(squares.mean(axis=1))
+    return np.concatenate(samples)
 
 
 def white_of_sums(case: FixedScene, setup: Setup, places: Places, n_draws: int) -> FloatArray:
@@ -248,16 +237,16 @@ def white_of_sums(case: FixedScene, setup: Setup, places: Places, n_draws: int) 
     n_draws : int
         Draws of each planet.
     """
-    seen = visit(case, setup)
-    stacks = hole_stacks(seen, epochs=1)
-    dark_e = pedestal_e(seen.instrument.detector, case.exposure_s)
-    found = []
+    observed = visit(case, setup)
+    stacks = hole_stacks(observed, epochs=1)
+    dark_e = pedestal_e(observed.instrument.detector, case.exposure_s)
+    samples = []
     for number in range(n_draws):
         mean = (stacks.mean_rates(number)[0] * case.exposure_s + dark_e) * case.n_frames
         left = np.where(stacks.region, stacks.draw(number)[0] - mean, 0.0)
         squares = aperture_sums(left, places.weights) ** 2 * places.level
-        found.append(squares[places.white].mean() / case.n_frames)
-    return np.array(found)
+        samples.append(squares[places.white].mean() / case.n_frames)
+    return np.array(samples)
 
 
 def own_noise_e2(case: FixedScene, setup: Setup, places: Places, flux_e: float) -> float:
@@ -291,20 +280,15 @@ def _residuals(case: FixedScene, setup: Setup, places: Places, knobs: Knobs, epo
     offset = centred_axis(len(annulus), psf.imager.pixel_scale_arcsec)
     grid = psf.imager.focal_grid(*(psf.imager.axis(offset[part], masked=True) for part in (rows, columns)))
     cadence_s = (case.exposure_s + instrument.detector_of(case.band).readout_s) * case.n_frames / epochs
-    found = []
+    samples = []
     for number in range(n_pairs):
-        means = [
-            visit_frames(
-                grid,
-                instrument.drift,
-                epochs,
-                cadence_s,
-                *(stream(SEED, scene.name, "SCI", role, case.band, number, part) for part in ("visit", "walk")),
-            ).mean(axis=0)
-            for role in ("science", "reference")
-        ]
+        means = []
+        for role in ("science", "reference"):
+            path = (scene.name, "SCI", role, case.band, number)
+            streams = (stream(SEED, *path, part) for part in ("visit", "walk"))
+            means.append(visit_frames(grid, instrument.drift, epochs, cadence_s, *streams).mean(axis=0))
         left = np.zeros(annulus.shape)
         left[np.ix_(rows, columns)] = means[0] - means[1]
         sums = aperture_sums(left, weights)[places.near] - left[annulus].mean() * weights.sum()
-        found.append((sums**2).mean())
-    return np.array(found) * places.star_e_s**2
+        samples.append((sums**2).mean())
+    return np.array(samples) * places.star_e_s**2

@@ -101,7 +101,7 @@ def _variance_error(parts: FloatArray, white: float, speckle: float) -> float:
     return float(np.hypot(parts[0] * white, parts[2] * speckle) / parts.sum())
 
 
-def _relative(values: Sequence[float]) -> float:
+def _relative(values: Sequence[float] | FloatArray) -> float:
     array = np.asarray(values, float)
     if array.size < 2 or not array.mean() > 0:
         return 0.0
@@ -145,10 +145,8 @@ def _paired(ours: Sequence[float], theirs: Sequence[float]) -> _Ratio:
     """Ratio of two means of paired samples."""
     first, second = np.asarray(ours, float), np.asarray(theirs, float)
     if len(first) != len(second):
-        return _divided(
-            _Ratio(float(first.mean()), float(first.mean()) * _relative(ours)),
-            _Ratio(float(second.mean()), float(second.mean()) * _relative(theirs)),
-        )
+        pair = (_Ratio(float(part.mean()), float(part.mean()) * _relative(part)) for part in (first, second))
+        return _divided(*pair)
     value = float(first.mean() / second.mean())
     difference = first / first.mean() - second / second.mean() if value > 0 else np.zeros(2)
     return _Ratio(value, value * float(difference.std(ddof=1)) / math.sqrt(difference.size))
@@ -193,17 +191,17 @@ def chosen(
     cases = [fixed_scene(name) for name in dict.fromkeys(scenes)] or list(SCENES.values())
     if quick_look:
         cases = [dataclasses.replace(case, n_frames=GLANCE_FRAMES) for case in cases]
-    found = []
+    work = []
     for case in cases:
         known = {point.name for point in points_of(case)}
         names = tuple(name for name in only if name in known)
         if names or not only:
-            found.append((case, named_points(case, names, main_only=quick_look and not only)))
+            work.append((case, named_points(case, names, main_only=quick_look and not only)))
     everywhere = {point.name for case in cases for point in points_of(case)}
     for name in only:
         if name not in everywhere:
             raise InputError("--only", name, allowed=", ".join(sorted(everywhere)))
-    return found
+    return work
 
 
 def n_rows(work: Iterable[tuple[FixedScene, tuple[Point, ...]]]) -> int:

@@ -5,8 +5,6 @@ The fixed scenes on which speed and accuracy are measured: one for each place wh
 What one way to an answer models, and the observations that follow from it.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math
@@ -16,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from cpic_core import InputError, load_yaml
 from cpic_planner.results import MachineRecord
@@ -34,19 +32,16 @@ def this_machine() -> MachineRecord:
     from threadpoolctl import threadpool_info
 
     np.ones((2, 2)) @ np.ones((2, 2))
-    libraries = sorted(
-        {f"{item['internal_api']} {item['version']}" for item in threadpool_info() if item["user_api"] == "blas"}
-    )
+    libraries = [item for item in threadpool_info() if item["user_api"] == "blas"]
+    blas = sorted({f"{item['internal_api']} {item['version']}" for item in libraries})
     tree = {
         "processor": _processor(),
-        "cores": _cores(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
         "memory_gb": _memory_gb(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
-        "numpy": metadata.version("numpy"),
-        "scipy": metadata.version("scipy"),
-        "numba": metadata.version("numba"),
-        "blas": ", ".join(libraries) or "unknown",
+        **{name: metadata.version(name) for name in ("numpy", "scipy", "numba")},
+        "blas": ", ".join(blas) or "unknown",
         "blas_threads": 1,
     }
     return MachineRecord(key=content_hash(tree), **tree)
@@ -59,10 +54,6 @@ def _processor() -> str:
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or platform.machine()
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _memory_gb() -> float:
@@ -107,6 +98,11 @@ class FixedScene:
     scene_model: SceneModel = "exact"
     detector: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def frames(self) -> dict[str, Any]:
+        """Band, exposure, number and gain of the frames."""
+        return {name: getattr(self, name) for name in ("band", "exposure_s", "n_frames", "em_gain")}
+
     @functools.cached_property
     def scene(self) -> Scene:
         """Star, planet and whatever else there is."""
@@ -124,21 +120,16 @@ class FixedScene:
         instrument = load_instrument()
         if not self.detector:
             return instrument
+        camera = "detector" if instrument.band(self.band).camera == "VIS" else "near_infrared"
         own = dict(self.detector)
-        visible = instrument.band(self.band).camera == "VIS"
-        return instrument.changed({"detector": own} if visible else {"near_infrared": {"detector": own}})
+        return instrument.changed({camera: own if camera == "detector" else {"detector": own}})
 
 
 def _read(name: str, entry: dict[str, Any]) -> FixedScene:
     """Return a scene of the list, its planet as a body that has the contrast it is given."""
     body = entry.pop("planet")
-    planet = {
-        "name": PLANET,
-        "radius_rjup": 1.0,
-        "phase_deg": 90.0,
-        "albedo": _ALBEDO,
-        "distance_au": _RADIUS_AU * math.sqrt(_ALBEDO / (math.pi * body.pop("contrast"))),
-    }
+    distance_au = _RADIUS_AU * math.sqrt(_ALBEDO / (math.pi * body.pop("contrast")))
+    planet = {"name": PLANET, "radius_rjup": 1.0, "phase_deg": 90.0, "albedo": _ALBEDO, "distance_au": distance_au}
     return FixedScene(name=name, **entry | {"tree": entry["tree"] | {"planets": [planet | body]}})
 
 
@@ -196,7 +187,7 @@ class Setup:
     drift: bool = True
     scene_model: SceneModel = "exact"
 
-    def changed(self, **changes: Any) -> Setup:
+    def changed(self, **changes: Any) -> Self:
         """The same with something changed."""
         return dataclasses.replace(self, **changes)
 
@@ -245,18 +236,8 @@ def choice_of(case: FixedScene, dial: Dial) -> Choice:
     case : FixedScene
     dial : Dial
     """
-    predicted = forecast(
-        case.scene,
-        case.instrument,
-        band=case.band,
-        exposure_s=case.exposure_s,
-        n_frames=case.n_frames,
-        em_gain=case.em_gain,
-        scene_model=case.scene_model,
-        planets=(PLANET,),
-        reduced=True,
-        full=dial.fidelity == "reference",
-    )
+    shown: dict[str, Any] = {"planets": (PLANET,), "reduced": True, "full": dial.fidelity == "reference"}
+    predicted = forecast(case.scene, case.instrument, **case.frames, scene_model=case.scene_model, **shown)
     return choose(predicted, dial.of("planet_flux", "snr"), fixed=("hole_region",))
 
 
@@ -268,16 +249,9 @@ def chosen_by(case: FixedScene, choice: Choice) -> Setup:
     case : FixedScene
     choice : Choice
     """
-    return Setup(
-        choice.draw,
-        "hole" if choice.draw == "sums" else choice.region,
-        choice.knobs,
-        choice.epochs,
-        switches=dict(choice.switches),
-        left_out=tuple(choice.left_out),
-        sky=choice.sky,
-        scene_model=case.scene_model,
-    )
+    region = "hole" if choice.draw == "sums" else choice.region
+    left: dict[str, Any] = {"switches": dict(choice.switches), "left_out": tuple(choice.left_out), "sky": choice.sky}
+    return Setup(choice.draw, region, choice.knobs, choice.epochs, scene_model=case.scene_model, **left)
 
 
 def visit(
@@ -291,12 +265,10 @@ def visit(
     realisation: int = 0,
 ) -> Observation:
     """One visit; reference visits show no planet."""
+    frames = case.frames | ({"n_frames": n_frames} if n_frames else {})
     return observe(
         setup.scene(case, planets=planets and role == "science"),
-        band=case.band,
-        exposure_s=case.exposure_s,
-        n_frames=n_frames or case.n_frames,
-        em_gain=case.em_gain,
+        **frames,
         seed=SEED,
         fidelity=setup.knobs,
         instrument=setup.instrument(case),

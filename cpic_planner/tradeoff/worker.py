@@ -3,8 +3,6 @@
 One row, or several that share a process: timed, and its flux and noise measured.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import gc
@@ -15,7 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from cpic_core import FloatArray, Status
 from cpic_planner.results import TradeoffRow
@@ -66,17 +64,16 @@ def timed(job: Callable[[], object], *, budget_s: float = 1.5) -> Timing:
     """
     gc.collect()
     reset_peak_memory()
-    found: list[tuple[float, float]] = []
     calls, spent = 1, 0.0
-    while len(found) < MOST_REPEATS and (not found or spent < budget_s):
+    times: list[tuple[float, float]] = []
+    while len(times) < MOST_REPEATS and (not times or spent < budget_s):
         wall, cpu = _block(job, calls)
         spent += wall
         if wall < _BLOCK_S and calls == 1:
             calls = max(2, int(1.2 * _BLOCK_S / max(wall, 1e-7)))
             continue
-        found.append((wall / calls, cpu / calls))
-    best = min(found)
-    return Timing(best[0], best[1], peak_memory_mb(), len(found))
+        times.append((wall / calls, cpu / calls))
+    return Timing(*min(times), peak_memory_mb(), len(times))
 
 
 def _block(job: Callable[[], object], calls: int) -> tuple[float, float]:
@@ -142,44 +139,26 @@ class _Row:
 
     def made(self, **more: Any) -> TradeoffRow:
         """The row."""
-        case, point = self.case, self.point
-        return TradeoffRow(
-            scene=case.name,
-            point=point.name,
-            title=point.title,
-            group=point.group,
-            predicted_error=self.predicted,
-            n_frames=case.n_frames,
-            machine=self.machine,
-            version=__version__,
-            **more,
-        )
+        point = {name: getattr(self.point, name) for name in ("title", "group")}
+        given = {"predicted_error": self.predicted, "machine": self.machine, "version": __version__}
+        own = {"scene": self.case.name, "point": self.point.name, "n_frames": self.case.n_frames}
+        return TradeoffRow(**point, **given, **own, **more)
 
     def ok(
         self, setup: Setup, timing: Timing, flux_e: float, samples: dict[str, list[float]], cold_s: float | None = None
     ) -> TradeoffRow:
         """The row of images."""
-        settings = {
-            "draw": setup.draw,
-            "region": setup.region,
+        names = ("draw", "region", "sky", "drift", "scene_model")
+        settings = {name: getattr(setup, name) for name in names} | {
             "epochs": setup.n_epochs(self.case),
             "knobs": setup.knobs.model_dump(mode="json"),
             "switches": dict(setup.switches),
             "left_out": list(setup.left_out),
-            "sky": setup.sky,
-            "drift": setup.drift,
-            "scene_model": setup.scene_model,
         }
         assert self.places is not None  # images have places
-        own = own_noise_e2(self.case, setup, self.places, flux_e)
-        return self.made(
-            status="ok",
-            cold_s=cold_s,
-            flux_e=flux_e,
-            settings=settings,
-            samples=samples | {"own_e2": [own]},
-            **dataclasses.asdict(timing),
-        )
+        samples |= {"own_e2": [own_noise_e2(self.case, setup, self.places, flux_e)]}
+        measured = {"flux_e": flux_e, "settings": settings, "samples": samples, **dataclasses.asdict(timing)}
+        return self.made(status="ok", cold_s=cold_s, **measured)
 
 
 def measured_rows(
@@ -282,11 +261,10 @@ class _Light:
     bare_e_s: FloatArray
 
     @classmethod
-    def of(cls, case: FixedScene, base: Setup) -> _Light:
-        wall, cpu = time.perf_counter(), time.process_time()
-        visits = both_visits(case, base)
-        took = time.perf_counter() - wall, time.process_time() - cpu
-        return cls(*took, visits, light_without(case, base))
+    def of(cls, case: FixedScene, base: Setup) -> Self:
+        visits: list[tuple[Observation, Observation]] = []
+        wall_s, cpu_s = _block(lambda: visits.append(both_visits(case, base)), 1)
+        return cls(wall_s, cpu_s, visits[0], light_without(case, base))
 
 
 def _changed(row: _Row, setup: Setup, effort: Effort) -> TradeoffRow:
@@ -358,17 +336,11 @@ def _listed(values: FloatArray) -> list[float]:
 
 
 def _closed_form(row: _Row, effort: Effort, launched_s: float) -> TradeoffRow:
-    asked = closed_form(row.case)
-    said, n_cases = asked.answer(), row.point.n_cases
+    question, n_cases = closed_form(row.case), row.point.n_cases
+    answer = question.answer()
     cold_s = time.monotonic() - launched_s
-    timing = timed(lambda: asked.noise(n_cases), budget_s=effort.budget_s)
-    return row.made(
-        status="ok",
-        wall_s=timing.wall_s / n_cases,
-        cpu_s=timing.cpu_s / n_cases,
-        cold_s=cold_s,
-        peak_memory_mb=timing.peak_memory_mb,
-        repeats=timing.repeats,
-        flux_e=said["flux_e"],
-        samples={"whole_e2": [said["white_e2"]], "fixed_speckle_e2": [said["speckle_e2"]]},
-    )
+    timing = timed(lambda: question.noise(n_cases), budget_s=effort.budget_s)
+    timing = dataclasses.replace(timing, wall_s=timing.wall_s / n_cases, cpu_s=timing.cpu_s / n_cases)
+    samples = {"whole_e2": [answer["white_e2"]], "fixed_speckle_e2": [answer["speckle_e2"]]}
+    times = dataclasses.asdict(timing)
+    return row.made(status="ok", cold_s=cold_s, flux_e=answer["flux_e"], samples=samples, **times)

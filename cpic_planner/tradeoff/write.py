@@ -29,22 +29,10 @@ if TYPE_CHECKING:
 
 
 _COUNTED = [name for name in names_of(TradeoffRow) if name != "variance_e2"]
-COLUMNS = (
-    *_COUNTED[: _COUNTED.index("n_frames")],
-    "predicted_flux_error",
-    "predicted_snr_error",
-    *_COUNTED[_COUNTED.index("n_frames") :],
-)
+_AT = _COUNTED.index("n_frames")
+COLUMNS = (*_COUNTED[:_AT], "predicted_flux_error", "predicted_snr_error", *_COUNTED[_AT:])
 """Columns of the CSV file: those of `TradeoffRow`, and what the ledger predicts for flux and SNR."""
 _TIERS = ("etc", "quick", "standard", "reference")
-_HEADINGS = {
-    "closed_form": "Closed forms",
-    "images": "Images made in a stated way",
-    "tier": "Named tiers",
-    "tolerance": "Tolerances",
-    "knob": "The reference with one knob changed",
-    "effect": "The reference without one effect",
-}
 
 
 def csv_text(result: TradeoffResult) -> str:
@@ -92,25 +80,11 @@ def tier_table(result: TradeoffResult) -> str:
         if not good:
             continue
         times = sorted(row.wall_s or 0.0 for row in good)
-        lines.append(
-            [
-                "closed form" if name == "etc" else f"`{name}`",
-                f"{_seconds(times[0])} to {_seconds(times[-1])}",
-                f"{max(row.peak_memory_mb or 0.0 for row in good):.0f}",
-                _worst(good, "flux"),
-                _worst(good, "snr"),
-                f"{len(good)} of {len(rows)}",
-            ]
-        )
-    head = [
-        "tier",
-        "wall clock of an observation",
-        "memory (MB)",
-        "largest error of the planet's flux",
-        "largest error of SNR",
-        "scenes",
-    ]
-    return _table(head, lines)
+        tier, span = "closed form" if name == "etc" else f"`{name}`", f"{_seconds(times[0])} to {_seconds(times[-1])}"
+        memory = f"{max(row.peak_memory_mb or 0.0 for row in good):.0f}"
+        lines.append([tier, span, memory, *(_worst(good, of) for of in _ERRORS), f"{len(good)} of {len(rows)}"])
+    errors = (f"largest error of {what}" for what in ("the planet's flux", "SNR"))
+    return _table(["tier", "wall clock of an observation", "memory (MB)", *errors, "scenes"], lines)
 
 
 def _worst(rows: Sequence[TradeoffRow], quantity: str) -> str:
@@ -137,7 +111,7 @@ def _scene_text(result: TradeoffResult, scene: str) -> str:
         f"frames of {about.exposure_s:g} s and as many of a reference visit, gain {about.em_gain:g}."
     ]
     own = [row for row in result.rows if row.scene == scene]
-    for group, heading in _HEADINGS.items():
+    for group, (heading, *_) in LOOKS.items():
         rows = [row for row in own if row.group == group]
         if rows:
             lines = [_line(row, result.machine.key) for row in rows]
@@ -156,15 +130,9 @@ def _line(row: TradeoffRow, machine: str) -> list[str]:
     mark = "" if row.machine == machine else " (another machine)"
     if row.status != "ok":
         return [f"{row.title}{mark}", f"{row.status}: {row.reason.replace('_', ' ')}", "", "", "", row.message, ""]
-    return [
-        f"{row.title}{mark}",
-        _seconds(row.wall_s),
-        _seconds(row.cpu_s),
-        _seconds(row.cold_s),
-        _memory(row.peak_memory_mb),
-        _error(row.flux_error, row.flux_uncertainty),
-        _error(row.snr_error, row.snr_uncertainty),
-    ]
+    times = map(_seconds, (row.wall_s, row.cpu_s, row.cold_s))
+    errors = (_error(getattr(row, f"{of}_error"), getattr(row, f"{of}_uncertainty")) for of in _ERRORS)
+    return [f"{row.title}{mark}", *times, _memory(row.peak_memory_mb), *errors]
 
 
 def report_text(result: TradeoffResult, *, head: str = "") -> str:
@@ -218,15 +186,16 @@ planet stands on a bad pixel; the infrared camera has no reduction yet, so that 
 """
 
 
-# Okabe-Ito colours, and a symbol each.
-LOOKS: dict[str, tuple[str, str, str]] = {
-    "closed_form": ("#D55E00", "*", "closed forms"),
-    "images": ("#56B4E9", "s", "images, stated way"),
-    "tier": ("#000000", "o", "named tiers"),
-    "tolerance": ("#009E73", "D", "tolerances"),
-    "knob": ("#CC79A7", "+", "one knob changed"),
-    "effect": ("#999999", "x", "one effect left out"),
+# Heading in the report; Okabe-Ito colour, symbol and words in the figure.
+LOOKS: dict[str, tuple[str, str, str, str]] = {
+    "closed_form": ("Closed forms", "#D55E00", "*", "closed forms"),
+    "images": ("Images made in a stated way", "#56B4E9", "s", "images, stated way"),
+    "tier": ("Named tiers", "#000000", "o", "named tiers"),
+    "tolerance": ("Tolerances", "#009E73", "D", "tolerances"),
+    "knob": ("The reference with one knob changed", "#CC79A7", "+", "one knob changed"),
+    "effect": ("The reference without one effect", "#999999", "x", "one effect left out"),
 }
+_ERRORS = ("flux", "snr")
 SMALLEST = 1e-6
 """Errors below are drawn here, as upper limits."""
 _LABELS = {"reference": "reference", "standard": "standard", "quick": "quick", "etc": "closed form"}
@@ -262,20 +231,15 @@ def pareto_figure(result: TradeoffResult) -> Figure:
     figure.legend(handles, labels, loc="outside upper center", ncols=4)
     for panel, scene in zip(panels, scenes, strict=False):
         named = [row for row in ok if row.scene == scene.name and row.point in _LABELS]
-        place_labels(
-            panel,
-            [row.wall_s or 0.0 for row in named],
-            [_size(row)[0] for row in named],
-            [_LABELS[row.point] for row in named],
-            fontsize=8.5,
-        )
+        times, sizes = [row.wall_s or 0.0 for row in named], [_size(row)[0] for row in named]
+        place_labels(panel, times, sizes, [_LABELS[row.point] for row in named], fontsize=8.5)
     return figure
 
 
 def _size(row: TradeoffRow) -> tuple[float, bool]:
     """Error to draw, and whether it is only a limit."""
     sizes = []
-    for quantity in ("flux", "snr"):
+    for quantity in _ERRORS:
         value, limit = abs(getattr(row, f"{quantity}_error") or 0.0), getattr(row, f"{quantity}_uncertainty") or 0.0
         sizes.append((value, False) if value > limit else (limit, True))
     value, limit = max(sizes)
@@ -288,24 +252,22 @@ def _panel(axes: Axes, rows: Sequence[TradeoffRow]) -> None:
     axes.grid(visible=True)
     for level in (0.01, 0.03, 0.05):
         axes.axhline(level, color="#BBBBBB", lw=0.8, ls=":", zorder=1)
-    for group, (colour, marker, _) in LOOKS.items():
-        for row in rows:
-            if row.group != group:
-                continue
-            value, limit = _size(row)
-            thin = marker in "+x"
-            axes.plot(
-                row.wall_s or 0.0,
-                value,
-                marker="v" if limit else marker,
-                color=colour,
-                ls="none",
-                zorder=3,
-                ms=9 if marker == "*" else 6,
-                mew=1.3 if thin and not limit else 0.8,
-                mfc="none" if limit or thin else colour,
-                mec=colour,
-            )
+    for row in sorted(rows, key=lambda row: list(LOOKS).index(row.group)):
+        _, colour, marker, _ = LOOKS[row.group]
+        value, limit = _size(row)
+        thin = marker in "+x"
+        axes.plot(
+            row.wall_s or 0.0,
+            value,
+            marker="v" if limit else marker,
+            color=colour,
+            ls="none",
+            zorder=3,
+            ms=9 if marker == "*" else 6,
+            mew=1.3 if thin and not limit else 0.8,
+            mfc="none" if limit or thin else colour,
+            mec=colour,
+        )
 
 
 def _legend() -> tuple[list[Artist], list[str]]:
@@ -313,11 +275,11 @@ def _legend() -> tuple[list[Artist], list[str]]:
 
     handles: list[Artist] = [
         Line2D([], [], color=colour, marker=marker, ls="none", ms=7, mfc="none" if marker in "+x" else colour)
-        for colour, marker, _ in LOOKS.values()
+        for _, colour, marker, _ in LOOKS.values()
     ]
     handles.append(Line2D([], [], color="#444444", marker="v", ls="none", ms=7, mfc="none"))
     handles.append(Line2D([], [], color="#BBBBBB", ls=":"))
-    return handles, [*(text for _, _, text in LOOKS.values()), "upper limit", "1, 3 and 5 %"]
+    return handles, [*(text for *_, text in LOOKS.values()), "upper limit", "1, 3 and 5 %"]
 
 
 _MAX_BYTES = 100_000_000
@@ -347,9 +309,5 @@ def read_result(folder: Path) -> TradeoffResult | None:
         text = read_text(path, key="--out", allowed="a folder of an earlier tradeoff", max_bytes=_MAX_BYTES)
         return TradeoffResult.model_validate(json.loads(text))
     except (ValueError, ValidationError):
-        raise InputError(
-            "--out",
-            str(folder),
-            allowed="a folder of an earlier tradeoff, or a new one",
-            hint=f"its {RESULT} is something else",
-        ) from None
+        allowed = "a folder of an earlier tradeoff, or a new one"
+        raise InputError("--out", str(folder), allowed=allowed, hint=f"its {RESULT} is something else") from None

@@ -31,7 +31,7 @@ def test_lost_tasks_go_first_and_in_order():
 def test_a_suspect_goes_last_and_alone_even_after_a_loss():
     queue = TaskQueue(3)
     assert send(queue) == 0
-    queue.judge(0, 4)
+    queue.suspect(0, 4)
     assert [send(queue, 1), send(queue, 1)] == [1, 2]
     assert queue.next(1, ROOM) is None
     assert send(queue) == 0
@@ -43,11 +43,11 @@ def test_a_suspect_goes_last_and_alone_even_after_a_loss():
 def test_blame_needs_four_deaths_alone_however_soon_dask_gives_up(deaths, trials):
     queue = TaskQueue(1)
     send(queue)
-    queue.judge(0, deaths)
+    queue.suspect(0, deaths)
     for _ in range(trials):
         queue.tell_blamed()  # nobody yet
         assert send(queue) == 0
-        queue.judge(0, deaths)
+        queue.suspect(0, deaths)
     assert queue.left == 0
     with pytest.raises(ClusterError, match="task 1 of 1 ended its worker .* all others are done"):
         queue.tell_blamed()
@@ -57,13 +57,13 @@ def test_it_may_be_all_of_them():
     queue = TaskQueue(50)
     for index in range(4):
         assert send(queue) == index
-        queue.judge(index, 4)
+        queue.suspect(index, 4)
     while send(queue) != 49:
         pass
     assert send(queue) == 0
-    queue.judge(0, 4)
+    queue.suspect(0, 4)
     assert send(queue) == 1
-    queue.judge(1, 4)
+    queue.suspect(1, 4)
     assert send(queue) == 2
     with pytest.raises(ClusterError, match="task 1, 2, 3 of 50 ended its worker .* 1 others are not finished"):
-        queue.judge(2, 4)
+        queue.suspect(2, 4)
