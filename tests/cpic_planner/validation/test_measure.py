@@ -8,9 +8,9 @@ import pytest
 
 from cpic_planner.confirm.scene import _work
 from cpic_planner.queries import ConfirmQuestion
-from cpic_planner.validation import StarFlux, subjects_of, visits_of
+from cpic_planner.validation import StarFlux, planet_templates, visit_pair
 from cpic_planner.validation.confirm import _false
-from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure, positions_of
+from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure, obstacle, positions_of
 from simulator import load_instrument, load_scene
 
 SCENE = {
@@ -44,8 +44,8 @@ def prepared():
         audit=False,
     )
     (task,) = _work(config).tasks
-    visits = visits_of(task)
-    return visits, subjects_of(visits)
+    visits = visit_pair(task)
+    return visits, planet_templates(visits)
 
 
 def star():
@@ -124,3 +124,15 @@ def test_what_limits_take_away_is_not_measured():
     measured, _ = measure(visits, replace(realised, reduced=stack), subjects, star())
     assert measured[0] is None
     assert measured[1] is not None
+
+
+def test_what_stands_in_the_way_of_a_planet_is_named():
+    visits, (planet, _) = prepared()
+    assert obstacle(planet, visits.geometry) is None
+    crowded = replace(planet, background=np.zeros_like(planet.background))
+    assert obstacle(crowded, visits.geometry)[0].value == "too_few_resolution_elements"
+    corner = visits.geometry.zone.outer_arcsec
+    behind = replace(planet, places_arcsec=((0.0, 0.4),), apertures=(np.roll(planet.apertures[0], 30, axis=1),))
+    beyond = replace(behind, places_arcsec=((corner, corner),))
+    reasons = [obstacle(one, visits.geometry)[0].value for one in (behind, beyond)]
+    assert reasons == ["inside_inner_edge", "outside_outer_edge"]
