@@ -65,3 +65,4 @@ from catalogs.table_files import (
     parse_table as parse_table,
     read_bytes as read_bytes,
 )
+from cpic_core.errors import InputError as InputError

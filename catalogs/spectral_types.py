@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import InputError, load_yaml, split_sourced
+from cpic_core import InputError
 
 PARAMETERS_SOURCE = "derived:spectral type (Pecaut & Mamajek 2013; Cox 2000)"
 _FILE = Path(__file__).resolve().parent / "data" / "spectral_types.yaml"
@@ -195,6 +195,8 @@ def _refusal(name: str) -> InputError:
 
 @functools.cache
 def _tables() -> dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]:
+    from cpic_core import load_yaml, split_sourced
+
     values, _ = split_sourced(load_yaml(_FILE))
     teff = {name: _columns(table) for name, table in values["teff_k"].items()}
     log_g = {}

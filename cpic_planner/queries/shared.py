@@ -245,13 +245,20 @@ class InstrumentParts(Parts):
         default_words="that of the instrument, 0",
     )
 
+    drift_nm: float | None = asked(
+        None,
+        "Rms of the wavefront offset between two visits; the walk within a visit changes in the same ratio.",
+        option="--drift-nm",
+        default_words="that of the instrument, 0.05",
+    )
+
     def made(self, base: Any) -> Instrument:
         """Return the instrument with what is changed of it."""
         given = base if self.instrument is None else self.instrument
         built = default_instrument() if given is None else read_instrument(given)
-        if self.exozodi_zodis is None:
-            return built
-        return changed(built, (Change(key="sky.exozodi_zodis", value=self.exozodi_zodis),))
+        new = {"sky.exozodi_zodis": self.exozodi_zodis, "drift": self.drift_nm}
+        changes = tuple(Change(key=key, value=value) for key, value in new.items() if value is not None)
+        return changed(built, changes) if changes else built
 
 
 class InstrumentQuestion(Question):

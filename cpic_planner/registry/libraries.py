@@ -202,7 +202,9 @@ class OtherStar(Library):
         self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates; see `Library.noise`."""
-        ratio = rate_e_s(_star_of(settings)) / star_e_s
+        return self._scaled(rate_e_s(_star_of(settings)) / star_e_s)
+
+    def _scaled(self, ratio: FloatArray) -> LibraryNoise:
         return LibraryNoise(1.0 / ratio, 1.0 / ratio**2, 1.0 / ratio**2, 0.0, np.maximum(ratio, 1.0), 1.0, 1.0)
 
     def reference_scene(self, settings: LibrarySettings, scene: Scene) -> Scene:
@@ -218,10 +220,34 @@ class OtherStar(Library):
             source.model_copy(update={"contrast": source.contrast_to(own.v_mag), "v_mag": None})
             for source in scene.extended
         )
+        return Scene(name=name, cstar=self._star(settings, own, name), extended=dust)
+
+    def _star(self, settings: LibrarySettings, science: SceneStar, name: str) -> SceneStar:
+        """Return the reference star of a science star, at the same place."""
         star = _star_of(settings)
         looks = {key: getattr(star, key) for key in ("v_mag", "teff_k", "log_g", "metallicity")}
-        other = SceneStar(name=name, ra_deg=own.ra_deg, dec_deg=own.dec_deg, **looks)
-        return Scene(name=name, cstar=other, extended=dust)
+        return SceneStar(name=name, ra_deg=science.ra_deg, dec_deg=science.dec_deg, **looks)
+
+
+class BrighterTwin(OtherStar):
+    """Another star of the same type and place, two magnitudes brighter: what a well-chosen reference star is."""
+
+    name = "brighter_twin"
+    meaning = "a star of the same type, two magnitudes brighter"
+    caveats = MappingProxyType({})
+    _BRIGHTER_MAG = 2.0
+
+    def check(self, settings: LibrarySettings, choice: str) -> None:
+        """Accept every strategy: the star follows from the target."""
+
+    def noise(
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+    ) -> LibraryNoise:
+        """Return the noise scaled by the ratio of rates, the same in every band; see `Library.noise`."""
+        return self._scaled(np.full(np.shape(star_e_s), 10.0 ** (0.4 * self._BRIGHTER_MAG)))
+
+    def _star(self, settings: LibrarySettings, science: SceneStar, name: str) -> SceneStar:
+        return science.model_copy(update={"name": name, "v_mag": science.v_mag - self._BRIGHTER_MAG})
 
 
 def _star_of(settings: LibrarySettings) -> StarSettings:
@@ -287,7 +313,7 @@ class Idealised(Library):
         return LibraryNoise(none, none, none, 0.0, one, 0.0, 1.0)
 
 
-LIBRARIES: Registry[Library] = Registry("library", (Library(), OtherStar(), TwoRolls(), Idealised()))
+LIBRARIES: Registry[Library] = Registry("library", (Library(), OtherStar(), BrighterTwin(), TwoRolls(), Idealised()))
 
 LibraryName = Annotated[str, LIBRARIES]
 """Name of a library, as a type."""

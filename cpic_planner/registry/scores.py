@@ -146,6 +146,14 @@ SCORES: Registry[Score] = Registry(
             timed=True,
         ),
         Score(
+            name="photometric_snr",
+            label="SNR",
+            meaning="photometric SNR of the reference planet in its best band",
+            aim="how precisely the light of a reference planet is measured",
+            value=lambda numbers: numbers.snr,
+            column="snr",
+        ),
+        Score(
             name="contrast_limit",
             label="−log C",
             meaning="minus log10 of the faintest contrast detected anywhere in the dark hole",

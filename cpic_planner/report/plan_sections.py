@@ -170,6 +170,35 @@ def _first(report: PlanReport) -> Iterator[doc.Block]:
     )
 
 
+_REQUEST: tuple[doc.Column[tuple[ConfirmedTarget, BandConfirmation]], ...] = (
+    doc.Column("Star", lambda row: _star(pretty_name(row[0].name), row[0].hip), look="row left"),
+    doc.Column("RA", lambda row: words.ra_text(row[0].ranked.ra_deg), "ICRS"),
+    doc.Column("Dec", lambda row: words.dec_text(row[0].ranked.dec_deg), "ICRS"),
+    doc.Column("Band", lambda row: row[1].band, look="left"),
+    doc.Column("Frames", lambda row: count_text(row[1].n_frames), "science"),
+    doc.Column("Exposure", lambda row: significant(row[1].exposure_s), "s"),
+    doc.Column("EM gain", lambda row: significant(row[1].em_gain)),
+    doc.Column("Wall time", lambda row: duration_text(row[1].time_s)),
+)
+
+
+@doc.section_of(PLAN_SECTIONS, "request", "Observing request")
+def _request(report: PlanReport) -> Iterator[doc.Block]:
+    chosen = [(target, summary.chosen(target)) for target in report.plan.targets]
+    rows = [(target, best) for target, best in chosen if best is not None]
+    if not rows:
+        yield doc.Paragraph("The images chose no band for any target, so that there is nothing to ask for.")
+        return
+    caption = (
+        "What to ask for: one line for each target with a chosen band. The wall time holds science frames, reference "
+        f"frames ({LIBRARIES[report.plan.reference_library].meaning}) and readouts; positions are those of the "
+        "catalogue epoch, without proper motion."
+    )
+    yield doc.table("Observing request", caption, _REQUEST, rows)
+    total_s = sum(best.time_s or 0.0 for _, best in rows)
+    yield doc.Paragraph(f"Sum of the wall times: {duration_text(total_s)}.", "note")
+
+
 @doc.section_of(PLAN_SECTIONS, "sensitivity", "What the ranking depends on")
 def _sensitivity(report: PlanReport) -> Iterator[doc.Block]:
     found = report.sensitivity

@@ -248,13 +248,13 @@ class CameraCase:
     def snr_share(self, *origins: str, factor: float = 1.0) -> float:
         """Half of the share of some origins in the variance of an aperture sum, the largest of all planets.
 
-        Light of other sources counts as much as it may be.
+        Light of other sources counts as much as it may be; what adds no variance is no origin.
         """
         most = 0.0
         for variances, planet in zip(self.variances, self.sketch.planets, strict=True):
             other = self.light_variance_e2(planet.other_most_e_s)
             more = other - variances["other"] if "other" in origins else 0.0
-            part = sum(variances[name] for name in origins) + more
+            part = sum(variances.get(name, 0.0) for name in origins) + more
             most = max(most, 0.5 * factor * part / max(sum(variances.values()) + more, 1e-300))
         return most
 

@@ -33,6 +33,7 @@ SCORES = {
     "completeness": lambda row: row.completeness,
     "detection_margin": lambda row: row.detection_margin,
     "detection_time": lambda row: 3600.0 / row.detection_time_s if row.detection_time_s else 0.0,
+    "photometric_snr": lambda row: row.snr,
     "contrast_limit": lambda row: row.score,
 }
 

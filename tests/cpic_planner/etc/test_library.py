@@ -9,7 +9,7 @@ from cpic_planner.etc import aperture_rates, build_model, stack_noise
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
-from simulator.config import load_instrument
+from simulator.config import load_instrument, load_scene
 
 SUN = {"teff_k": 5772.0, "log_g": 4.4, "metallicity": 0.0}
 ALONE = replace(
@@ -57,6 +57,16 @@ def test_scaled_noise_of_another_star():
     assert np.squeeze(rates.reference_halo_e_s) == pytest.approx(halo / 10, rel=1e-12)
     assert np.squeeze(rates.reference_light_e_s) == pytest.approx(halo / 10 + other / 100, rel=1e-12)
     assert np.squeeze(rates.reference_scale) == pytest.approx(0.01, rel=1e-12)
+
+
+def test_the_brighter_twin_is_a_star_of_the_same_type_two_magnitudes_brighter():
+    twin, other = noise(ALONE, library="brighter_twin"), noise(ALONE, **star(1.0))
+    assert twin[0].snr == pytest.approx(other[0].snr, rel=1e-9)
+    assert np.squeeze(twin[1].peak_columns_e_s) == pytest.approx(np.squeeze(other[1].peak_columns_e_s), rel=1e-9)
+    scene = load_scene({"name": "s", "cstar": {"name": "star", "v_mag": 3.0, **SUN}})
+    settings = (Strategy(library="brighter_twin"), Strategy(**star(1.0)))
+    shown = [setting.reference_library.reference_scene(setting, scene) for setting in settings]
+    assert shown[0] == shown[1]
 
 
 def test_a_brighter_reference_has_less_noise_and_saturates_earlier():

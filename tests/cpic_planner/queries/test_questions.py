@@ -52,6 +52,15 @@ def told(*arguments):
     return seen[0] if seen else None
 
 
+def test_the_drift_of_a_plan_is_an_option_that_reaches_its_images():
+    plain, drifting = told("--top", "2"), told("--top", "2", "--drift-nm", "0.2")
+    assert plain.instrument.drift.visit_nm == 0.05
+    assert drifting.instrument.drift.visit_nm == pytest.approx(0.2, rel=1e-12)
+    assert drifting.instrument.drift.walk_nm_per_sqrt_hour == pytest.approx(0.2, rel=1e-12)
+    assert drifting.instrument.detector == plain.instrument.detector
+    assert plain.content_hash != drifting.content_hash
+
+
 def test_a_field_is_an_option_a_keyword_a_key_and_in_schema_and_hash(refused, tmp_path, capsys):
     plain, tilted = told("--top", "2"), told("--top", "2", "--tilt-deg", "2")
     assert (plain.tilt_deg, tilted.tilt_deg) == (0.5, 2.0)

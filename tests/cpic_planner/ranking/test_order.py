@@ -150,7 +150,9 @@ def test_companion_light_counts_only_when_on():
     assert "companion_light_off" in pair[1].flags
 
 
-@pytest.mark.parametrize("score", ["completeness", "detection_margin", "detection_time", "contrast_limit"])
+@pytest.mark.parametrize(
+    "score", ["completeness", "detection_margin", "detection_time", "photometric_snr", "contrast_limit"]
+)
 def test_other_scores(score):
     found = rank_targets(MODEL, FEW, time_s=7200.0, population=SMALL, score=score)
     for row in found.targets:
@@ -158,6 +160,7 @@ def test_other_scores(score):
             "completeness": row.completeness,
             "detection_margin": row.detection_margin,
             "detection_time": 3600.0 / row.detection_time_s if row.detection_time_s else 0.0,
+            "photometric_snr": row.snr,
             "contrast_limit": -math.log10(row.deepest_limit),
         }[score]
         assert row.score == pytest.approx(expected, rel=1e-12)

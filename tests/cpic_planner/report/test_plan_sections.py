@@ -33,6 +33,16 @@ def test_drawings_load_nothing_either(reader):
             assert not re.search(r'(?:href|src)="(?!#|data:)', svg)
 
 
+def test_the_request_has_a_line_for_each_target_with_a_chosen_band(plan, rank, page):
+    chosen = [target for target in plan.targets if target.chosen_band]
+    request = page[page.index('id="request"') : page.index('id="sensitivity"')]
+    assert request.count("<tr") == len(chosen) + 1
+    for target in chosen:
+        assert ra_text(target.ranked.ra_deg) in request
+    without = plan.model_copy(update={"targets": []})
+    assert "nothing to ask for" in render_plan(without, rank, {}, {})
+
+
 def test_hostile_name_is_text(page, words):
     assert HOSTILE not in page
     assert "&lt;script&gt;" in page
