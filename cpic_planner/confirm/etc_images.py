@@ -180,7 +180,7 @@ def _measured(
         if not found:
             template = validation.planet_templates(visits)[0]
         star = validation.StarFlux.known(visits.science.truth.sources[0].rate_e_s)
-        (one,), _ = validation.measure(visits, realisation, [template], star)
+        (one,), _ = validation.measure_planets(visits, realisation, [template], star)
         if one is None or (statistics is not None and statistics.lost_in):
             where = "pixels of the dark hole" if one else "the aperture or what is around it"
             raise _Refused(Status.SATURATED, Reason.PIXEL_FULL_WELL, f"limits cut off {where}")

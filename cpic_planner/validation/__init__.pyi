@@ -31,7 +31,7 @@ from cpic_planner.validation.measure import (
     Measurement as Measurement,
     PlanetTemplate as PlanetTemplate,
     edge_crossed as edge_crossed,
-    measure as measure,
+    measure_planets as measure_planets,
     planet_templates as planet_templates,
 )
 from cpic_planner.validation.modelling import (

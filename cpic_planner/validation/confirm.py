@@ -17,7 +17,7 @@ from cpic_planner.validation.measure import (
     MATCH_LAMBDA_D,
     Measurement,
     PlanetTemplate,
-    measure,
+    measure_planets,
     obstacle,
     planet_templates,
     positions_of,
@@ -62,7 +62,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         if not every:
             first, geometry, planets, (star, known) = realisation, at.geometry, planet_templates(at), _star(at)
             positions: list[Astrometry | None] = [None] * len(planets)
-        measured, blind = measure(at, realisation, planets, star)
+        measured, blind = measure_planets(at, realisation, planets, star)
         every.append(measured)
         announce(f"images of {task.name} in {task.band}, {len(every)} of {task.realisations} realisations")
         parts += [statistics] if statistics else []
@@ -140,7 +140,7 @@ def _audits(
     """One realisation with every effect on, measured as the others are."""
     visits = visit_pair(task, full=True, realisation=AUDIT_REALISATION, modelling=modelling)
     realisation, statistics = realise_frames(visits)
-    measured, blind = measure(visits, realisation, planets, star)
+    measured, blind = measure_planets(visits, realisation, planets, star)
     false = 0 if blind is None else _false(blind, visits)
     return [
         None if item is None else audit_of(task, index, item, statistics, false) for index, item in enumerate(measured)

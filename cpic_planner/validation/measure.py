@@ -178,7 +178,7 @@ def _tells_noise(region: BoolArray, planet: PlanetTemplate) -> bool:
     return bool(np.count_nonzero(planet.background & region) >= 0.5 * whole > 0)
 
 
-def measure(
+def measure_planets(
     visits: VisitPair, realisation: Realisation, planets: Sequence[PlanetTemplate], star: StarFlux
 ) -> tuple[list[Measurement | None], BlindSearch | None]:
     """Search one realisation blind, then measure every planet at its place.
