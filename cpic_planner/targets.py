@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs import Catalogue, StarTable, open_catalogue, resolve_star
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray, InputError, IntArray
 from simulator.config import ASSUMED_PA_DEG
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 CatalogSource = Catalogue | str | Path
+_NUMBERS = ("ra_deg", "dec_deg", "distance_pc", "v_mag", "teff_k", "log_g", "metallicity", "luminosity_lsun")
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Targets:
     """Columns of ``n`` stars as arrays; missing companions are NaN."""
 
     name: NDArray[np.str_]
-    hip: NDArray[np.int64]
+    hip: IntArray
     sp_type: NDArray[np.str_]
     ra_deg: FloatArray
     dec_deg: FloatArray
@@ -108,10 +109,8 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
     located = np.isfinite(companion_v) & np.isfinite(number("companion_sep_arcsec"))
     pa = number("companion_pa_deg")
     assumed = located & ~np.isfinite(pa)
-    flags = []
-    for own, close, has, guessed in zip(
-        text("quality_flags"), np.asarray(table.column("close_companion"), bool), located, assumed, strict=True
-    ):
+    flags, close_companion = [], np.asarray(table.column("close_companion"), bool)
+    for own, close, has, guessed in zip(text("quality_flags"), close_companion, located, assumed, strict=True):
         names = [flag for flag in own.split(";") if flag]
         if has:
             names.append("companion_light_on" if companions == "on" else "companion_light_off")
@@ -125,14 +124,7 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
         name=text("name"),
         hip=np.asarray(table.column("hip"), np.int64),
         sp_type=text("sp_type"),
-        ra_deg=number("ra_deg"),
-        dec_deg=number("dec_deg"),
-        distance_pc=number("distance_pc"),
-        v_mag=number("v_mag"),
-        teff_k=number("teff_k"),
-        log_g=number("log_g"),
-        metallicity=number("metallicity"),
-        luminosity_lsun=number("luminosity_lsun"),
+        **{name: number(name) for name in _NUMBERS},
         companion_separation_arcsec=number("companion_sep_arcsec"),
         companion_pa_deg=np.where(assumed, ASSUMED_PA_DEG, pa),
         companion_v_mag=companion_v,
@@ -281,9 +273,7 @@ def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
     companions = cuts.pop("companions", "on")
     table = _sample(catalogue, **cuts)
     targets = targets_from_table(table, companions=companions)
-    columns = {
-        item.name: getattr(targets, item.name) for item in fields(targets) if item.name not in ("flags", "companions")
-    }
+    columns = {name: values for name, values in vars(targets).items() if name not in ("flags", "companions")}
     labels = [f"{quantity}_src" for quantity in columns]
     origins = {label: table.column(label) for label in labels if label in table.columns}
     frame = pd.DataFrame(columns | {"flags": ["|".join(flags) for flags in targets.flags]} | origins)

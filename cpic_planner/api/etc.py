@@ -313,9 +313,9 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per target; columns of `cpic_planner.ranking.optimiser.Best`, units in their names, and ``verdict`` of
-        the planet at its known place (``detected``, ``measured_not_detected``, ``unreachable``); with ``time_s`` also
-        ``limited_by`` (`cpic_planner.etc.limiting`).
+        One row per target; columns of `cpic_planner.ranking.optimiser.OptimalSetting`, units in their names, and
+        ``verdict`` of the planet at its known place (``detected``, ``measured_not_detected``, ``unreachable``); with
+        ``time_s`` also ``limited_by`` (`cpic_planner.etc.limiting`).
 
     Raises
     ------
@@ -326,7 +326,7 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
 
     from cpic_core import Status
     from cpic_planner.etc import verdict_of
-    from cpic_planner.ranking import judge, limits_of, optimise as best_of
+    from cpic_planner.ranking import detection_statuses, limits_of, optimise as best_of
 
     time_s = question.time_s
     if time_s is None and question.snr is None and not question.detect:
@@ -342,7 +342,7 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
         separation_arcsec=question.separation_arcsec,
         planet=question.planet,
     )
-    standings, detected = judge(best, model), best.margin >= best.needed_margin
+    standings, detected = detection_statuses(best, model), best.margin >= best.needed_margin
     statuses = [Status.OK if n >= 1 else status for (status, _), n in zip(standings, best.n_frames, strict=True)]
     said: dict[str, Any] = {"verdict": [verdict_of(*pair) for pair in zip(statuses, detected.tolist(), strict=True)]}
     if time_s is not None:

@@ -75,11 +75,19 @@ def whatif(
 ) -> None:
     """Compare and print."""
     from cpic_planner.jobs import estimate
-    from cpic_planner.survey import known_table, load_strategies, run_whatif, told, varied, whatif_job, with_universe
+    from cpic_planner.survey import (
+        known_table,
+        load_strategies,
+        run_whatif,
+        variation_lines,
+        varied,
+        whatif_job,
+        with_universe,
+    )
 
     config = with_universe(_chosen(load_strategies(question.strategies), question.strategy), question.shared())
     config = varied(config, question.vary) if question.vary else config
-    for line in told(config):
+    for line in variation_lines(config):
         note(f"varied: {line}")
     table = known_table(config.universe)
     for remark in () if table is None else table.notes:

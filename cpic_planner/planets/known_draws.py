@@ -1,10 +1,10 @@
 """Draws of known planets: what published orbits and their errors leave open, at one date."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from catalogs import KnownPlanetTable
 from cpic_core import FloatArray, InputError, check_finite, stream
@@ -89,13 +89,9 @@ def known_uniforms(table: KnownPlanetTable, rows: Sequence[int], n_draws: int, s
     ndarray
         Shape ``(n_rows, n_draws, len(QUANTITIES))``.
     """
-    names = table.text("planet")
-    return np.array(
-        [
-            np.stack([stream(seed, "known", names[row], quantity).random(n_draws) for quantity in QUANTITIES], axis=-1)
-            for row in rows
-        ]
-    ).reshape(len(rows), n_draws, len(QUANTITIES))
+    names = [table.text("planet")[row] for row in rows]
+    drawn = [[stream(seed, "known", name, quantity).random(n_draws) for quantity in QUANTITIES] for name in names]
+    return np.array(drawn).reshape(len(rows), len(QUANTITIES), n_draws).transpose(0, 2, 1)
 
 
 def draw_known(
@@ -157,15 +153,14 @@ def draw_known(
         raise InputError("uniforms", "outside", allowed="numbers from 0 to 1")
     epoch = float(check_finite("epoch_mjd", epoch_mjd, "d"))
     made = DrawnRows(table, index, given)
-    star = made.normal("star_mass_msun", "star_mass_err_msun", "star_mass", fill=_star_masses(star_mass_msun, index))
+    masses = np.broadcast_to(np.asarray(np.nan if star_mass_msun is None else star_mass_msun, float), index.shape)
+    star = made.normal("star_mass_msun", "star_mass_err_msun", "star_mass", fill=masses)
     inclination, mass = made.tilt_and_mass()
     axis, period = made.axis_and_period(star, mass)
-    eccentricity = made.eccentricity()
-    omega_star = made.angle("omega_star_deg", "omega_err_deg", "omega")
-    radius = made.radius(mass)
+    eccentricity, omega_star = made.eccentricity(), made.angle("omega_star_deg", "omega_err_deg", "omega")
     return KnownDraws(
         epoch_mjd=epoch,
-        radius_rjup=radius,
+        radius_rjup=made.radius(mass),
         mass_mjup=mass,
         semi_major_axis_au=axis,
         eccentricity=eccentricity,
@@ -175,12 +170,6 @@ def draw_known(
         mean_anomaly_deg=made.mean_anomaly(epoch, period, eccentricity, omega_star),
         period_days=period,
     )
-
-
-def _star_masses(given: ArrayLike | None, index: NDArray[np.int64]) -> FloatArray:
-    if given is None:
-        return np.full(len(index), np.nan)
-    return np.broadcast_to(np.asarray(given, float), (len(index),))
 
 
 def places_at(draws: KnownDraws, row: int, mjd: ArrayLike) -> OrbitPlaces:
@@ -195,9 +184,7 @@ def places_at(draws: KnownDraws, row: int, mjd: ArrayLike) -> OrbitPlaces:
         Dates, Modified Julian Date (UTC).
     """
     days = check_finite("mjd", mjd, "d").reshape(1, -1) - draws.epoch_mjd
-    one = OrbitingPlanets(
-        radius_rjup=draws.radius_rjup[row][:, None], **{name: getattr(draws, name)[row][:, None] for name in ORBIT}
-    )
+    one = OrbitingPlanets(**{name: getattr(draws, name)[row][:, None] for name in OrbitingPlanets.__dataclass_fields__})
     return one.places_after(days, draws.period_days[row][:, None])
 
 
@@ -270,19 +257,16 @@ def ephemeris(
     block = max(1, _AT_ONCE // n_draws)
     parts = [places_at(drawn, 0, dates[start : start + block]) for start in range(0, len(dates), block)]
     separation = np.concatenate([np.hypot(part.east_au, part.north_au) for part in parts], axis=1) / distance_pc
+    names = ("distance_au", "phase_deg")
+    middle = {name: np.concatenate([quantiles(getattr(part, name)) for part in parts], axis=1) for name in names}
     oriented = np.isfinite(table.number("node_deg")[row])
     return Ephemeris(
         mjd=dates,
         separation_arcsec=quantiles(separation),
-        distance_au=_joined(quantiles(part.distance_au) for part in parts),
-        phase_deg=_joined(quantiles(part.phase_deg) for part in parts),
-        pa_deg=_joined(_pa_deg(part) for part in parts) if oriented else None,
+        **middle,
+        pa_deg=np.concatenate([_pa_deg(part) for part in parts], axis=1) if oriented else None,
         draws_arcsec=separation,
     )
-
-
-def _joined(parts: Iterable[FloatArray]) -> FloatArray:
-    return np.concatenate(list(parts), axis=1)
 
 
 def _pa_deg(places: OrbitPlaces) -> FloatArray:

@@ -6,10 +6,10 @@ What the columns of a table of known planets leave open: each quantity as a func
 import functools
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from catalogs import KnownPlanetTable
-from cpic_core import FloatArray, InputError, check_finite
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, check_finite
 from cpic_planner.planets.laws import Isotropic, Law
 from cpic_planner.planets.population_config import load_population
 
@@ -61,26 +61,15 @@ def radius_from_mass(mass_mjup: ArrayLike, deviate: ArrayLike = 0.0) -> FloatArr
     earths = mass * EARTHS_IN_MJUP
     kind = np.searchsorted(_TURNS, earths, side="left")
     # Each law, continued from the one before it.
-    grown = [_CONSTANT * np.minimum(earths, _TURNS[0]) ** _INDICES[0]]
-    grown.append((np.clip(earths, _TURNS[0], _TURNS[1]) / _TURNS[0]) ** _INDICES[1])
-    grown.append((np.maximum(earths, _TURNS[1]) / _TURNS[1]) ** _INDICES[2])
+    small = _CONSTANT * np.minimum(earths, _TURNS[0]) ** _INDICES[0]
+    middle = (np.clip(earths, *_TURNS) / _TURNS[0]) ** _INDICES[1]
+    large = (np.maximum(earths, _TURNS[1]) / _TURNS[1]) ** _INDICES[2]
     scatter = np.asarray(_SCATTER)[kind] * np.asarray(deviate, float)
-    return np.asarray(grown[0] * grown[1] * grown[2] * np.exp(scatter) / EARTHS_IN_RJUP)
+    return np.asarray(small * middle * large * np.exp(scatter) / EARTHS_IN_RJUP)
 
 
-QUANTITIES = (
-    "period",
-    "epoch",
-    "eccentricity",
-    "omega",
-    "semi_major_axis",
-    "mass",
-    "inclination",
-    "node",
-    "mean_anomaly",
-    "radius",
-    "star_mass",
-)
+_OF_COLUMNS = ("period", "epoch", "eccentricity", "omega", "semi_major_axis", "mass", "inclination", "node")
+QUANTITIES = (*_OF_COLUMNS, "mean_anomaly", "radius", "star_mass")
 """What is drawn of one known planet, in the order of the last axis of the uniforms."""
 
 ECCENTRICITY_HIGH = 0.99
@@ -103,7 +92,7 @@ def _usual_eccentricity() -> Law:
 class DrawnRows:
     """Columns of some rows with the uniform numbers of their draws."""
 
-    def __init__(self, table: KnownPlanetTable, index: NDArray[np.int64], uniforms: FloatArray) -> None:
+    def __init__(self, table: KnownPlanetTable, index: IntArray, uniforms: FloatArray) -> None:
         self.table, self.index, self.uniforms = table, index, uniforms
         self.flags = [table.flags(int(row)) for row in index]
 
@@ -115,7 +104,7 @@ class DrawnRows:
         """Uniform numbers of a quantity, shape ``(n_rows, n_draws)``, as of all that follows."""
         return self.uniforms[:, :, QUANTITIES.index(quantity)]
 
-    def flagged(self, flag: str) -> NDArray[np.bool_]:
+    def flagged(self, flag: str) -> BoolArray:
         """Which rows have a flag, shape ``(n_rows, 1)``."""
         return np.array([flag in flags for flags in self.flags], bool)[:, None]
 
@@ -209,13 +198,9 @@ class DrawnRows:
         no_axis, no_period = ~np.isfinite(axis), ~np.isfinite(period)
         lost = (no_axis | no_period) & ~np.isfinite(total)
         if lost.any():
-            row = int(self.index[np.flatnonzero(lost.any(axis=1))[0]])
-            raise InputError(
-                f"{self.table.text('planet')[row]} star_mass_msun",
-                "missing",
-                unit="M_Sun",
-                allowed="a mass: it joins period and semi-major axis",
-            )
+            name = self.table.text("planet")[int(self.index[np.flatnonzero(lost.any(axis=1))[0]])]
+            allowed = "a mass: it joins period and semi-major axis"
+            raise InputError(f"{name} star_mass_msun", "missing", unit="M_Sun", allowed=allowed)
         from_period = np.cbrt(total * (period / _GAUSSIAN_YEAR_DAYS) ** 2)
         from_axis = _GAUSSIAN_YEAR_DAYS * np.sqrt(axis**3 / total)
         return np.where(no_axis, from_period, axis), np.where(no_period, from_axis, period)
@@ -240,9 +225,8 @@ class DrawnRows:
         conjunction = self.normal("conjunction_jd", "conjunction_err_days", "epoch")
         meets = np.isfinite(self.column("conjunction_err_days") + self.column("conjunction_jd"))
         true = np.deg2rad(90.0 - omega_star_deg)
-        half = np.arctan2(
-            np.sqrt(1.0 - eccentricity) * np.sin(true / 2), np.sqrt(1.0 + eccentricity) * np.cos(true / 2)
-        )
+        sine, cosine = np.sin(true / 2), np.cos(true / 2)
+        half = np.arctan2(np.sqrt(1.0 - eccentricity) * sine, np.sqrt(1.0 + eccentricity) * cosine)
         at_conjunction = 2.0 * half - eccentricity * np.sin(2.0 * half)
         start = np.where(meets, conjunction, passage) - _MJD_ZERO_JD
         angle = 360.0 * (epoch_mjd - start) / period_days + np.where(meets, np.rad2deg(at_conjunction), 0.0)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeAlias, cast
+from typing import Annotated, Any, Literal, TypeAlias, cast, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray, InputError, IntArray
 from simulator.config import FrozenModel, Real, nearest, validate
 
 
@@ -141,8 +140,7 @@ class Normal(_Between):
         sign = -1.0 if low > 0.0 else 1.0
         first, last = float(ndtr(sign * low)), float(ndtr(sign * high))
         z = sign * ndtri(first + share * (last - first))
-        result: FloatArray = np.clip(self.mean + self.sd * z, self.low, self.high)
-        return result
+        return np.asarray(np.clip(self.mean + self.sd * z, self.low, self.high))
 
 
 class Rayleigh(FrozenModel):
@@ -225,18 +223,7 @@ class Table(FrozenModel):
 
 Law: TypeAlias = Fixed | Uniform | LogUniform | PowerLaw | BrokenPowerLaw | Normal | Rayleigh | Beta | Isotropic | Table
 
-_BY_NAME: dict[str, type[Law]] = {
-    "fixed": Fixed,
-    "uniform": Uniform,
-    "log_uniform": LogUniform,
-    "power_law": PowerLaw,
-    "broken_power_law": BrokenPowerLaw,
-    "normal": Normal,
-    "rayleigh": Rayleigh,
-    "beta": Beta,
-    "isotropic": Isotropic,
-    "table": Table,
-}
+_BY_NAME: dict[str, type[Law]] = {item.model_fields["law"].default: item for item in get_args(Law)}
 LAWS = tuple(_BY_NAME)
 """Names of the laws."""
 
@@ -267,7 +254,7 @@ def read_law(value: Any) -> Law:
     return validate(_BY_NAME[name], given)
 
 
-def chosen_entry(share: FloatArray, weights: tuple[float, ...]) -> NDArray[np.int64]:
+def chosen_entry(share: FloatArray, weights: tuple[float, ...]) -> IntArray:
     """Entry of a list that each share of the population falls on, entries weighed.
 
     Parameters

@@ -10,14 +10,8 @@ from cpic_core import FloatArray, InputError, check_finite
 ECCENTRICITY_MAX = 0.999
 """Largest eccentricity for which Kepler's equation is solved to rounding."""
 _CORRECTIONS = 2
-ORBIT = (
-    "semi_major_axis_au",
-    "eccentricity",
-    "inclination_deg",
-    "argument_of_pericentre_deg",
-    "node_deg",
-    "mean_anomaly_deg",
-)
+_ANGLES = ("inclination_deg", "argument_of_pericentre_deg", "node_deg", "mean_anomaly_deg")
+ORBIT = ("semi_major_axis_au", "eccentricity", *_ANGLES)
 """Elements of an orbit, in the order in which `orbit_places` takes them."""
 
 
@@ -169,11 +163,8 @@ def orbit_places(
     if np.any(axis <= 0.0):
         raise InputError("semi_major_axis_au", float(axis.min()), unit="au", allowed="above 0")
     e = _eccentricity(eccentricity)
-    names = ("inclination_deg", "argument_of_pericentre_deg", "node_deg", "mean_anomaly_deg")
-    given = (inclination_deg, argument_of_pericentre_deg, node_deg, mean_anomaly_deg)
-    tilt, pericentre, node, mean = (
-        np.deg2rad(check_finite(name, value, "deg")) for name, value in zip(names, given, strict=True)
-    )
+    angles = zip(_ANGLES, (inclination_deg, argument_of_pericentre_deg, node_deg, mean_anomaly_deg), strict=True)
+    tilt, pericentre, node, mean = (np.deg2rad(check_finite(name, value, "deg")) for name, value in angles)
     anomaly = eccentric_anomaly(mean, e)
     distance = axis * (1.0 - e * np.cos(anomaly))
     # In the plane of the orbit, from the pericentre; then from the node.
@@ -190,7 +181,6 @@ def orbit_places(
 
 def _eccentricity(value: ArrayLike) -> FloatArray:
     e = check_finite("eccentricity", value)
-    bad = (e < 0.0) | (e > ECCENTRICITY_MAX)
-    if np.any(bad):
+    if np.any(bad := (e < 0.0) | (e > ECCENTRICITY_MAX)):
         raise InputError("eccentricity", float(e[bad].flat[0]), allowed=f"0 to {ECCENTRICITY_MAX:g}")
     return e

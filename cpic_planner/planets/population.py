@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, check_whole, stream
+from cpic_core import FloatArray, InputError, IntArray, check_whole, stream
 from cpic_planner.planets.laws import chosen_entry
 from cpic_planner.planets.orbits import ORBIT, OrbitingPlanets, orbit_places
 from cpic_planner.planets.population_config import QUANTITIES, PopulationConfig, load_population
@@ -36,7 +35,7 @@ class Planets(OrbitingPlanets):
     """
 
     population: str
-    kind: NDArray[np.int64]
+    kind: IntArray
     east_au: FloatArray
     north_au: FloatArray
     distance_au: FloatArray
@@ -62,14 +61,9 @@ class Planets(OrbitingPlanets):
             return np.ones(luminosity.shape)
         good = np.isfinite(luminosity) & (luminosity > 0.0)
         if not good.all():
-            raise InputError(
-                "luminosity_lsun",
-                float(luminosity[~good].flat[0]),
-                unit="L_sun",
-                allowed="above 0: the population's orbits follow insolation",
-            )
-        result: FloatArray = np.sqrt(luminosity)
-        return result
+            first, allowed = float(luminosity[~good].flat[0]), "above 0: the population's orbits follow insolation"
+            raise InputError("luminosity_lsun", first, unit="L_sun", allowed=allowed)
+        return np.asarray(np.sqrt(luminosity))
 
 
 def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Planets:
@@ -97,11 +91,9 @@ def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Plan
     n = check_whole("n_planets", n_planets, 1, MAX_PLANETS)
     mixture = config.mixture
 
-    def shares(quantity: str) -> FloatArray:
-        return stream(seed, "population", quantity).random(n)
-
-    kind = chosen_entry(shares("kind"), tuple(item.weight for item in mixture))
-    drawn = config.quantiles(kind, [shares(quantity) for quantity in QUANTITIES])
+    shares = {name: stream(seed, "population", name).random(n) for name in ("kind", *QUANTITIES)}
+    kind = chosen_entry(shares["kind"], tuple(item.weight for item in mixture))
+    drawn = config.quantiles(kind, [shares[quantity] for quantity in QUANTITIES])
     places = orbit_places(*(drawn[name] for name in ORBIT))
     return Planets(
         population=config.name,

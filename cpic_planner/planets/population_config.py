@@ -7,25 +7,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
-from cpic_core import FloatArray, InputError, Provenance, split_sourced
+from cpic_core import FloatArray, InputError, IntArray, Provenance, split_sourced
 from cpic_planner.planets.laws import Law, read_law
 from cpic_planner.planets.orbits import ECCENTRICITY_MAX
 from cpic_planner.queries import ReferencePlanet
-from simulator.config import (
-    AlbedoSpec,
-    FrozenModel,
-    Real,
-    albedo_spec,
-    at,
-    canonical_keys,
-    preset_names,
-    tree_over_preset,
-    unit_of,
-    validate,
-)
+from simulator import config
 from simulator.config.scene import paths_beside
 
 DEFAULT_POPULATION = "giants"
@@ -41,14 +29,7 @@ _RANGES = {
     "mean_anomaly_deg": (-360.0, 360.0),
 }
 _IN_UNIT = ("value", "values", "low", "high", "mean", "sd", "scale", "turn")
-_ALIASES = {
-    "radius": "radius_rjup",
-    "semi_major_axis": "semi_major_axis_au",
-    "inclination": "inclination_deg",
-    "argument_of_pericentre": "argument_of_pericentre_deg",
-    "node": "node_deg",
-    "mean_anomaly": "mean_anomaly_deg",
-}
+_ALIASES = {key.rpartition("_")[0]: key for key in _RANGES if key != "eccentricity"}  # without their units
 _PHASE = "the phase follows from the orbit: give mean_anomaly_deg and inclination_deg"
 _HINTS = {"phase": _PHASE, "phase_deg": _PHASE, "period": "give semi_major_axis_au"}
 
@@ -58,7 +39,7 @@ def _law(value: Any, info: ValidationInfo) -> Law | None:
     if value is None:
         return None
     quantity = str(info.field_name)
-    unit, (low, high) = unit_of(quantity), _RANGES[quantity]
+    unit, (low, high) = config.unit_of(quantity), _RANGES[quantity]
     try:
         law = read_law(value)
     except InputError as error:
@@ -75,14 +56,11 @@ def _law(value: Any, info: ValidationInfo) -> Law | None:
     return law
 
 
-def _albedo(value: Any) -> AlbedoSpec | None:
-    return None if value is None else albedo_spec(value)
-
-
+_READ_ALBEDO = BeforeValidator(lambda value: None if value is None else config.albedo_spec(value))
 LawValue: TypeAlias = Annotated[Law | None, BeforeValidator(_law)]
 
 
-class _Quantities(FrozenModel):
+class _Quantities(config.FrozenModel):
     """A law for each quantity, and what the planets reflect."""
 
     radius_rjup: LawValue = None
@@ -92,12 +70,14 @@ class _Quantities(FrozenModel):
     argument_of_pericentre_deg: LawValue = None
     node_deg: LawValue = None
     mean_anomaly_deg: LawValue = None
-    albedo: Annotated[AlbedoSpec | None, BeforeValidator(_albedo)] = None
+    albedo: Annotated[config.AlbedoSpec | None, _READ_ALBEDO] = None
 
     @model_validator(mode="before")
     @classmethod
     def _spelled(cls, tree: Any) -> Any:
-        return canonical_keys(tree, cls.model_fields, _ALIASES, hints=_HINTS) if isinstance(tree, Mapping) else tree
+        return (
+            config.canonical_keys(tree, cls.model_fields, _ALIASES, hints=_HINTS) if isinstance(tree, Mapping) else tree
+        )
 
 
 QUANTITIES = tuple(_RANGES)
@@ -116,7 +96,7 @@ class PlanetKind(_Quantities):
     """
 
     name: str = ""
-    weight: Annotated[Real, Field(gt=0, le=1e6)] = 1.0
+    weight: Annotated[config.Real, Field(gt=0, le=1e6)] = 1.0
 
 
 class PopulationConfig(_Quantities):
@@ -143,7 +123,7 @@ mean_anomaly_deg : Law
     name: str = ""
     description: str = ""
     semi_major_axis_scale: Literal["none", "insolation"] = "none"
-    planets_per_star: Annotated[Real, Field(gt=0, le=1000)] | None = None
+    planets_per_star: Annotated[config.Real, Field(gt=0, le=1000)] | None = None
     kinds: tuple[PlanetKind, ...] = ()
 
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
@@ -170,12 +150,10 @@ mean_anomaly_deg : Law
         shared = {key: getattr(self, key) for key in _LAWS}
         if not self.kinds:
             return (PlanetKind(name=self.name, **shared),)
-        return tuple(
-            kind.model_copy(update={key: shared[key] for key in _LAWS if getattr(kind, key) is None})
-            for kind in self.kinds
-        )
+        lacking = [{key: shared[key] for key in _LAWS if getattr(kind, key) is None} for kind in self.kinds]
+        return tuple(kind.model_copy(update=update) for kind, update in zip(self.kinds, lacking, strict=True))
 
-    def quantiles(self, kind: NDArray[np.int64], shares: Sequence[FloatArray]) -> dict[str, FloatArray]:
+    def quantiles(self, kind: IntArray, shares: Sequence[FloatArray]) -> dict[str, FloatArray]:
         """Return what each planet is, from its kind and uniform numbers.
 
         Parameters
@@ -200,14 +178,13 @@ mean_anomaly_deg : Law
 
     def content(self) -> dict[str, Any]:
         """Everything that decides a draw, for content hashes: a file counts by what is in it."""
+        albedos = [ReferencePlanet(albedo=kind.albedo).content()["albedo"] for kind in self.mixture]
+        laws = [kind.model_dump(mode="json", exclude={"name"}) for kind in self.mixture]
+        kinds = [law | {"albedo": albedo} for law, albedo in zip(laws, albedos, strict=True)]
         return {
             "semi_major_axis_scale": self.semi_major_axis_scale,
             "planets_per_star": self.planets_per_star,
-            "kinds": [
-                kind.model_dump(mode="json", exclude={"name"})
-                | {"albedo": ReferencePlanet(albedo=kind.albedo).content()["albedo"]}
-                for kind in self.mixture
-            ],
+            "kinds": kinds,
         }
 
 
@@ -216,7 +193,7 @@ PopulationSource = PopulationConfig | Mapping[str, Any] | str | Path | None
 
 def population_names() -> tuple[str, ...]:
     """Names of the populations that ship with the package."""
-    return preset_names("population", package=PACKAGE)
+    return config.preset_names("population", package=PACKAGE)
 
 
 def load_population(source: PopulationSource = None) -> PopulationConfig:
@@ -247,27 +224,24 @@ def load_population(source: PopulationSource = None) -> PopulationConfig:
     if isinstance(source, PopulationConfig):
         return source
     values, provenance = split_sourced(_tree(source))
-    config = validate(PopulationConfig, values, where="population")
-    config._provenance.update(provenance)
-    return config
+    population = config.validate(PopulationConfig, values, where="population")
+    population._provenance.update(provenance)
+    return population
 
 
 def _tree(source: Any) -> dict[str, Any]:
-    own, folder, base = tree_over_preset(
-        "population",
-        source,
-        default=DEFAULT_POPULATION,
-        keys=(*PopulationConfig.model_fields, *_ALIASES, *_HINTS),
-        package=PACKAGE,
+    keys = (*PopulationConfig.model_fields, *_ALIASES, *_HINTS)
+    own, folder, base = config.tree_over_preset(
+        "population", source, default=DEFAULT_POPULATION, keys=keys, package=PACKAGE
     )
     if folder is not None:
         own = paths_beside(own, folder)
     if base is None:
         return own
     try:
-        own = canonical_keys(own, PopulationConfig.model_fields, _ALIASES, hints=_HINTS)
+        own = config.canonical_keys(own, PopulationConfig.model_fields, _ALIASES, hints=_HINTS)
     except InputError as error:
-        raise at("population", error) from None
+        raise config.at("population", error) from None
     return _laid_over(_tree(base), own)
 
 

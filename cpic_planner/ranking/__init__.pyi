@@ -7,15 +7,15 @@ from cpic_planner.ranking.known_completeness import (
     counted_planets as counted_planets,
 )
 from cpic_planner.ranking.optimiser import (
-    Best as Best,
+    OptimalSetting as OptimalSetting,
     best_in_band as best_in_band,
     optimise as optimise,
     separation_grid as separation_grid,
 )
 from cpic_planner.ranking.order import (
-    judge as judge,
+    detection_statuses as detection_statuses,
     limits_of as limits_of,
-    no_frame as no_frame,
+    no_frame_status as no_frame_status,
     planet_record as planet_record,
     rank_targets as rank_targets,
 )

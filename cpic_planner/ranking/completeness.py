@@ -6,21 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, IntArray, check_finite, real_array
-from cpic_planner.etc import (
-    ApertureRates,
-    EtcModel,
-    aperture_rates,
-    frame_problem,
-    hole_notes,
-    insolation_distance_au,
-    kinds_by_albedo,
-    mixture_contrast,
-    stack_noise,
-    threshold_array,
-)
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, check_finite, real_array
+from cpic_planner import etc
 from cpic_planner.planets import Planets
 from cpic_planner.targets import Targets
 from simulator.imaging import HoleZone
@@ -66,7 +55,7 @@ class BandCompleteness:
 
 
 def completeness(
-    model: EtcModel,
+    model: etc.EtcModel,
     targets: Targets,
     band: str,
     planets: Planets,
@@ -106,16 +95,12 @@ def completeness(
     """
     if band not in model.metrics:
         raise InputError("band", band, allowed=", ".join(model.bands))
-    n_stars = len(targets)
-    settings = _settings(model, n_stars, exposure_s, n_frames, em_gain)
-    found = np.zeros((3, n_stars), np.int64)
-    insolation = [np.inf, -np.inf]
+    settings = _settings(model, len(targets), exposure_s, n_frames, em_gain)
+    counts = _Counts(model, targets, band, planets, settings)
     for part in _slices(len(planets), _PLANETS):
-        some = _Placed.of(model, planets, part)
-        for rows in _slices(n_stars, _PLACED // len(some.x_au)):
-            _count(model, targets, band, some, rows, settings, found, insolation)
+        counts.add(part)
     n = len(planets)
-    detected, in_zone, observable = found / n
+    detected, in_zone, observable = counts.found / n
     occurrence = planets.planets_per_star
     return BandCompleteness(
         band=band,
@@ -125,126 +110,98 @@ def completeness(
         in_zone=in_zone,
         observable=observable,
         expected_detections=None if occurrence is None else occurrence * detected,
-        flags=_notes(model, band, planets, insolation) + hole_notes(model, band),
+        flags=_notes(model, band, planets, counts.insolation) + etc.hole_notes(model, band),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Placed:
-    """Some planets with their offsets on the detector, in au."""
+class _Counts:
+    """Numbers of planets around each star, and the range of insolation of those that follow it.
 
-    planets: Planets
-    x_au: FloatArray
-    y_au: FloatArray
-    radius_rjup: FloatArray
-    distance_au: FloatArray
-    phase_deg: FloatArray
-    kind: IntArray
+    The rows of ``found`` are planets detected, in the zone, and observable.
+    """
 
-    @classmethod
-    def of(cls, model: EtcModel, planets: Planets, part: slice) -> _Placed:
-        """Planets of a slice; a map from sky to detector is linear in the offset, whatever its unit."""
-        east, north = planets.east_au[part], planets.north_au[part]
-        x, y = sky_to_detector(
-            np.hypot(east, north), np.rad2deg(np.arctan2(east, north)), parity=model.instrument.detector.parity
-        )
-        return cls(
-            planets,
-            x,
-            y,
-            planets.radius_rjup[part],
-            planets.distance_au[part],
-            planets.phase_deg[part],
-            planets.kind[part],
-        )
+    def __init__(
+        self, model: etc.EtcModel, targets: Targets, band: str, planets: Planets, settings: tuple[FloatArray, ...]
+    ) -> None:
+        self.model, self.targets, self.band, self.planets, self.settings = model, targets, band, planets, settings
+        self.found, self.insolation = np.zeros((3, len(targets)), np.int64), [np.inf, -np.inf]
 
+    def add(self, part: slice) -> None:
+        """Add planets of a slice; a map from sky to detector is linear in the offset, whatever its unit."""
+        east, north = self.planets.east_au[part], self.planets.north_au[part]
+        pa_deg, parity = np.rad2deg(np.arctan2(east, north)), self.model.instrument.detector.parity
+        x_au, y_au = sky_to_detector(np.hypot(east, north), pa_deg, parity=parity)
+        for rows in _slices(len(self.targets), _PLACED // len(x_au)):
+            self._add_around(rows, part, x_au, y_au)
 
-def _count(
-    model: EtcModel,
-    targets: Targets,
-    band: str,
-    some: _Placed,
-    rows: slice,
-    settings: tuple[FloatArray, ...],
-    found: IntArray,
-    insolation: list[float],
-) -> None:
-    """Add to ``found`` the numbers of planets detected, in the zone, and observable, around some of the stars."""
-    zone, radius = model.metrics[band].zone, model.metrics[band].aperture_radius_arcsec
-    scale = some.planets.scale(targets.luminosity_lsun[rows])
-    arcsec_au = (scale / targets.distance_pc[rows])[:, None]
-    x, y = arcsec_au * some.x_au, arcsec_au * some.y_au
-    found[1, rows] += np.count_nonzero(inside_zone(zone, x, y, 0.0), axis=1)
-    usable = inside_zone(zone, x, y, radius)
-    numbers = np.count_nonzero(usable, axis=1)
-    found[2, rows] += numbers
-    observed = np.flatnonzero((numbers > 0) & (settings[1][rows] > 0.0))
-    # Stars with about as many planets in the zone go together: little of a rectangle of pairs is then idle.
-    observed = observed[np.argsort(numbers[observed], kind="stable")]
-    for block in _blocks(numbers[observed]):
-        stars = observed[block]
-        most = int(numbers[stars].max())
-        pick = np.argsort(~usable[stars], axis=1, kind="stable")[:, :most]
-        here = (stars[:, None], pick)
-        chosen = targets.select(stars + rows.start)
-        contrast = _contrast(model, chosen, band, some, pick, scale[stars], usable[here], insolation)
-        setting = [value[rows][stars][:, None] for value in settings]
-        detected = _detected(model, chosen, band, x[here], y[here], contrast, setting) & usable[here]
-        found[0, rows.start + stars] += np.count_nonzero(detected, axis=1)
+    def _add_around(self, rows: slice, part: slice, x_au: FloatArray, y_au: FloatArray) -> None:
+        """Add planets of a slice around some of the stars."""
+        model, band = self.model, self.band
+        zone, radius = model.metrics[band].zone, model.metrics[band].aperture_radius_arcsec
+        scale = self.planets.scale(self.targets.luminosity_lsun[rows])
+        arcsec_au = (scale / self.targets.distance_pc[rows])[:, None]
+        x, y = arcsec_au * x_au, arcsec_au * y_au
+        self.found[1, rows] += np.count_nonzero(inside_zone(zone, x, y, 0.0), axis=1)
+        usable = inside_zone(zone, x, y, radius)
+        numbers = np.count_nonzero(usable, axis=1)
+        self.found[2, rows] += numbers
+        observed = np.flatnonzero((numbers > 0) & (self.settings[1][rows] > 0.0))
+        # Stars with about as many planets in the zone go together: little of a rectangle of pairs is then idle.
+        observed = observed[np.argsort(numbers[observed], kind="stable")]
+        for block in _blocks(numbers[observed]):
+            stars = observed[block]
+            most = int(numbers[stars].max())
+            pick = np.argsort(~usable[stars], axis=1, kind="stable")[:, :most]
+            here = (stars[:, None], pick)
+            chosen = self.targets.select(stars + rows.start)
+            contrast = self._contrast(chosen, pick + part.start, scale[stars], usable[here])
+            setting = [value[rows][stars][:, None] for value in self.settings]
+            detected = _detected(model, chosen, band, x[here], y[here], contrast, setting) & usable[here]
+            self.found[0, rows.start + stars] += np.count_nonzero(detected, axis=1)
 
-
-def _contrast(
-    model: EtcModel,
-    targets: Targets,
-    band: str,
-    some: _Placed,
-    pick: IntArray,
-    scale: FloatArray,
-    usable: NDArray[np.bool_],
-    insolation: list[float],
-) -> FloatArray:
-    """Contrast of the picked planets of each star, shape ``(n, k)``; the range of their insolation is noted."""
-    distance, kind, albedos = some.distance_au[pick] * scale[:, None], some.kind[pick], some.planets.albedos
-    follows = np.array([needs_insolation(spec) for spec in albedos])[kind] & usable
-    if follows.any():
-        seen = insolation_distance_au(targets, distance)[follows]
-        insolation[:] = min(insolation[0], float(seen.min())), max(insolation[1], float(seen.max()))
-    return mixture_contrast(model, targets, band, albedos, kind, some.radius_rjup[pick], distance, some.phase_deg[pick])
+    def _contrast(self, targets: Targets, pick: IntArray, scale: FloatArray, usable: BoolArray) -> FloatArray:
+        """Contrast of the picked planets of each star, shape ``(n, k)``; the range of their insolation is noted."""
+        planets, kind = self.planets, self.planets.kind[pick]
+        distance = planets.distance_au[pick] * scale[:, None]
+        follows = np.array([needs_insolation(spec) for spec in planets.albedos])[kind] & usable
+        if follows.any():
+            seen, (low, high) = etc.insolation_distance_au(targets, distance)[follows], self.insolation
+            self.insolation = [min(low, float(seen.min())), max(high, float(seen.max()))]
+        drawn = planets.radius_rjup[pick], distance, planets.phase_deg[pick]
+        return etc.mixture_contrast(self.model, targets, self.band, planets.albedos, kind, *drawn)
 
 
 def _detected(
-    model: EtcModel,
+    model: etc.EtcModel,
     targets: Targets,
     band: str,
     x_arcsec: FloatArray,
     y_arcsec: FloatArray,
     contrast: FloatArray,
     setting: list[FloatArray],
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Whether planets reach the threshold of their separation."""
-    rates = aperture_rates(model, targets, band, x_arcsec, y_arcsec, contrast)
-    significance = _significance(model, rates, band, *setting)
+    rates = etc.aperture_rates(model, targets, band, x_arcsec, y_arcsec, contrast)
+    significance = _significance(model, rates, band, setting)
     # The threshold lies above sigma for any number of elements, and it is what takes longest here.
     sigma = model.strategy.sigma
     hopeful = significance >= sigma
     elements = model.metrics[band].resolution_elements(np.hypot(x_arcsec[hopeful], y_arcsec[hopeful]))
-    hopeful[hopeful] = significance[hopeful] >= threshold_array(elements, sigma)
+    hopeful[hopeful] = significance[hopeful] >= etc.threshold_array(elements, sigma)
     return hopeful
 
 
-def _significance(
-    model: EtcModel, rates: ApertureRates, band: str, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
-) -> FloatArray:
+def _significance(model: etc.EtcModel, rates: etc.ApertureRates, band: str, setting: list[FloatArray]) -> FloatArray:
     """Signal over noise without the planet's own, of charge measured or photons counted."""
-    strategy, camera = model.strategy, model.camera(band)
+    strategy, camera, (exposure_s, n_frames, em_gain) = model.strategy, model.camera(band), setting
     if strategy.mode == "analogue":
-        return stack_noise(rates, exposure_s, n_frames, em_gain, camera, strategy).significance
-    problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=float(em_gain.flat[0]))
+        return etc.stack_noise(rates, exposure_s, n_frames, em_gain, camera, strategy).significance
+    problem = etc.frame_problem(rates, camera, strategy, objective="significance", em_gain=float(em_gain.flat[0]))
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / np.sqrt(problem.inverse_snr2(exposure_s, n_frames)))
 
 
-def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> NDArray[np.bool_]:
+def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
     """Which points lie in the zone, at least ``margin`` from its edges.
 
     Parameters
@@ -259,16 +216,15 @@ def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, marg
     """
     inside = np.ones(x_arcsec.shape, bool)
     for offset, parts in zip((y_arcsec, x_arcsec), zone.intervals(), strict=True):
-        inside &= np.any(
-            [(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts], axis=0
-        )
+        within = [(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts]
+        inside &= np.any(within, axis=0)
     return inside
 
 
-def _notes(model: EtcModel, band: str, planets: Planets, insolation: list[float]) -> tuple[str, ...]:
+def _notes(model: etc.EtcModel, band: str, planets: Planets, insolation: list[float]) -> tuple[str, ...]:
     """What was clamped or extrapolated in the planets' albedos."""
     notes: list[str] = []
-    for spec, _ in kinds_by_albedo(planets.albedos):
+    for spec, _ in etc.kinds_by_albedo(planets.albedos):
         if not needs_insolation(spec):
             notes += albedo_notes(spec)
         elif insolation[0] <= insolation[1]:
@@ -279,7 +235,7 @@ def _notes(model: EtcModel, band: str, planets: Planets, insolation: list[float]
 
 
 def _settings(
-    model: EtcModel, n_stars: int, exposure_s: ArrayLike, n_frames: ArrayLike, em_gain: ArrayLike
+    model: etc.EtcModel, n_stars: int, exposure_s: ArrayLike, n_frames: ArrayLike, em_gain: ArrayLike
 ) -> tuple[FloatArray, ...]:
     """Exposure, frames and gain of every star, checked; 1 s and gain 1 where there are no frames."""
     frames = _one_each("n_frames", n_frames, n_stars)
@@ -318,7 +274,6 @@ def _blocks(numbers: IntArray) -> Iterator[slice]:
     """Slices of ascending numbers, each a rectangle of at most `_OBSERVED` pairs (one row may have more)."""
     end = len(numbers)
     while end > 0:
-        rows = max(1, _OBSERVED // int(numbers[end - 1]))
-        start = max(0, end - rows)
+        start = max(0, end - max(1, _OBSERVED // int(numbers[end - 1])))
         yield slice(start, end)
         end = start

@@ -6,23 +6,13 @@ from typing import Any
 import numpy as np
 
 from cpic_core import InputError
-from cpic_planner.etc import (
-    EtcModel,
-    FrameChoice,
-    FrameWish,
-    band_cases,
-    binding_limits,
-    check_range,
-    largest_term,
-    planets_of,
-    remedies,
-)
+from cpic_planner import etc
 from cpic_planner.planets import Planets, PopulationChoice
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking.completeness import completeness
-from cpic_planner.ranking.optimiser import Best, best_in_band
-from cpic_planner.ranking.order import judge, limits_of, rank_targets, setting_fields
-from cpic_planner.ranking.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, in_turn, near_top
+from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band
+from cpic_planner.ranking.order import RankSetting, detection_statuses, limits_of, rank_targets, setting_fields
+from cpic_planner.ranking.sensitivity import ASSUMPTIONS, N_TOP, in_order, in_turn, near_top
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.results import BandStanding, Explanation, RankedTarget
 from cpic_planner.targets import Targets
@@ -30,7 +20,7 @@ from simulator.config import content_hash
 
 
 def explain_star(
-    model: EtcModel,
+    model: etc.EtcModel,
     targets: Targets,
     name: str,
     *,
@@ -66,16 +56,14 @@ def explain_star(
     if name not in known:
         raise InputError("star", name, allowed="a star of the sample that is ranked")
     index = known[name]
-    body, choice = planet or ReferencePlanet(), population or PopulationChoice.default()
-    names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
-    rank = rank_targets(model, targets, time_s=time_s, planet=body, bands=names, population=choice, score=score)
+    asked: dict[str, Any] = {"planet": planet, "bands": bands, "population": population, "score": score}
+    setting = RankSetting.of(model, time_s=time_s, **asked)
+    rank = rank_targets(model, targets, time_s=time_s, **asked)
     place = next(i for i, row in enumerate(rank.targets) if row.name == name)
     star, rows = targets.select([index]), rank.targets
-    planets = choice.draw()
-    standings = [_standing(model, star, band, time_s, body, planets) for band in names]
-    ranks: dict[str, int] = {}
-    if other_assumptions:
-        ranks = _other_ranks(Setting(model, body, choice), targets, rows, name, time_s=time_s, bands=names, score=score)
+    planets = (population or PopulationChoice.default()).draw()
+    standings = [_standing(setting, star, band, planets) for band in setting.bands]
+    ranks = _other_ranks(setting, targets, rows, name) if other_assumptions else {}
     return Explanation(
         config_hash=content_hash({"kind": "explanation", "rank": rank.config_hash, "star": name}),
         n_ranked=len(rows),
@@ -89,37 +77,30 @@ def explain_star(
     )
 
 
-def _other_ranks(
-    setting: Setting, targets: Targets, rows: Sequence[RankedTarget], name: str, **asked: Any
-) -> dict[str, int]:
+def _other_ranks(setting: RankSetting, targets: Targets, rows: Sequence[RankedTarget], name: str) -> dict[str, int]:
     """Rank of a star under every other assumption; one near the top is ranked among those near it only."""
     nominal = {row.name: row for row in rows}
     if nominal[name].rank <= N_TOP:
-        rank, margin = (
-            np.array([getattr(nominal[str(star)], key) for star in targets.name])
-            for key in ("rank", "detection_margin")
-        )
+        standing = [nominal[str(star)] for star in targets.name]
+        rank, margin = np.array([row.rank for row in standing]), np.array([row.detection_margin for row in standing])
         targets = targets.select(near_top(rank, margin, N_TOP))
     index = [str(star) for star in targets.name].index(name)
-    return {
-        item.key: int(in_order(item.change(setting), targets, **asked).rank[index]) for item in in_turn(ASSUMPTIONS)
-    }
+    return {item.key: int(in_order(item.change(setting), targets).rank[index]) for item in in_turn(ASSUMPTIONS)}
 
 
-def _standing(
-    model: EtcModel, star: Targets, band: str, time_s: float, planet: ReferencePlanet, planets: Planets
-) -> BandStanding:
+def _standing(setting: RankSetting, star: Targets, band: str, planets: Planets) -> BandStanding:
     """One band of one star."""
-    best = best_in_band(model, star, band, time_s, planet)
+    model, planet = setting.model, setting.planet
+    best = best_in_band(model, star, band, setting.time_s, planet)
     counted = completeness(
         model, star, band, planets, exposure_s=best.exposure_s, n_frames=best.n_frames, em_gain=best.em_gain
     )
-    standing = judge(best, model)[0]
-    cases = band_cases(model, star, band, planets_of(float(best.separation_arcsec[0]), planet), FrameWish())
+    standing = detection_statuses(best, model)[0]
+    cases = etc.band_cases(model, star, band, etc.planets_of(float(best.separation_arcsec[0]), planet), etc.FrameWish())
     choice = _choice(model, best)
     noise = cases.noise(choice)
     possible = best.n_frames[0] >= 1
-    binding = binding_limits(cases.problem("significance"), cases.rates, choice, (0, 0))
+    binding = etc.binding_limits(cases.problem("significance"), cases.rates, choice, (0, 0))
     return BandStanding.of(
         best,
         counted,
@@ -129,20 +110,22 @@ def _standing(
         exposure_limited_by=binding.exposure if possible else "",
         gain_limited_by=binding.gain if possible else "",
         gain_caps=binding.caps if possible else {},
-        dominant=largest_term(noise, (0, 0)) if possible else "",
+        dominant=etc.largest_term(noise, (0, 0)) if possible else "",
         budget={key: float(np.broadcast_to(term, (1, 1))[0, 0]) for key, term in noise.terms.items()}
         if possible
         else {},
-        remedies={key: float(term[0, 0]) for key, term in remedies(cases, choice, noise).items()} if possible else {},
+        remedies={key: float(term[0, 0]) for key, term in etc.remedies(cases, choice, noise).items()}
+        if possible
+        else {},
     )
 
 
-def _choice(model: EtcModel, best: Best) -> FrameChoice:
+def _choice(model: etc.EtcModel, best: OptimalSetting) -> etc.FrameChoice:
     """The frames of a best setting, as the solver gives them."""
     exposure, frames, gain = (column[:, None] for column in (best.exposure_s, best.n_frames, best.em_gain))
     visit = frames * (exposure + model.camera(str(best.band[0])).readout_s)
     with np.errstate(divide="ignore"):
-        return FrameChoice(exposure, frames, gain, visit, 1.0 / best.significance[:, None] ** 2)
+        return etc.FrameChoice(exposure, frames, gain, visit, 1.0 / best.significance[:, None] ** 2)
 
 
 def _sentences(

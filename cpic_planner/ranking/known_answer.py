@@ -69,16 +69,16 @@ def known_scene(
     scene = scenes_from_table(stars.select([match.index]))[0].model_dump(mode="json", exclude_none=True)
     planets = []
     for k, row in enumerate(rows):
-        place = places_at(drawn, k, [choice.mjd])
-        east, north = float(place.east_au[0, 0]), float(place.north_au[0, 0])
+        at = {name: float(values[0, 0]) for name, values in vars(places_at(drawn, k, [choice.mjd])).items()}
+        east, north = at["east_au"], at["north_au"]
         separation_arcsec = float(np.hypot(east, north)) / distance_pc
         if separation_arcsec > MAX_SEPARATION_ARCSEC:
             continue
         planet = {
             "name": choice.table.text("planet")[row],
             "radius_rjup": min(float(drawn.radius_rjup[k, 0]), 10.0),
-            "distance_au": float(place.distance_au[0, 0]),
-            "phase_deg": float(place.phase_deg[0, 0]),
+            "distance_au": at["distance_au"],
+            "phase_deg": at["phase_deg"],
             "separation_arcsec": separation_arcsec,
             "pa_deg": float(np.rad2deg(np.arctan2(east, north)) % 360.0),
             "albedo": choice.albedo.model_dump(mode="json", exclude_none=True),
@@ -92,6 +92,8 @@ _STEPS = 400
 _PER_PERIOD = 24
 _MOST_STEPS = 2000
 _LIKELY = 0.5
+_TEXTS = ("planet", "discovery_method", "status", "reference", "status_reference", "updated", "note")
+_OF_ORBIT = ("period_days", "semi_major_axis_au", "eccentricity", "radius_rjup")
 _MJD_ZERO = datetime(1858, 11, 17)
 
 
@@ -137,25 +139,14 @@ def known_answer(
         raise InputError("known planets", choice.table.provenance, allowed="planets of stars of the sample")
     rows = [_row(model, targets.select([i]), choice, row, names, span) for i, mine in enumerate(listed) for row in mine]
     zones = {band: model.metrics[band].zone for band in names}
-    return KnownResult(
-        config_hash=content_hash(
-            {
-                "kind": "known",
-                "version": __version__,
-                "model": model.content(),
-                "bands": list(names),
-                "choice": choice.content(),
-                "years": span,
-                "targets": stars.content(),
-            }
-        ),
+    asked: dict[str, Any] = {"kind": "known", "version": __version__, "model": model.content(), "bands": list(names)}
+    asked |= {"choice": choice.content(), "years": span, "targets": stars.content()}
+    return KnownResult.of(
+        choice,
+        config_hash=content_hash(asked),
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         planets_table=choice.table.provenance,
-        date_utc=choice.date_utc,
-        mjd=choice.mjd,
         years=span,
-        n_draws=choice.n_draws,
-        seed=choice.seed,
         albedo=choice.albedo.label,
         holes=[
             KnownHole(band=band, inner_arcsec=zone.inner_corner_arcsec, outer_arcsec=zone.outer_corner_arcsec)
@@ -190,14 +181,11 @@ def _row(
     years = years if table.counted[row] else None
     drawn = draw_known(table, [row], known_uniforms(table, [row], choice.n_draws, choice.seed), epoch_mjd=choice.mjd)
     planets = planets_of(drawn, 0, choice.albedo)
-    days, period = [0.0], float(np.median(drawn.period_days[0]))
-    if years is not None:
-        days = _days(years * DAYS_PER_YEAR, period)
-    where = ephemeris(
-        table, row, choice.mjd + np.asarray(days), n_draws=choice.n_draws, seed=choice.seed, distance_pc=distance_pc
-    )
-    looks = []
-    windows: list[KnownWindow] = []
+    period = float(np.median(drawn.period_days[0]))
+    days = [0.0] if years is None else _days(years * DAYS_PER_YEAR, period)
+    draws = {"n_draws": choice.n_draws, "seed": choice.seed}
+    where = ephemeris(table, row, choice.mjd + np.asarray(days), **draws, distance_pc=distance_pc)
+    looks, windows = list[KnownBand](), list[KnownWindow]()
     for band in bands:
         zone = model.metrics[band].zone
         share = where.share_between(zone.inner_corner_arcsec, zone.outer_corner_arcsec)
@@ -205,24 +193,17 @@ def _row(
         looks.append(KnownBand(band=band, contrast=_quantiles(contrast), hole_share=float(share[0])))
         if years is not None:
             windows += _windows(band, where.mjd, share)
-    mass = drawn.mass_mjup[0]
-    return KnownPlanetRow(
-        planet=table.text("planet")[row],
+    mass, texts = drawn.mass_mjup[0], {name: table.text(name)[row] for name in _TEXTS}
+    orbit = {name: _quantiles(getattr(drawn, name)[0]) for name in _OF_ORBIT}
+    place = {name: _three(getattr(where, name)[:, 0]) for name in ("separation_arcsec", "distance_au", "phase_deg")}
+    return KnownPlanetRow.of(
+        star,
+        at=0,
         star=str(star.name[0]),
         hip=int(star.hip[0]) or None,
-        v_mag=float(star.v_mag[0]),
-        distance_pc=distance_pc,
-        discovery_method=table.text("discovery_method")[row],
-        **{name: table.text(name)[row] for name in ("status", "reference", "status_reference", "updated", "note")},
         flags=list(table.flags(row)),
-        period_days=_quantiles(drawn.period_days[0]),
-        semi_major_axis_au=_quantiles(drawn.semi_major_axis_au[0]),
-        eccentricity=_quantiles(drawn.eccentricity[0]),
+        **(texts | orbit | place),
         mass_mjup=_quantiles(mass) if np.isfinite(mass).all() else None,
-        radius_rjup=_quantiles(drawn.radius_rjup[0]),
-        separation_arcsec=_three(where.separation_arcsec[:, 0]),
-        distance_au=_three(where.distance_au[:, 0]),
-        phase_deg=_three(where.phase_deg[:, 0]),
         pa_deg=None if where.pa_deg is None else _three(where.pa_deg[:, 0]),
         bands=looks,
         windows=windows,
@@ -233,8 +214,7 @@ def _row(
 def _days(length: float, period: float) -> list[float]:
     """Days from the date on: many in a period, but not without end."""
     step = max(min(length / _STEPS, period / _PER_PERIOD), length / _MOST_STEPS)
-    result: list[float] = np.linspace(0.0, length, math.ceil(length / step) + 1).tolist()
-    return result
+    return [float(day) for day in np.linspace(0.0, length, math.ceil(length / step) + 1)]
 
 
 def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[KnownWindow]:
@@ -256,10 +236,8 @@ def _day(mjd: float) -> str:
 
 
 def _track(where: Ephemeris) -> KnownTrack:
-    low, median, high = (values.tolist() for values in where.separation_arcsec)
-    return KnownTrack(
-        mjd=where.mjd.tolist(), separation_low_arcsec=low, separation_median_arcsec=median, separation_high_arcsec=high
-    )
+    names = ("separation_low_arcsec", "separation_median_arcsec", "separation_high_arcsec")
+    return KnownTrack(mjd=where.mjd.tolist(), **dict(zip(names, where.separation_arcsec.tolist(), strict=True)))
 
 
 def _quantiles(draws: FloatArray) -> Quantiles:
@@ -267,5 +245,4 @@ def _quantiles(draws: FloatArray) -> Quantiles:
 
 
 def _three(values: FloatArray) -> Quantiles:
-    low, median, high = (float(value) for value in values)
-    return Quantiles(low=low, median=median, high=high)
+    return Quantiles(**dict(zip(("low", "median", "high"), values.tolist(), strict=True)))

@@ -144,14 +144,11 @@ class KnownChoice:
     def content(self) -> dict[str, Any]:
         """For content hashes."""
         cells = repr([(name, column.tolist()) for name, column in self.table.columns.items()])
-        digest = hashlib.sha256(cells.encode()).hexdigest()
-        return {
-            "table": digest,
-            "mjd": self.mjd,
-            "n_draws": self.n_draws,
-            "seed": self.seed,
-            "albedo": ReferencePlanet(albedo=self.albedo).content()["albedo"],
-        }
+        digest, albedo = (
+            hashlib.sha256(cells.encode()).hexdigest(),
+            ReferencePlanet(albedo=self.albedo).content()["albedo"],
+        )
+        return {"table": digest, "mjd": self.mjd, "n_draws": self.n_draws, "seed": self.seed, "albedo": albedo}
 
 
 def counted_planets(question: RankedQuestion) -> PopulationChoice | KnownChoice:
@@ -164,14 +161,9 @@ def counted_planets(question: RankedQuestion) -> PopulationChoice | KnownChoice:
     """
     if question.known_planets is None:
         return PopulationChoice(question.population, question.n_planets, question.seed)
-    return KnownChoice.at(
-        question.known_planets,
-        question.date_utc,
-        question.planet.albedo,
-        question.instrument,
-        n_draws=check_whole("n_planets", question.n_planets, 1, MAX_DRAWS),
-        seed=question.seed,
-    )
+    n_draws, albedo = check_whole("n_planets", question.n_planets, 1, MAX_DRAWS), question.planet.albedo
+    where = question.known_planets, question.date_utc, albedo, question.instrument
+    return KnownChoice.at(*where, n_draws=n_draws, seed=question.seed)
 
 
 def known_completeness(
@@ -199,17 +191,15 @@ def known_completeness(
         ``completeness``, ``in_zone`` and ``observable`` are probabilities of at least one planet, those of a star's
         planets taken as independent; ``expected_detections`` is their sum.
     """
-    settings = [np.broadcast_to(np.asarray(value, float), (len(targets),)) for value in (exposure_s, n_frames, em_gain)]
-    missed, expected = np.ones((3, len(targets))), np.zeros(len(targets))
-    variance = np.zeros(len(targets))
+    asked = {"exposure_s": exposure_s, "n_frames": n_frames, "em_gain": em_gain}
+    settings = {name: np.broadcast_to(np.asarray(value, float), (len(targets),)) for name, value in asked.items()}
+    missed, (expected, variance) = np.ones((3, len(targets))), np.zeros((2, len(targets)))
     flags: dict[str, None] = {}
     for i, bodies in enumerate(known.planets):
         star = targets.select([i])
         shares = []
         for body in bodies:
-            one = completeness(
-                model, star, band, body, exposure_s=settings[0][i], n_frames=settings[1][i], em_gain=settings[2][i]
-            )
+            one = completeness(model, star, band, body, **{name: values[i] for name, values in settings.items()})
             missed[:, i] *= 1.0 - np.array([one.completeness[0], one.in_zone[0], one.observable[0]])
             shares.append(float(one.completeness[0]))
             flags |= dict.fromkeys(one.flags)

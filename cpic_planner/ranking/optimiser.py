@@ -3,37 +3,13 @@
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import FloatArray, InputError, Reason, Status
-from cpic_planner.etc import (
-    ApertureRates,
-    EtcModel,
-    FrameChoice,
-    FrameProblem,
-    Objective,
-    aperture_rates,
-    best_in_visit,
-    check_range,
-    frame_problem,
-    least_time,
-    locate,
-    needed_margin,
-    own_noise,
-    reached,
-    reference_contrast,
-    smooth_in_visit,
-    smooth_least_visit_s,
-    stack_noise,
-    stand,
-    threshold_array,
-    usable_range_arcsec,
-    visit_chances,
-    without_background,
-    without_speckles,
-)
+from cpic_core import BoolArray, FloatArray, InputError, Reason, Status
+from cpic_planner import etc
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import Targets
 from simulator.imaging import PsfMetrics
@@ -41,7 +17,7 @@ from simulator.target import albedo_source
 
 N_SEPARATIONS = 41
 _ENDLESS_S = np.asarray(1e12)
-_Change = Callable[[FrameProblem, FloatArray], FrameProblem]
+_Change = Callable[[etc.FrameProblem, FloatArray], etc.FrameProblem]
 _CHANGES = ("without_speckles", "without_background")
 _SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
 STRIDE = 5
@@ -50,7 +26,7 @@ MIN_BACKGROUND_APERTURES = 25.0
 
 
 @dataclass(frozen=True)
-class Best:
+class OptimalSetting:
     """Best setting of each target; arrays of ``n`` stars.
 
     ``margin`` is significance over the detection threshold at the chosen separation; at ``needed_margin`` half of the
@@ -79,8 +55,8 @@ class Best:
     needed_margin: FloatArray
     chance_blind: FloatArray
     chance_known_place: FloatArray
-    without_speckles: NDArray[np.bool_]
-    without_background: NDArray[np.bool_]
+    without_speckles: BoolArray
+    without_background: BoolArray
     contrast_limit: FloatArray
     deepest_limit: FloatArray
     deepest_separation_arcsec: FloatArray
@@ -89,23 +65,19 @@ class Best:
     peak_hole_e_s: FloatArray
     tail_e_s: FloatArray
     core_throughput: FloatArray
-    extrapolated: NDArray[np.bool_]
+    extrapolated: BoolArray
     outside: NDArray[np.str_]
 
 
-def separation_grid(model: EtcModel, band: str) -> FloatArray:
+def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
     """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
-    inner, outer = usable_range_arcsec(model.instrument, band)
+    inner, outer = etc.usable_range_arcsec(model.instrument, band)
     grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
     if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
-        grid = grid[np.array([locate(model, band, float(place))[0] is Status.OK for place in grid], bool)]
+        grid = grid[np.array([etc.locate(model, band, float(place))[0] is Status.OK for place in grid], bool)]
     if grid.size == 0:
-        raise InputError(
-            "band",
-            band,
-            allowed="a zone with room for aperture, background and three elements",
-            hint="see annulus_lambda_d, roll_deg and the hole's edges",
-        )
+        allowed = "a zone with room for aperture, background and three elements"
+        raise InputError("band", band, allowed=allowed, hint="see annulus_lambda_d, roll_deg and the hole's edges")
     return grid
 
 
@@ -120,7 +92,7 @@ def _roomy(metrics: PsfMetrics, inner_arcsec: float, outer_arcsec: float, annulu
 
 
 def optimise(
-    model: EtcModel,
+    model: etc.EtcModel,
     targets: Targets,
     *,
     time_s: float | None = None,
@@ -129,7 +101,7 @@ def optimise(
     separation_arcsec: float | None = None,
     planet: ReferencePlanet | None = None,
     bands: Sequence[str] | None = None,
-) -> Best:
+) -> OptimalSetting:
     """Best band, separation and frame settings of each target.
 
     Parameters
@@ -151,7 +123,7 @@ def optimise(
 
     Returns
     -------
-    Best
+    OptimalSetting
 
     Raises
     ------
@@ -165,85 +137,82 @@ def optimise(
     Less than ``time_s`` is used where the wavefront's walk makes a longer visit worse. A band in which the albedo is
     extrapolated wins only where no other has an answer.
     """
-    goals = [
-        name for name, value in (("time_s", time_s), ("snr", snr), ("detect", detect or None)) if value is not None
-    ]
+    given = {"time_s": time_s, "snr": snr, "detect": detect or None}
+    goals = [name for name, value in given.items() if value is not None]
     if len(goals) != 1:
         raise InputError("time_s", " and ".join(goals) or None, allowed="one of time_s, snr, detect")
     body = planet or ReferencePlanet()
     names = model.named(bands)
     if separation_arcsec is not None:
-        check_range("separation_arcsec", separation_arcsec, 1e-6, 120.0, "arcsec")
+        etc.check_range("separation_arcsec", separation_arcsec, 1e-6, 120.0, "arcsec")
     if time_s is not None:
-        check_range("time_s", time_s, 1e-3, 1e9, "s")
-        found = [best_in_band(model, targets, band, time_s, body, separation_arcsec) for band in names]
-        return best_of(found)
+        etc.check_range("time_s", time_s, 1e-3, 1e9, "s")
+        return best_of([best_in_band(model, targets, band, time_s, body, separation_arcsec) for band in names])
     if snr is not None:
-        check_range("snr", snr, 1e-6, 1e6, "")
+        etc.check_range("snr", snr, 1e-6, 1e6, "")
     return best_of([_least_in_band(model, targets, band, snr, body, separation_arcsec) for band in names], by_time=True)
 
 
 def best_in_band(
-    model: EtcModel,
+    model: etc.EtcModel,
     targets: Targets,
     band: str,
     time_s: float,
     planet: ReferencePlanet,
     separation_arcsec: float | None = None,
-) -> Best:
+) -> OptimalSetting:
     """Best separation, length of visit and settings of each target in one band within a time; see `optimise`."""
     visit = model.visit_s(time_s)
-
     search = _Search(model, targets, band, planet, separation_arcsec)
     chosen = search.lowest(lambda places: places.cost(places.problem("significance"), visit))
-    return search.best(chosen, best_in_visit(chosen.problem("significance"), visit), visit)
+    return search.best(chosen, etc.best_in_visit(chosen.problem("significance"), visit), visit)
 
 
 def _least_in_band(
-    model: EtcModel,
+    model: etc.EtcModel,
     targets: Targets,
     band: str,
     snr: float | None,
     planet: ReferencePlanet,
     separation_arcsec: float | None = None,
-) -> Best:
+) -> OptimalSetting:
     """Least time of each target in one band, for an SNR or a detection."""
-    objective: Objective = "significance" if snr is None else "snr"
+    objective: etc.Objective = "significance" if snr is None else "snr"
 
     def level(places: _Places) -> FloatArray:
         return places.threshold if snr is None else np.full(places.contrast.shape, snr)
 
     search = _Search(model, targets, band, planet, separation_arcsec)
-    chosen = search.lowest(lambda places: smooth_least_visit_s(places.problem(objective), level(places)))
-    return search.best(chosen, least_time(chosen.problem(objective), level(chosen)))
+    chosen = search.lowest(lambda places: etc.smooth_least_visit_s(places.problem(objective), level(places)))
+    return search.best(chosen, etc.least_time(chosen.problem(objective), level(chosen)))
 
 
 @dataclass(frozen=True)
 class _Places:
     """Stars x separations; ``separation_arcsec`` is ``(1 or n, k)``, the others ``(n, k)``."""
 
-    model: EtcModel
+    model: etc.EtcModel
     band: str
     separation_arcsec: FloatArray
     contrast: FloatArray
     threshold: FloatArray
-    rates: ApertureRates
+    rates: etc.ApertureRates
 
-    def problem(self, objective: Objective) -> FrameProblem:
+    def problem(self, objective: etc.Objective) -> etc.FrameProblem:
         """What the solver needs."""
-        return frame_problem(self.rates, self.model.camera(self.band), self.model.strategy, objective=objective)
+        return etc.frame_problem(self.rates, self.model.camera(self.band), self.model.strategy, objective=objective)
 
-    def cost(self, problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
+    def cost(self, problem: etc.FrameProblem, visit_s: FloatArray) -> FloatArray:
         """Threshold over the significance of the best frames in a visit."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.sqrt(smooth_in_visit(problem, visit_s)) * self.threshold
+            return np.sqrt(etc.smooth_in_visit(problem, visit_s)) * self.threshold
 
 
 @dataclass(frozen=True)
 class _Search:
     """Search of the best separation of each star, first on a coarse grid, then between its points; or a given one."""
 
-    model: EtcModel
+    model: etc.EtcModel
     targets: Targets
     band: str
     planet: ReferencePlanet
@@ -260,16 +229,16 @@ class _Search:
         """Why a given separation is outside the zone of the band."""
         if self.separation_arcsec is None:
             return Reason.NONE
-        return locate(self.model, self.band, self.separation_arcsec)[1]
+        return etc.locate(self.model, self.band, self.separation_arcsec)[1]
 
     def places(self, separation_arcsec: FloatArray) -> _Places:
         """Rates and contrasts at the separations."""
         model, band = self.model, self.band
-        x, y = stand(model, band, separation_arcsec)
-        contrast = reference_contrast(model, self.targets, band, separation_arcsec, self.planet)
+        x, y = etc.stand(model, band, separation_arcsec)
+        contrast = etc.reference_contrast(model, self.targets, band, separation_arcsec, self.planet)
         elements = model.metrics[band].resolution_elements(separation_arcsec)
-        threshold = np.broadcast_to(threshold_array(elements, model.strategy.sigma), contrast.shape)
-        rates = aperture_rates(model, self.targets, band, x, y, contrast)
+        threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
+        rates = etc.aperture_rates(model, self.targets, band, x, y, contrast)
         return _Places(model, band, separation_arcsec, contrast, threshold, rates)
 
     def lowest(self, cost: Callable[[_Places], FloatArray]) -> _Places:
@@ -299,34 +268,26 @@ class _Search:
         bound[doubtful] = np.minimum(bound[doubtful], 1.0 / least)
         return bound
 
-    def _would_detect(self, possible: NDArray[np.bool_], visit_s: FloatArray, change: _Change) -> NDArray[np.bool_]:
+    def _would_detect(self, possible: BoolArray, visit_s: FloatArray, change: _Change) -> BoolArray:
         """Stars of those possible whose planet a change makes detected, at the separation that is best under it."""
-        camera, needed = self.model.camera(self.band), needed_margin(self.model, self.band)
+        camera, needed = self.model.camera(self.band), etc.needed_margin(self.model, self.band)
 
-        def changed(places: _Places) -> FrameProblem:
-            return change(places.problem("significance"), own_noise(places.rates, camera))
+        def changed(places: _Places) -> etc.FrameProblem:
+            return change(places.problem("significance"), etc.own_noise(places.rates, camera))
 
         found = np.zeros(len(self.targets), bool)
         if possible.any():
             places = replace(self, targets=self.targets.select(possible)).lowest(
                 lambda places: places.cost(changed(places), visit_s)
             )
-            found[possible] = reached(changed(places), visit_s, needed * places.threshold)[:, 0]
+            found[possible] = etc.reached(changed(places), visit_s, needed * places.threshold)[:, 0]
         return found
 
-    def best(self, chosen: _Places, choice: FrameChoice, visit_s: FloatArray | None = None) -> Best:
+    def best(self, chosen: _Places, choice: etc.FrameChoice, visit_s: FloatArray | None = None) -> OptimalSetting:
         """Everything about the chosen separations and frames; what limits them only in a given visit."""
         model, band, n = self.model, self.band, len(self.targets)
-        strategy, camera = model.strategy, model.camera(band)
-        noise_of = functools.partial(
-            stack_noise,
-            exposure_s=choice.exposure_s,
-            n_frames=choice.n_frames,
-            em_gain=choice.em_gain,
-            camera=camera,
-            strategy=strategy,
-        )
-        noise = noise_of(chosen.rates)
+        frames = choice.exposure_s, choice.n_frames, choice.em_gain, model.camera(band), model.strategy
+        noise = etc.stack_noise(chosen.rates, *frames)
         if (refused := self.refusal) is not Reason.NONE:
             choice.n_frames[:] = 0.0
         with np.errstate(invalid="ignore"):
@@ -336,7 +297,7 @@ class _Search:
         with np.errstate(divide="ignore"):
             left = every.rates.residual.k0 * every.rates.variance_factor
             floor = every.rates.planet_e_s / np.sqrt(left) / every.threshold
-        around = noise_of(every.rates)
+        around = etc.stack_noise(every.rates, *frames)
         with np.errstate(divide="ignore", invalid="ignore"):
             limits = np.where(around.significance > 0, every.contrast * every.threshold / around.significance, np.inf)
             limit = np.where(margin > 0, chosen.contrast / margin, np.inf)
@@ -345,29 +306,27 @@ class _Search:
         def column(array: ArrayLike) -> FloatArray:
             return np.array(np.broadcast_to(np.asarray(array, float), (n, 1))[:, 0])
 
-        needed, calm, dark = needed_margin(model, band), *np.zeros((2, n), bool)
+        def columns(source: Any, *names: str) -> dict[str, Any]:
+            return {name: column(getattr(source, name)) for name in names}
+
+        needed, calm, dark = etc.needed_margin(model, band), *np.zeros((2, n), bool)
         if visit_s is not None:
             # Bounds leave few stars to be solved again: white noise alone, and the frozen offset alone.
             with np.errstate(divide="ignore", invalid="ignore"):
                 bound = around.signal_e * np.sqrt(visit_s / choice.visit_s / around.white) / every.threshold
             lost = (column(margin) < needed) & (choice.n_frames[:, 0] > 0)
             near = np.nan_to_num(bound).max(axis=1) * _SLACK >= needed
-            calm = self._would_detect(lost & near, visit_s, lambda problem, _: without_speckles(problem))
-            dark = self._would_detect(lost & ~calm & (floor.max(axis=1) >= needed), visit_s, without_background)
-        chances = visit_chances(model, band, chosen.separation_arcsec, choice.visit_s, noise, margin)
+            calm = self._would_detect(lost & near, visit_s, lambda problem, _: etc.without_speckles(problem))
+            dark = self._would_detect(lost & ~calm & (floor.max(axis=1) >= needed), visit_s, etc.without_background)
+        chances = etc.visit_chances(model, band, chosen.separation_arcsec, choice.visit_s, noise, margin)
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
 
-        return Best(
+        return OptimalSetting(
             band=np.full(n, band),
-            separation_arcsec=column(chosen.separation_arcsec),
-            contrast=column(chosen.contrast),
-            exposure_s=column(choice.exposure_s),
-            n_frames=column(choice.n_frames),
-            em_gain=column(choice.em_gain),
+            **columns(chosen, "separation_arcsec", "contrast", "threshold"),
+            **columns(choice, "exposure_s", "n_frames", "em_gain"),
             time_s=column(model.time_s(choice.visit_s)),
-            snr=column(noise.snr),
-            significance=column(noise.significance),
-            threshold=column(chosen.threshold),
+            **columns(noise, "snr", "significance"),
             margin=column(margin),
             floor_margin=self._most(floor.max(axis=1), column(margin)),
             needed_margin=np.full(n, needed),
@@ -379,28 +338,28 @@ class _Search:
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],
             longest_exposure_s=column(chosen.problem("significance").longest_s()),
-            peak_columns_e_s=column(chosen.rates.peak_columns_e_s),
-            peak_hole_e_s=column(chosen.rates.peak_hole_e_s),
-            tail_e_s=column(chosen.rates.tail_e_s),
-            core_throughput=column(model.metrics[band].core_throughput(*stand(model, band, chosen.separation_arcsec))),
+            **columns(chosen.rates, "peak_columns_e_s", "peak_hole_e_s", "tail_e_s"),
+            core_throughput=column(
+                model.metrics[band].core_throughput(*etc.stand(model, band, chosen.separation_arcsec))
+            ),
             extrapolated=np.full(n, bool(beyond)),
             outside=np.full(n, refused.value),
         )
 
 
-def best_of(found: Sequence[Best], *, by_time: bool = False) -> Best:
+def best_of(found: Sequence[OptimalSetting], *, by_time: bool = False) -> OptimalSetting:
     """Row by row the one of largest margin (or of least time), the first of equals; extrapolated ones come last.
 
     Whether a change would make the planet detected is said of any of them.
     """
-    if by_time:
-        cost = np.stack([np.where(item.n_frames > 0, item.time_s, np.inf) for item in found])
-    else:
-        cost = np.stack([-item.margin for item in found])
+    costs = [np.where(item.n_frames > 0, item.time_s, np.inf) if by_time else -item.margin for item in found]
+    cost = np.stack(costs)
     answered = np.stack([item.n_frames > 0 for item in found])
     last = np.stack([item.extrapolated for item in found]) | ~answered
     rows = np.arange(cost.shape[1])
     pick = np.lexsort((np.broadcast_to(np.arange(len(found))[:, None], cost.shape), cost, last), axis=0)[0]
     changed = {name: np.any([getattr(item, name) for item in found], axis=0) for name in _CHANGES}
-    others = (name for name in Best.__dataclass_fields__ if name not in _CHANGES)
-    return Best(**changed, **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in others})
+    others = (name for name in OptimalSetting.__dataclass_fields__ if name not in _CHANGES)
+    return OptimalSetting(
+        **changed, **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in others}
+    )

@@ -4,36 +4,73 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs import snapshot_vintage
-from cpic_core import FloatArray, InputError, Reason, Status, announce
-from cpic_planner.etc import (
-    EtcModel,
-    FrameCamera,
-    check_range,
-    companion_saturates,
-    default_law,
-    hole_notes,
-    limit_of,
-    reference_distance_au,
-    reference_notes,
-    verdict_of,
-)
+from cpic_core import FloatArray, InputError, IntArray, Reason, Status, announce
+from cpic_planner import etc
 from cpic_planner.planets import Planets, PopulationChoice
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking.completeness import BandCompleteness, completeness
 from cpic_planner.ranking.known_completeness import KnownChoice, KnownSample, known_completeness
-from cpic_planner.ranking.optimiser import Best, best_in_band, best_of, optimise
+from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band, best_of, optimise
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
 from cpic_planner.results import LimitText, RankedTarget, RankResult, ReferencePlanetRecord
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.signal import frame_limit
+
+
+def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
+    """The reference planet as it is written into results."""
+    return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label)
+
+
+@dataclass(frozen=True)
+class RankSetting:
+    """What a ranking is made with; made by `of`.
+
+    ``time_s`` is the wall time per target and band, ``planet`` the reference planet, ``bands`` names of bands of the
+    model, ``population`` what completeness counts, and ``score`` what the stars are ordered by.
+    """
+
+    model: etc.EtcModel
+    time_s: float
+    planet: ReferencePlanet
+    bands: tuple[str, ...]
+    population: PopulationChoice | KnownChoice
+    score: ScoreName
+
+    @classmethod
+    def of(
+        cls,
+        model: etc.EtcModel,
+        *,
+        time_s: float,
+        planet: ReferencePlanet | None = None,
+        bands: Sequence[str] | None = None,
+        population: PopulationChoice | KnownChoice | None = None,
+        score: ScoreName = DEFAULT_SCORE,
+    ) -> Self:
+        """Return what a ranking is asked for, checked and complete; parameters are those of `rank_targets`."""
+        names, time_s = model.named(bands), etc.check_range("time_s", time_s, 1e-3, 1e9, "s")
+        choice = population or PopulationChoice.default()
+        return cls(model, time_s, planet or ReferencePlanet(), names, choice, score)
+
+    def drawn(self, targets: Targets) -> Planets | KnownSample:
+        """Return the planets that completeness counts: of a population, the same at every star, or each star's own."""
+        choice = self.population
+        return choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
+
+    def digest(self, targets: Targets) -> str:
+        """Hash of everything that decides a ranking."""
+        model, law = self.model.content(), etc.default_law().model_dump(mode="json")
+        asked = {"bands": list(self.bands), "time_s": self.time_s, "score": self.score}
+        about = {"kind": "rank", "version": __version__, "model": model, "detection": law, "targets": targets.content()}
+        return content_hash(asked | about | {"planet": self.planet.content(), "population": self.population.content()})
 
 
 @dataclass(frozen=True)
@@ -45,11 +82,12 @@ class Ranked:
     largest per hour (or largest, where that is the score).
     """
 
-    best: Best
-    by_band: tuple[Best, ...]
-    quickest: Best | None
+    setting: RankSetting
+    best: OptimalSetting
+    by_band: tuple[OptimalSetting, ...]
+    quickest: OptimalSetting | None
     counted: tuple[BandCompleteness, ...]
-    picked: NDArray[np.int64]
+    picked: IntArray
     score: FloatArray
 
     def chosen(self, name: str) -> FloatArray:
@@ -62,81 +100,25 @@ class Ranked:
         return np.stack([item.time_s for item in self.by_band])[self.picked, np.arange(len(self.picked))]
 
 
-def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
-    """The reference planet as it is written into results."""
-    return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label)
-
-
-def drawn_planets(choice: PopulationChoice | KnownChoice, targets: Targets) -> Planets | KnownSample:
-    """Return the planets that completeness counts: of a population, the same at every star, or each star's own.
-
-    Parameters
-    ----------
-    choice : PopulationChoice or KnownChoice
-    targets : Targets
-    """
-    return choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
-
-
-def rank_hash(
-    model: EtcModel,
-    targets: Targets,
-    *,
-    time_s: float,
-    planet: ReferencePlanet,
-    bands: Sequence[str] | None = None,
-    population: PopulationChoice | KnownChoice | None = None,
-    score: ScoreName = DEFAULT_SCORE,
-) -> str:
-    """Hash of everything that decides a ranking.
-
-    Parameters
-    ----------
-    model : EtcModel
-    targets : Targets
-    time_s : float
-        Wall time, s, overheads and reference frames included.
-    planet : ReferencePlanet
-    bands : sequence of str, optional
-        Names of bands of the instrument.
-    population : PopulationChoice, KnownChoice, optional
-    score : ScoreName, optional
-    """
-    return content_hash(
-        {
-            "kind": "rank",
-            "version": __version__,
-            "model": model.content(),
-            "detection": default_law().model_dump(mode="json"),
-            "bands": list(model.named(bands)),
-            "time_s": time_s,
-            "planet": planet.content(),
-            "population": (population or PopulationChoice.default()).content(),
-            "score": score,
-            "targets": targets.content(),
-        }
-    )
-
-
-def judge(best: Best, model: EtcModel) -> list[tuple[Status, Reason]]:
+def detection_statuses(best: OptimalSetting, model: etc.EtcModel) -> list[tuple[Status, Reason]]:
     """Whether the reference planet is detected in the given time, and if not, why.
 
-    A detection is a significance that half of the visits show at a known place (`Best.needed_margin`). The reason
-    ``speckle_floor`` says that no length of visit reaches it, not that the drift decides: `limits_of` says that.
+    A detection is a significance that half of the visits show at a known place (`OptimalSetting.needed_margin`). The
+    reason ``speckle_floor`` says that no length of visit reaches it, not that the drift decides: `limits_of` says that.
 
     Parameters
     ----------
-    best : Best
+    best : OptimalSetting
     model : EtcModel
     """
     return [_verdict(best, i, model.camera(str(best.band[i]))) for i in range(len(best.margin))]
 
 
-def _verdict(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
+def _verdict(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tuple[Status, Reason]:
     if best.outside[i]:
         return Status.OUTSIDE_FIELD, Reason(str(best.outside[i]))
     if best.n_frames[i] < 1:
-        return no_frame(best, i, camera)
+        return no_frame_status(best, i, camera)
     if best.margin[i] >= best.needed_margin[i]:
         return Status.OK, Reason.NONE
     if best.floor_margin[i] <= best.needed_margin[i]:
@@ -144,50 +126,37 @@ def _verdict(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
     return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME
 
 
-def limits_of(standings: Sequence[tuple[Status, Reason]], best: Best) -> list[LimitText]:
+def limits_of(standings: Sequence[tuple[Status, Reason]], best: OptimalSetting) -> list[LimitText]:
     """Return what limits the detection of each star's reference planet in the given time.
 
     Parameters
     ----------
     standings : sequence
-        Status and reason of each star, of `judge`.
-    best : Best
+        Status and reason of each star, of `detection_statuses`.
+    best : OptimalSetting
         The same stars, in their best band.
     """
+    changes = zip(best.without_speckles.tolist(), best.without_background.tolist(), strict=True)
     return [
-        limit_of(
-            *standing,
-            detected=standing[0] is Status.OK,
-            without_speckles=bool(best.without_speckles[i]),
-            without_background=bool(best.without_background[i]),
-        )
-        for i, standing in enumerate(standings)
+        etc.limit_of(*standing, detected=standing[0] is Status.OK, without_speckles=calm, without_background=dark)
+        for standing, (calm, dark) in zip(standings, changes, strict=True)
     ]
 
 
-def no_frame(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
+def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tuple[Status, Reason]:
     """Why not even one frame is possible: the shortest one saturates, or the time is too short for it."""
     peaks = (float(best.peak_columns_e_s[i]), float(best.peak_hole_e_s[i]), float(best.tail_e_s[i]))
     limit = frame_limit(*peaks, camera.exposure_min_s, 1.0, camera)
     return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
 
 
-def ranked(
-    model: EtcModel,
-    targets: Targets,
-    *,
-    time_s: float,
-    planet: ReferencePlanet,
-    bands: Sequence[str],
-    planets: Planets | KnownSample,
-    score: ScoreName,
-    with_times: bool = True,
-) -> Ranked:
+def ranked(setting: RankSetting, targets: Targets, *, with_times: bool = True) -> Ranked:
     """Best settings, completeness and score of every star; least times of detection only ``with_times``."""
-    chosen = SCORES[score]
+    model, planet, bands, planets = setting.model, setting.planet, setting.bands, setting.drawn(targets)
+    chosen = SCORES[setting.score]
     if len(targets) < 1:
         raise InputError("targets", len(targets), allowed="at least one star")
-    by_band = tuple(best_in_band(model, targets, band, time_s, planet) for band in bands)
+    by_band = tuple(best_in_band(model, targets, band, setting.time_s, planet) for band in bands)
     best = best_of(by_band)
     quickest = None
     if with_times or chosen.timed:
@@ -195,11 +164,14 @@ def ranked(
     counted = tuple(_counted(model, targets, band, planets, item) for band, item in zip(bands, by_band, strict=True))
     numbers = _numbers(best, by_band, quickest, counted)
     picked = np.argmax(chosen.by_band(numbers), axis=0)
-    return Ranked(best, by_band, quickest, counted, picked, np.asarray(chosen.value(numbers), float))
+    return Ranked(setting, best, by_band, quickest, counted, picked, np.asarray(chosen.value(numbers), float))
 
 
 def _numbers(
-    best: Best, by_band: Sequence[Best], quickest: Best | None, counted: Sequence[BandCompleteness]
+    best: OptimalSetting,
+    by_band: Sequence[OptimalSetting],
+    quickest: OptimalSetting | None,
+    counted: Sequence[BandCompleteness],
 ) -> StarNumbers:
     """What scores are made of; completeness is -1 where albedos are extrapolated, if they are known in another band."""
     shares, times = np.stack([part.completeness for part in counted]), np.stack([item.time_s for item in by_band])
@@ -217,16 +189,16 @@ def _numbers(
 
 
 def _counted(
-    model: EtcModel, targets: Targets, band: str, planets: Planets | KnownSample, setting: Best
+    model: etc.EtcModel, targets: Targets, band: str, planets: Planets | KnownSample, setting: OptimalSetting
 ) -> BandCompleteness:
     """Completeness of the observation of each star: of planets that all may have, or of those that it has."""
-    taken = {"exposure_s": setting.exposure_s, "n_frames": setting.n_frames, "em_gain": setting.em_gain}
+    taken = {name: getattr(setting, name) for name in ("exposure_s", "n_frames", "em_gain")}
     if isinstance(planets, KnownSample):
         return known_completeness(model, targets, band, planets, **taken)
     return completeness(model, targets, band, planets, **taken)
 
 
-def order_of(found: Ranked, targets: Targets) -> list[int]:
+def ranked_order(found: Ranked, targets: Targets) -> list[int]:
     """Stars from best to worst: by score, ties by the reference planet's margin, then by name.
 
     Parameters
@@ -238,7 +210,7 @@ def order_of(found: Ranked, targets: Targets) -> list[int]:
 
 
 def rank_targets(
-    model: EtcModel,
+    model: etc.EtcModel,
     targets: Targets,
     *,
     time_s: float,
@@ -282,28 +254,28 @@ def rank_targets(
     InputError
         For values out of range or an unknown score.
     """
-    body, choice = planet or ReferencePlanet(), population or PopulationChoice.default()
-    names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
+    setting = RankSetting.of(model, time_s=time_s, planet=planet, bands=bands, population=population, score=score)
     announce(f"ranking {len(targets)} stars")
-    planets = drawn_planets(choice, targets)
-    found = ranked(model, targets, time_s=time_s, planet=body, bands=names, planets=planets, score=score)
-    standings = judge(found.best, model)
+    found = ranked(setting, targets)
+    standings = detection_statuses(found.best, model)
     limits = limits_of(standings, found.best)
-    blooming = {band: companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
+    said = zip(standings, limits, strict=True)
+    settings = [setting_fields(found.best, i, *standing) for i, standing in enumerate(said)]
+    blooming = {band: etc.companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
     rows = [
-        _row(model, targets, found, i, rank, standings[i], limits[i], body, bool(blooming[str(found.best.band[i])][i]))
-        for rank, i in enumerate(order_of(found, targets), start=1)
+        _row(found, targets, i, rank, settings[i], bool(blooming[str(found.best.band[i])][i]))
+        for rank, i in enumerate(ranked_order(found, targets), start=1)
     ]
     counts = Counter("ok" if row.status == "ok" else row.reason for row in rows)
     return RankResult(
-        config_hash=rank_hash(model, targets, time_s=time_s, planet=body, bands=bands, population=choice, score=score),
+        config_hash=setting.digest(targets),
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         sample=sample,
-        time_s=time_s,
+        time_s=setting.time_s,
         sigma=model.strategy.sigma,
         reference_library=model.strategy.library,
-        reference_planet=planet_record(body),
-        population=choice.record(),
+        reference_planet=planet_record(setting.planet),
+        population=setting.population.record(),
         score_name=score,
         counts=dict(sorted(counts.items())),
         counts_limited_by=dict(sorted(Counter(limits).items())),
@@ -312,30 +284,21 @@ def rank_targets(
 
 
 def _row(
-    model: EtcModel,
-    targets: Targets,
-    found: Ranked,
-    i: int,
-    rank: int,
-    standing: tuple[Status, Reason],
-    limited_by: LimitText,
-    planet: ReferencePlanet,
-    companion_blooms: bool,
+    found: Ranked, targets: Targets, i: int, rank: int, setting: dict[str, Any], companion_blooms: bool
 ) -> RankedTarget:
-    best, quickest = found.best, found.quickest
-    setting = setting_fields(best, i, standing, limited_by)
-    distance = float(reference_distance_au(targets.select([i]), best.separation_arcsec[i : i + 1], planet)[0, 0])
+    best, quickest, model, planet = found.best, found.quickest, found.setting.model, found.setting.planet
+    star, band, separation = targets.select([i]), str(best.band[i]), best.separation_arcsec[i : i + 1]
+    distance = float(etc.reference_distance_au(star, separation, planet)[0, 0])
     luminosity = finite(targets.luminosity_lsun[i])
     flags = [*targets.flags[i], *model.strategy.reference_library.flags]
-    flags += reference_notes(model, targets.select([i]), str(best.band[i]), float(best.separation_arcsec[i]), planet)
-    flags += hole_notes(model, str(best.band[i]))
+    flags += etc.reference_notes(model, star, band, float(separation[0]), planet) + etc.hole_notes(model, band)
     clamped = model.passbands.grid_flags(targets.teff_k[i], targets.log_g[i], targets.metallicity[i]).any
     if bool(np.any(clamped)) and "stellar_grid_clamped" not in flags:
         flags.append("stellar_grid_clamped")
     if companion_blooms:
         flags.append("companion_saturates")
     counted, time_s = found.counted[found.picked[i]], float(found.completeness_time_s[i])
-    share = float(counted.completeness[i])
+    share, expected = float(counted.completeness[i]), counted.expected_detections
     return RankedTarget.of(
         best,
         targets,
@@ -349,7 +312,7 @@ def _row(
         completeness_band=counted.band,
         completeness_time_s=time_s if time_s > 0 else None,
         completeness_per_hour=share / time_s * 3600.0 if time_s > 0 else 0.0,
-        expected_detections=None if counted.expected_detections is None else float(counted.expected_detections[i]),
+        expected_detections=None if expected is None else float(expected[i]),
         integration_s=setting["n_frames"] * setting["exposure_s"] if setting["n_frames"] else None,
         ref_planet_distance_au=distance,
         ref_planet_insolation_au=None if luminosity is None or luminosity <= 0 else distance / math.sqrt(luminosity),
@@ -358,16 +321,18 @@ def _row(
     )
 
 
-def setting_fields(best: Best, i: int, standing: tuple[Status, Reason], limited_by: LimitText) -> dict[str, Any]:
+def setting_fields(
+    best: OptimalSetting, i: int, standing: tuple[Status, Reason], limited_by: LimitText
+) -> dict[str, Any]:
     """Return what rows say of a star's best setting: its frames, and whether it detects the reference planet.
 
     Parameters
     ----------
-    best : Best
+    best : OptimalSetting
     i : int
         Number of the star.
     standing : tuple
-        Its status and reason, of `judge`.
+        Its status and reason, of `detection_statuses`.
     limited_by : str
         What limits it, of `limits_of`.
     """
@@ -375,7 +340,7 @@ def setting_fields(best: Best, i: int, standing: tuple[Status, Reason], limited_
     return {
         "status": standing[0].value,
         "reason": standing[1].value,
-        "verdict": verdict_of(standing[0], detected=True),
+        "verdict": etc.verdict_of(standing[0], detected=True),
         "verdict_mode": "known_place",
         "detection_probability": finite(best.chance_blind[i]),
         "detection_probability_known_place": finite(best.chance_known_place[i]),

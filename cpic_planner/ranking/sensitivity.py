@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_core import FloatArray, announce
+from cpic_core import BoolArray, FloatArray, IntArray, announce
 from cpic_planner.etc import EtcModel, check_range
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import Change, ReferencePlanet, changed
 from cpic_planner.ranking.known_completeness import KnownChoice
-from cpic_planner.ranking.order import drawn_planets, order_of, rank_hash, ranked
+from cpic_planner.ranking.order import RankSetting, ranked, ranked_order
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 from cpic_planner.results import SensitivityResult, SensitivityRow
 from cpic_planner.targets import Targets
@@ -31,24 +31,15 @@ DECIDING_SHARE = 0.25
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What a ranking is made with."""
-
-    model: EtcModel
-    planet: ReferencePlanet
-    population: PopulationChoice | KnownChoice
-
-
-@dataclass(frozen=True)
 class Order:
     """Stars under one assumption: rank (1 for the first), score, margin of the reference planet, and its detection."""
 
-    rank: NDArray[np.int64]
+    rank: IntArray
     score: FloatArray
     margin: FloatArray
-    detected: NDArray[np.bool_]
+    detected: BoolArray
 
-    def select(self, stars: NDArray[np.bool_]) -> Order:
+    def select(self, stars: BoolArray) -> Order:
         """Some of the stars, with the ranks that they have among all."""
         return Order(self.rank[stars], self.score[stars], self.margin[stars], self.detected[stars])
 
@@ -59,16 +50,16 @@ class Assumption:
 
     key: str
     text: str
-    change: Callable[[Setting], Setting]
+    change: Callable[[RankSetting], RankSetting]
 
 
-def _with(one: Change) -> Callable[[Setting], Setting]:
+def _with(one: Change) -> Callable[[RankSetting], RankSetting]:
     """An assumption that changes numbers of the instrument, but not its optics: only rates of light and drift.
 
     A ``*`` in the key stands for the bands of the ranking.
     """
 
-    def change(setting: Setting) -> Setting:
+    def change(setting: RankSetting) -> RankSetting:
         model = setting.model
         keys = {one.key.replace("*", band): None for band in model.bands}
         instrument = changed(model.instrument, (one.model_copy(update={"key": key}) for key in keys))
@@ -78,7 +69,7 @@ def _with(one: Change) -> Callable[[Setting], Setting]:
     return change
 
 
-def _at_two_au(setting: Setting) -> Setting:
+def _at_two_au(setting: RankSetting) -> RankSetting:
     """All planets, reference and population, with the albedo of the models' slice at 2 au from the Sun."""
     albedo = ParametricAlbedo(insolation_au=2.0)
     planet = setting.planet.model_copy(update={"albedo": albedo})
@@ -90,22 +81,15 @@ def _at_two_au(setting: Setting) -> Setting:
     return replace(setting, planet=planet, population=population)
 
 
+_WIDER, _NARROWER = (_with(Change.scaling("bands.*.width_nm", factor)) for factor in (1.5, 0.5))
 ASSUMPTIONS: tuple[Assumption, ...] = (
     Assumption("drift_x2", "wavefront drift twice as large", _with(Change.scaling("drift", 2.0))),
     Assumption("drift_x0.5", "wavefront drift half as large", _with(Change.scaling("drift", 0.5))),
     Assumption("drift_x0.1", "wavefront drift a tenth as large", _with(Change.scaling("drift", 0.1))),
     Assumption("albedo_2au", "albedo of cloudy giants at 2 au from the Sun, whatever the insolation", _at_two_au),
     Assumption("t_opt_0.46", "optical throughput 0.46 in every band", _with(Change(key="bands.*.t_opt", value=0.46))),
-    Assumption(
-        "width_+50%",
-        "bands half as wide again, with the optics of the nominal width",
-        _with(Change.scaling("bands.*.width_nm", 1.5)),
-    ),
-    Assumption(
-        "width_-50%",
-        "bands half as wide, with the optics of the nominal width",
-        _with(Change.scaling("bands.*.width_nm", 0.5)),
-    ),
+    Assumption("width_+50%", "bands half as wide again, with the optics of the nominal width", _WIDER),
+    Assumption("width_-50%", "bands half as wide, with the optics of the nominal width", _NARROWER),
 )
 
 
@@ -116,36 +100,22 @@ def in_turn(assumptions: Sequence[Assumption]) -> Iterator[Assumption]:
         yield assumption
 
 
-def in_order(setting: Setting, targets: Targets, *, time_s: float, bands: Sequence[str], score: ScoreName) -> Order:
+def in_order(setting: RankSetting, targets: Targets) -> Order:
     """Rank stars under one setting.
 
     Parameters
     ----------
-    setting : Setting
+    setting : RankSetting
     targets : Targets
-    time_s : float
-        Wall time, s, overheads and reference frames included.
-    bands : sequence of str
-        Names of bands of the instrument.
-    score : ScoreName
     """
-    found = ranked(
-        setting.model,
-        targets,
-        time_s=time_s,
-        planet=setting.planet,
-        bands=bands,
-        planets=drawn_planets(setting.population, targets),
-        score=score,
-        with_times=False,
-    )
+    found = ranked(setting, targets, with_times=False)
     rank = np.empty(len(targets), np.int64)
-    rank[order_of(found, targets)] = np.arange(1, len(targets) + 1)
+    rank[ranked_order(found, targets)] = np.arange(1, len(targets) + 1)
     margin = found.best.margin
     return Order(rank, found.score, margin, (margin >= found.best.needed_margin) & (found.best.n_frames >= 1))
 
 
-def near_top(rank: NDArray[np.int64], margin: FloatArray, top: int) -> NDArray[np.bool_]:
+def near_top(rank: IntArray, margin: FloatArray, top: int) -> BoolArray:
     """Stars that may come among the first ``top``, or be detected, under another assumption: the others stay far down.
 
     They are the first ``POOL * top`` by nominal rank and by margin of the reference planet.
@@ -196,25 +166,20 @@ def sensitivity(
         1 where no pair changes its order, 0 where as many do as do not. Stars of equal score have no order, so that
         the rule which lists them (by margin, then by name) does not count.
     """
-    names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
+    setting = RankSetting.of(model, time_s=time_s, planet=planet, bands=bands, population=population, score=score)
     check_range("top", top, 1, math.inf, "stars")
-    setting = Setting(model, planet or ReferencePlanet(), population or PopulationChoice.default())
-    digest = rank_hash(
-        model, targets, time_s=time_s, planet=setting.planet, bands=bands, population=setting.population, score=score
-    )
-    nominal = in_order(setting, targets, time_s=time_s, bands=names, score=score)
+    digest, nominal = setting.digest(targets), in_order(setting, targets)
     n_ranked, n_ok, n_top = len(targets), int(np.count_nonzero(nominal.detected)), min(top, len(targets))
     pool = near_top(nominal.rank, nominal.margin, top)
     targets, nominal = targets.select(pool), nominal.select(pool)
     rows = []
     for assumption in in_turn(assumptions):
-        other = in_order(assumption.change(setting), targets, time_s=time_s, bands=names, score=score)
+        other = in_order(assumption.change(setting), targets)
         rows.append(_compared(assumption, nominal, other, targets.name, n_top))
     decides = [row.assumption for row in rows if _decides(row, n_ok)]
+    asked = {"kind": "sensitivity", "rank": digest, "top": top, "assumptions": [item.key for item in assumptions]}
     return SensitivityResult(
-        config_hash=content_hash(
-            {"kind": "sensitivity", "rank": digest, "top": top, "assumptions": [item.key for item in assumptions]}
-        ),
+        config_hash=content_hash(asked),
         top=n_top,
         score_name=score,
         n_ranked=n_ranked,

@@ -14,7 +14,7 @@ class StarNumbers:
     """What a score is made of; arrays of ``n`` stars, or of ``b`` bands and ``n`` stars.
 
     Those of the stars alone are of the reference planet in its best band, and have the names of
-    `cpic_planner.ranking.optimiser.Best`.
+    `cpic_planner.ranking.optimiser.OptimalSetting`.
 
     Attributes
     ----------

@@ -4,5 +4,5 @@ from cpic_planner.survey.strategy_file import (
     load_strategies as load_strategies,
     with_universe as with_universe,
 )
-from cpic_planner.survey.sweeps import told as told, varied as varied
+from cpic_planner.survey.sweeps import variation_lines as variation_lines, varied as varied
 from cpic_planner.survey.whatif import run_whatif as run_whatif, whatif_job as whatif_job

@@ -6,14 +6,14 @@ import contextlib
 import ctypes
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from cpic_core import FloatArray, IntArray
-from cpic_planner.survey.schedule import PlannedVisit, Problem, Room, Schedule, StarValue, Visit, greedy, in_order
+from cpic_planner.survey.schedule import Problem, Room, Schedule, StarValue, Visit, greedy, in_order
 
 _ROUNDS = 12
 _NODES = 500
@@ -21,15 +21,6 @@ _MANY, _SLOW = 200, 0.25
 _SWEEPS = 20
 _KEPT = 0.5
 _CHOSEN = 1e-6
-
-
-@dataclass(frozen=True)
-class _Column:
-    """One visit that may be made: star, option and slot, and its cost in hours."""
-
-    star: int
-    visit: Visit
-    cost_h: float
 
 
 @dataclass
@@ -58,11 +49,11 @@ def make_schedule(problem: Problem) -> Schedule:
     (Nemhauser & Wolsey 1981). Cuts are added where the last solution was promised more than it is worth.
     """
     room, booked = greedy(problem)
-    cuts_at = _by_star(problem, [(star, visit) for star, visit, _ in booked])
+    cuts_at = _by_star((star, visit) for star, visit, _ in booked)
     everyone = _Programme(problem, Room.of(problem), range(len(problem.stars)))
     everyone.add_prefixes(cuts_at)
     bound = everyone.rounds(whole=False)[1]
-    method, several = "greedy", problem.strategy.detection.visits_needed > 1
+    method, several = "greedy", problem.needed > 1
     asked = problem.strategy.scheduler.method == "milp"
     if everyone.columns and (asked or (several and len(everyone.columns) <= _MANY)):
         chosen, own_bound = _allocated(problem, everyone, cuts_at)
@@ -75,23 +66,14 @@ def make_schedule(problem: Problem) -> Schedule:
         better = _value(problem, chosen)
         if method == "milp" or better > value:
             method, value = "milp" if method == "milp" else "greedy, exchanged", better
-            booked = [
-                (star, visit, gain) for star in sorted(chosen) for visit, gain in _gains(problem, star, chosen[star])
-            ]
-            room = Room.of(problem)
-            for star, visit, _ in booked:
-                room.take(star, visit, float(problem.stars[star].cost_h[visit]))
+            booked = [item for star in sorted(chosen) for item in _gains(problem, star, chosen[star])]
+            room = Room.of(problem, [(star, visit) for star, visit, _ in booked])
     spare: list[tuple[int, Visit, float]] = []
     reserve = problem.strategy.scheduler.reserve
     if reserve > 0.0:
-        beyond = Room(
-            room.budget_h + reserve * problem.strategy.time_budget_h,
-            room.slots_h.copy(),
-            {star: list(visits) for star, visits in room.visits.items()},
-        )
-        spare = greedy(problem, room=beyond)[1]
-    visits: tuple[PlannedVisit, ...] = in_order(problem.stars, booked, spare)
-    return Schedule(visits, value, max(bound, value), method)
+        room.budget_h += reserve * problem.strategy.time_budget_h
+        spare = greedy(problem, room=room)[1]
+    return Schedule(in_order(problem.stars, booked, spare), value, max(bound, value), method)
 
 
 def _allocated(
@@ -109,9 +91,8 @@ def _allocated(
             continue
         programme.add_prefixes({star: made[star] for star in group if star in made})
         chosen = _worthwhile(problem, programme.rounds(whole=True)[0])
-        for star, visits in sorted(chosen.items()):
-            for visit in visits:
-                room.take(star, visit, float(problem.stars[star].cost_h[visit]))
+        for star, visit in _pairs(chosen):
+            room.take(star, visit, problem.cost_h(star, visit))
         found |= chosen
     return found, np.inf
 
@@ -122,10 +103,10 @@ def _worthwhile(problem: Problem, made: dict[int, list[Visit]]) -> dict[int, lis
     Where one detection is enough, the programme has no other columns. Where several are needed, it counts detections,
     and may choose visits that show different planets, or one of them too seldom.
     """
-    needed, least = problem.strategy.detection.visits_needed, problem.strategy.scheduler.min_gain
-    if needed == 1:
+    least = problem.strategy.scheduler.min_gain
+    if problem.needed == 1:
         return made
-    worth = {star: StarValue.of(problem.stars[star], needed, visits).value for star, visits in made.items()}
+    worth = {star: _worth(problem, star, visits).value for star, visits in made.items()}
     return {star: visits for star, visits in made.items() if worth[star] > 0.0 and worth[star] >= least * len(visits)}
 
 
@@ -134,34 +115,39 @@ def _rank(problem: Problem, made: dict[int, list[Visit]]) -> tuple[float, ...]:
     return tuple(_value(problem, {star: made[star] for star in group if star in made}) for group in problem.groups())
 
 
-def _by_star(problem: Problem, visits: Sequence[tuple[int, Visit]]) -> dict[int, list[Visit]]:
+def _worth(problem: Problem, star: int, visits: Sequence[Visit]) -> StarValue:
+    return StarValue.of(problem.stars[star], problem.needed, visits)
+
+
+def _pairs(made: dict[int, list[Visit]]) -> list[tuple[int, Visit]]:
+    """Visits with their stars, star after star."""
+    return [(star, visit) for star, visits in sorted(made.items()) for visit in visits]
+
+
+def _by_star(visits: Iterable[tuple[int, Visit]]) -> dict[int, list[Visit]]:
     made: dict[int, list[Visit]] = {}
     for star, visit in visits:
         made.setdefault(star, []).append(visit)
     return made
 
 
-def _gains(problem: Problem, star: int, visits: Sequence[Visit]) -> list[tuple[Visit, float]]:
-    """Visits in the order of the calendar, with what each adds."""
-    state, found = StarValue.none(problem.stars[star], problem.strategy.detection.visits_needed), []
+def _gains(problem: Problem, star: int, visits: Sequence[Visit]) -> list[tuple[int, Visit, float]]:
+    """Visits of a star in the order of the calendar, with what each adds."""
+    state, found = _worth(problem, star, ()), []
     for visit in sorted(visits, key=lambda item: item[1]):
         after = state.after(visit)
-        found.append((visit, after.value - state.value))
+        found.append((star, visit, after.value - state.value))
         state = after
     return found
 
 
 def _value(problem: Problem, made: dict[int, list[Visit]]) -> float:
-    needed = problem.strategy.detection.visits_needed
-    return sum(StarValue.of(problem.stars[star], needed, visits).value for star, visits in sorted(made.items()))
+    return sum(_worth(problem, star, visits).value for star, visits in sorted(made.items()))
 
 
 def exchanged(problem: Problem, made: dict[int, list[Visit]]) -> dict[int, list[Visit]]:
     """Visits after exchanges of one for another of the same star, as long as the value grows."""
-    room = Room.of(problem)
-    for star, visits in made.items():
-        for visit in visits:
-            room.take(star, visit, float(problem.stars[star].cost_h[visit]))
+    room = Room.of(problem, [(star, visit) for star, visits in made.items() for visit in visits])
     for _ in range(_SWEEPS):
         helped = [_exchange(problem, room, star) for star in sorted(room.visits)]
         if not any(helped):
@@ -171,10 +157,10 @@ def exchanged(problem: Problem, made: dict[int, list[Visit]]) -> dict[int, list[
 
 def _exchange(problem: Problem, room: Room, star: int) -> bool:
     """Put each visit of a star where it adds most to the others; whether that helped."""
-    item, needed, helped = problem.stars[star], problem.strategy.detection.visits_needed, False
+    item, helped = problem.stars[star], False
     for visit in list(room.visits[star]):
         others = [other for other in room.visits[star] if other != visit]
-        state, cost = StarValue.of(item, needed, others), float(item.cost_h[visit])
+        state, cost = _worth(problem, star, others), problem.cost_h(star, visit)
         room.budget_h += cost
         room.slots_h[visit[1]] += cost
         gains = np.where(room.holds(item.cost_h), state.gains()[0], -np.inf)
@@ -183,7 +169,7 @@ def _exchange(problem: Problem, room: Room, star: int) -> bool:
         option, slot = (int(part) for part in np.unravel_index(int(np.argmax(gains)), gains.shape))
         best = (option, slot) if gains[option, slot] > gains[visit] + _CHOSEN * _CHOSEN else visit
         room.visits[star] = others
-        room.take(star, best, float(item.cost_h[best]))
+        room.take(star, best, problem.cost_h(star, best))
         helped |= best != visit
     return helped
 
@@ -211,22 +197,16 @@ class _Programme:
         self.problem, self.budget_h, self.slots_h = problem, room.budget_h, room.slots_h.copy()
         # A visit adds at most what it is worth alone: those worth less than the strategy asks are never made. Where a
         # detection needs several, it is they together that have to be worth it.
-        needed = problem.strategy.detection.visits_needed
-        least = problem.strategy.scheduler.min_gain if needed == 1 else 0.0
-        self.columns = []
+        least = problem.strategy.scheduler.min_gain if problem.needed == 1 else 0.0
+        self.columns: list[tuple[int, Visit]] = []
         for i in stars:
-            star = problem.stars[i]
-            _, alone = StarValue.none(star, needed).gains()
-            fits = star.cost_h <= np.minimum(self.slots_h, self.budget_h)
-            self.columns += [
-                _Column(i, (int(option), int(slot)), float(star.cost_h[option, slot]))
-                for option, slot in np.argwhere(fits & (alone >= least) & (alone > 0.0))
-            ]
+            alone = _worth(problem, i, ()).gains()[1]
+            fits = problem.stars[i].cost_h <= np.minimum(self.slots_h, self.budget_h)
+            useful = np.argwhere(fits & (alone >= least) & (alone > 0.0))
+            self.columns += [(i, (int(option), int(slot))) for option, slot in useful]
         self.cuts: list[_Cut] = []
-        self._own = [
-            np.array([k for k, column in enumerate(self.columns) if column.star == i], int)
-            for i in range(len(problem.stars))
-        ]
+        owner = np.array([star for star, _ in self.columns], int)
+        self._own = [np.flatnonzero(owner == i) for i in range(len(problem.stars))]
 
     def add_prefixes(self, made: dict[int, list[Visit]]) -> None:
         """Cuts of every star after none, one, two ... of its visits."""
@@ -237,10 +217,10 @@ class _Programme:
 
     def _add(self, star: int, visits: Sequence[Visit]) -> float:
         """One cut; returns what the visits are worth in `U`."""
-        state = StarValue.of(self.problem.stars[star], self.problem.strategy.detection.visits_needed, visits)
+        state = _worth(self.problem, star, visits)
         upper, gains = state.gains()[1], np.zeros(len(self.columns))
         for k in self._own[star]:
-            visit = self.columns[k].visit
+            visit = self.columns[k][1]
             gains[k] = 0.0 if visit in visits else upper[visit]
         self.cuts.append(_Cut(star, state.upper, gains))
         return state.upper
@@ -254,10 +234,7 @@ class _Programme:
         for _ in range(_ROUNDS):
             x, promised, top = self._solve(whole)
             bound = min(bound, top)
-            made = _by_star(
-                self.problem,
-                [(column.star, column.visit) for column, share in zip(self.columns, x, strict=True) if share > _KEPT],
-            )
+            made = _by_star(column for column, part in zip(self.columns, x, strict=True) if part > _KEPT)
             value, worst = 0.0, 0.0
             for star in range(len(self.problem.stars)):
                 worth = self._add(star, made.get(star, ()))
@@ -282,24 +259,17 @@ class _Programme:
         if n == 0:
             return np.zeros(0), np.zeros(stars), 0.0
         cuts = csr_array(np.stack([cut.gains for cut in self.cuts]))
-        mark = csr_array(
-            (np.ones(len(self.cuts)), (np.arange(len(self.cuts)), [cut.star for cut in self.cuts])),
-            shape=(len(self.cuts), stars),
-        )
+        at = np.arange(len(self.cuts)), [cut.star for cut in self.cuts]
+        mark = csr_array((np.ones(len(self.cuts)), at), shape=(len(self.cuts), stars))
         rows, limits = self._limits()
-        above = hstack([-cuts, mark])
         below = hstack([rows, csr_array((rows.shape[0], stars))])
         high = np.concatenate([[cut.start for cut in self.cuts], limits])
+        constraints = LinearConstraint(vstack([hstack([-cuts, mark]), below]), -np.inf, high)
+        # Visits between none and whole, values of the stars without limits: their sum is to be large.
+        cost, most, kinds = np.repeat([[0.0, 1.0, float(whole)], [-1.0, np.inf, 0.0]], [n, stars], axis=0).T
+        options = {"mip_rel_gap": 0.2 * self.problem.strategy.scheduler.gap, "node_limit": _NODES} if whole else {}
         with _remarks_aside():
-            found = milp(
-                np.concatenate([np.zeros(n), -np.ones(stars)]),
-                constraints=LinearConstraint(vstack([above, below]), -np.inf, high),
-                bounds=Bounds(np.zeros(n + stars), np.concatenate([np.ones(n), np.full(stars, np.inf)])),
-                integrality=np.concatenate([np.full(n, int(whole)), np.zeros(stars)]),
-                options={"mip_rel_gap": 0.2 * self.problem.strategy.scheduler.gap, "node_limit": _NODES}
-                if whole
-                else {},
-            )
+            found = milp(cost, constraints=constraints, bounds=Bounds(0.0, most), integrality=kinds, options=options)
         if found.x is None:  # no whole allocation within the nodes: none is promised
             return np.zeros(n), np.zeros(stars), np.inf
         bound = found.mip_dual_bound if whole else found.fun
@@ -310,8 +280,8 @@ class _Programme:
         from scipy.sparse import csr_array
 
         problem = self.problem
-        cost = np.array([column.cost_h for column in self.columns])
-        slot = np.array([column.visit[1] for column in self.columns])
+        cost = np.array([problem.cost_h(*column) for column in self.columns])
+        slot = np.array([visit[1] for _, visit in self.columns])
         every = np.arange(len(cost))
         rows: list[tuple[IntArray, FloatArray, float]] = [(every, cost, self.budget_h)]
         for b in np.unique(slot):
@@ -323,12 +293,6 @@ class _Programme:
                 near = own[(slot[own] >= b) & problem.near(star, int(b))[slot[own]]]
                 if near.size > 1:
                     rows.append((near, np.ones(near.size), 1.0))
-        at = np.repeat(np.arange(len(rows)), [len(columns) for columns, _, _ in rows])
-        matrix = csr_array(
-            (
-                np.concatenate([values for _, values, _ in rows]),
-                (at, np.concatenate([columns for columns, _, _ in rows])),
-            ),
-            shape=(len(rows), len(cost)),
-        )
-        return matrix, np.array([limit for _, _, limit in rows])
+        columns, values, limits = zip(*rows, strict=True)
+        at = np.repeat(np.arange(len(rows)), [len(part) for part in columns]), np.concatenate(columns)
+        return csr_array((np.concatenate(values), at), shape=(len(rows), len(cost))), np.array(limits)

@@ -45,9 +45,9 @@ def assumed_model(instrument: Instrument, strategy: SurveyStrategy, bands: Seque
     reduction = Strategy.model_validate(strategy.reduction.model_dump() | {"sigma": strategy.detection.sigma})
     nominal = build_model(instrument, bands, reduction)
     own = _changes(assumed, nominal.bands)
-    metrics = nominal.metrics
-    if assumed.contrast is not None:
-        metrics = {band: _assumed_metrics(instrument, band, item, assumed.contrast) for band, item in metrics.items()}
+    metrics, contrast = nominal.metrics, assumed.contrast
+    if contrast is not None:
+        metrics = {band: _assumed_metrics(instrument, band, item, contrast) for band, item in metrics.items()}
     if not own and metrics is nominal.metrics:
         return nominal
     other = changed(instrument, own)
@@ -166,23 +166,16 @@ def with_contrast(metrics: PsfMetrics, contrast: float) -> PsfMetrics:
     the register, which lie mostly outside the hole, are kept; so are all throughputs.
     """
     factor = contrast / raw_contrast_median(metrics)
+    axis = centred_axis(len(metrics.raw_contrast), metrics.pixel_scale_arcsec)
     linear, square = (part[:, None] for part in floor_law(metrics))
     offset2 = metrics.floor_visit_nm**2
-    inside = metrics.zone.covers(*_axes(metrics))
+    inside = metrics.zone.covers(axis, axis)
     # The measured table times the ratio of the two laws: a difference would be left with the errors of the fit.
     floor = metrics.floor_sigma.copy()
     ratio = (factor * linear + square * offset2) / (linear + square * offset2)
     floor[1:] *= np.sqrt(np.maximum(ratio, _LEAST))
     whole = metrics.floor_sigma[0] ** 2 / np.mean(metrics.floor_sigma[1:] ** 2, axis=0)
     floor[0] = np.sqrt(whole * np.mean(floor[1:] ** 2, axis=0))
-    scaled = {
-        name: np.where(inside, factor * getattr(metrics, name), getattr(metrics, name))
-        for name in ("halo_map", "raw_contrast")
-    }
+    maps = {name: getattr(metrics, name) for name in ("halo_map", "raw_contrast")}
+    scaled: dict[str, Any] = {name: np.where(inside, factor * values, values) for name, values in maps.items()}
     return replace(metrics, **scaled, floor_sigma=floor, peak_on_axis_hole=factor * metrics.peak_on_axis_hole)
-
-
-def _axes(metrics: PsfMetrics) -> tuple[Any, Any]:
-    n = len(metrics.raw_contrast)
-    axis = (np.arange(n) - n // 2) * metrics.pixel_scale_arcsec
-    return axis, axis

@@ -7,9 +7,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, IntArray
 from cpic_planner.etc import EtcModel
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.strategy import Revisits
@@ -63,11 +62,10 @@ class Calendar:
         """Slots."""
         return len(self.slot_h)
 
-    def select(self, rows: NDArray[np.int64]) -> Calendar:
+    def select(self, rows: IntArray) -> Calendar:
         """The calendar of some of the stars."""
         names = ("fraction", "allowed_h", "window_s", "day", "sun_pa_deg")
-        own = {name: getattr(self, name)[rows] for name in names}
-        return Calendar(self.start_mjd, self.slot_h, **own, period_s=self.period_s, settle_h=self.settle_h)
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def closed_before(self, mjd: float) -> Calendar:
         """The calendar without the slots that began before a time."""
@@ -90,21 +88,17 @@ class Calendar:
         settlings : int, optional
             Settlings of the telescope in one visit.
         """
-        cost = np.full(self.n_slots, np.inf)
         if not setting.possible:
-            return cost
+            return np.full(self.n_slots, np.inf)
         frame = setting.exposure_s + model.camera(setting.band).readout_s
         window = self.window_s[star]
         with np.errstate(divide="ignore", invalid="ignore"):
             filled = np.where(window >= frame, np.floor(window / frame) * frame / window, 0.0)
             elapsed = setting.time_s / (self.fraction[star] * filled) / _HOUR_S + settlings * self.settle_h
         good = (filled > 0) & (self.fraction[star] > 0) & (elapsed <= self.allowed_h[star])
-        cost[good] = elapsed[good]
-        return cost
+        return np.where(good, elapsed, np.inf)
 
-    def roll_deg(
-        self, revisits: Revisits, star: int, slots: NDArray[np.int64], ordinals: NDArray[np.int64]
-    ) -> FloatArray:
+    def roll_deg(self, revisits: Revisits, star: int, slots: IntArray, ordinals: IntArray) -> FloatArray:
         """Roll of visits, given their numbers among those of their star.
 
         Parameters
@@ -123,7 +117,7 @@ class Calendar:
 
 
 def make_calendar(
-    universe: UniverseConfig, instrument: Instrument, seen: VisibilityConfig, targets: Targets
+    universe: UniverseConfig, instrument: Instrument, pointing: VisibilityConfig, targets: Targets
 ) -> Calendar:
     """Visibility of stars over the slots of a survey, sampled six times a slot.
 
@@ -131,7 +125,7 @@ def make_calendar(
     ----------
     universe : UniverseConfig
     instrument : Instrument
-    seen : VisibilityConfig
+    pointing : VisibilityConfig
     targets : Targets
 
     Raises
@@ -140,16 +134,9 @@ def make_calendar(
         If a star has no coordinates.
     """
     step = universe.slot_days / _SAMPLES
-    n_days = universe.n_slots * universe.slot_days
-    orbit = instrument.mission.orbit
+    orbit, n_days = instrument.mission.orbit, math.ceil(universe.n_slots * universe.slot_days)
     found = visibility(
-        targets.ra_deg,
-        targets.dec_deg,
-        seen,
-        orbit,
-        start_utc=universe.start_utc,
-        n_days=math.ceil(n_days),
-        step_days=step,
+        targets.ra_deg, targets.dec_deg, pointing, orbit, start_utc=universe.start_utc, n_days=n_days, step_days=step
     )
     n, b = len(targets), universe.n_slots
     start = mjd_of(universe.start_utc)
@@ -166,7 +153,7 @@ def make_calendar(
 
     day = mean(found.mjd - start)
     lengths = np.minimum(universe.slot_days, universe.duration_days - np.arange(b) * universe.slot_days)
-    settle = slew_s(_MEAN_SLEW_DEG, seen) + seen.thermal_settle_orbits * found.period_s
+    settle_s = float(slew_s(_MEAN_SLEW_DEG, pointing)) + pointing.thermal_settle_orbits * found.period_s
     return Calendar(
         start_mjd=start,
         slot_h=lengths * 24.0,
@@ -176,7 +163,7 @@ def make_calendar(
         day=day,
         sun_pa_deg=sun_position_angle_deg(targets, start + day),
         period_s=found.period_s,
-        settle_h=float(settle) / _HOUR_S,
+        settle_h=settle_s / _HOUR_S,
     )
 
 

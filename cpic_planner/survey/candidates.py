@@ -1,23 +1,30 @@
 """Stars that a strategy may visit: their frames, the cost of a visit in every slot, and the chance of each draw."""
 
-import functools
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs import KnownPlanetTable, star_key
-from cpic_core import FloatArray, InputError
+from cpic_core import BoolArray, FloatArray, InputError, IntArray
 from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, frame_problem, stand
 from cpic_planner.planets import OrbitPlaces, PopulationConfig, draw_population
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.ranking import Best, best_in_band, optimise
+from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
 from cpic_planner.ranking.completeness import completeness
-from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
-from cpic_planner.survey.detection import Setting, detection_chance, see
+from cpic_planner.survey.calendar import Calendar
+from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
-from cpic_planner.survey.universe import NEW, Bodies, at_known_place, draw_bodies, occurrence, star_mass_msun
+from cpic_planner.survey.universe import (
+    NEW,
+    PlanetSample,
+    at_known_place,
+    draw_planet_sample,
+    occurrence,
+    star_mass_msun,
+)
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
 
@@ -64,12 +71,10 @@ class Candidate:
     @property
     def worth(self) -> float:
         """Largest value per hour of one visit."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            density = np.where(np.isfinite(self.cost_h), self.chance @ self.weight / self.cost_h, 0.0)
-        return float(density.max(initial=0.0))
+        return float((self.chance @ self.weight / self.cost_h).max(initial=0.0))
 
 
-def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: BoolArray) -> IntArray:
     """Rows that the cuts leave.
 
     Raises
@@ -78,28 +83,19 @@ def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: NDArray[np.b
         For a name that no star has, or if no star is left.
     """
     cuts = strategy.targets
-    keep = np.ones(len(targets), bool)
-    if cuts.v_mag_max is not None:
-        keep &= targets.v_mag <= cuts.v_mag_max
-    if cuts.distance_max_pc is not None:
-        keep &= targets.distance_pc <= cuts.distance_max_pc
-    if cuts.known_planets == "only":
-        keep &= with_known
+    keep = with_known if cuts.known_planets == "only" else np.ones(len(targets), bool)
+    for values, most in ((targets.v_mag, cuts.v_mag_max), (targets.distance_pc, cuts.distance_max_pc)):
+        keep = keep & (True if most is None else values <= most)
     keys = np.array([star_key(str(name)) for name in targets.name])
-    wanted: dict[str, list[str]] = {"names": [], "exclude": []}
-    for key, found in wanted.items():
-        for name in getattr(cuts, key):
-            found.append(star_key(name))
-            if found[-1] not in keys:
-                raise InputError(
-                    f"targets.{key}",
-                    name,
-                    allowed="stars of the catalogue within v_mag_max, by any name",
-                    hint="see cpic rank",
-                )
+    named = {"names": [star_key(name) for name in cuts.names], "exclude": [star_key(name) for name in cuts.exclude]}
+    for part, found in named.items():
+        for name, key in zip(getattr(cuts, part), found, strict=True):
+            if key not in keys:
+                allowed = "stars of the catalogue within v_mag_max, by any name"
+                raise InputError(f"targets.{part}", name, allowed=allowed, hint="see cpic rank")
     if cuts.names:
-        keep &= np.isin(keys, wanted["names"])
-    keep &= ~np.isin(keys, wanted["exclude"])
+        keep &= np.isin(keys, named["names"])
+    keep &= ~np.isin(keys, named["exclude"])
     if not keep.any():
         raise InputError("targets", strategy.name, allowed="cuts that leave a star")
     return np.flatnonzero(keep)
@@ -126,35 +122,27 @@ def settings_of(model: EtcModel, targets: Targets, band: str, visit: VisitRule, 
     """
     planet = ReferencePlanet()
     best = best_in_band(model, targets, band, time_s, planet)
-    columns = [best.exposure_s, best.n_frames, best.em_gain, best.time_s]
     if visit.goal != "time":
         quick = optimise(model, targets, snr=visit.snr, detect=visit.goal == "detect", planet=planet, bands=[band])
         ends = (quick.n_frames >= 1) & (quick.time_s <= time_s)
-        columns = [
-            np.where(ends, getattr(quick, name), old)
-            for name, old in zip(("exposure_s", "n_frames", "em_gain", "time_s"), columns, strict=True)
-        ]
-        best = replace(
-            best,
-            separation_arcsec=np.where(ends, quick.separation_arcsec, best.separation_arcsec),
-            contrast=np.where(ends, quick.contrast, best.contrast),
-        )
+        taken = ("exposure_s", "n_frames", "em_gain", "time_s", "separation_arcsec", "contrast")
+        best = replace(best, **{name: np.where(ends, getattr(quick, name), getattr(best, name)) for name in taken})
+    columns = [best.exposure_s, best.n_frames, best.em_gain, best.time_s]
     if visit.exposure_s is not None or visit.em_gain is not None:
-        columns = _fixed(model, targets, band, visit, best, columns[3])
+        columns = _fixed(model, targets, visit, best)
     return [Setting(band, *(float(value) for value in row)) for row in zip(*columns, strict=True)]
 
 
-def _fixed(
-    model: EtcModel, targets: Targets, band: str, visit: VisitRule, best: Best, time_s: FloatArray
-) -> list[FloatArray]:
-    """Frames of a given exposure or gain in the same wall time."""
+def _fixed(model: EtcModel, targets: Targets, visit: VisitRule, best: OptimalSetting) -> list[FloatArray]:
+    """Frames of a given exposure or gain in the same band and wall time."""
+    band = str(best.band[0])
     camera = model.camera(band)
     if visit.exposure_s is not None:
         camera = replace(camera, exposure_min_s=visit.exposure_s, exposure_max_s=visit.exposure_s)
     x, y = stand(model, band, best.separation_arcsec[:, None])
     rates = aperture_rates(model, targets, band, x, y, best.contrast[:, None])
     problem = frame_problem(rates, camera, model.strategy, objective="significance", em_gain=visit.em_gain)
-    choice = best_in_visit(problem, model.visit_s(time_s)[:, None])
+    choice = best_in_visit(problem, model.visit_s(best.time_s)[:, None])
     return [choice.exposure_s[:, 0], choice.n_frames[:, 0], choice.em_gain[:, 0], model.time_s(choice.visit_s)[:, 0]]
 
 
@@ -170,7 +158,7 @@ class PlanningSky:
 
     def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
         self._seed, self._reach = seed, reach_arcsec
-        self._kept: dict[str, tuple[Bodies, OrbitPlaces]] = {}
+        self._kept: dict[str, tuple[PlanetSample, OrbitPlaces]] = {}
 
     def of(
         self,
@@ -180,28 +168,14 @@ class PlanningSky:
         rows: tuple[int, ...],
         epoch_mjd: float,
         days: FloatArray,
-    ) -> tuple[Bodies, OrbitPlaces]:
+    ) -> tuple[PlanetSample, OrbitPlaces]:
         """Planets of one star, `N_DRAWS` new ones and `N_KNOWN` draws of each known one, and their places by day."""
-        name = str(star.name[0])
-        key = content_hash(
-            {
-                "star": name,
-                "population": None if population is None else population.content(),
-                "rows": list(rows),
-                "epoch": epoch_mjd,
-                "days": days.tolist(),
-            }
-        )
+        name, content = str(star.name[0]), None if population is None else population.content()
+        asked = {"star": name, "population": content, "rows": list(rows), "epoch": epoch_mjd, "days": days.tolist()}
+        key = content_hash(asked)
         if key not in self._kept:
-            draw = functools.partial(
-                draw_bodies,
-                name,
-                float(star_mass_msun(star)[0]),
-                float(star.luminosity_lsun[0]),
-                epoch_mjd=epoch_mjd,
-                seed=self._seed,
-                stage="planning",
-            )
+            who = name, float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0])
+            draw = partial(draw_planet_sample, *who, epoch_mjd=epoch_mjd, seed=self._seed, stage="planning")
             parts = []
             if known is not None and rows:
                 body = draw(None, known=known, known_rows=rows, n=N_KNOWN)
@@ -209,30 +183,32 @@ class PlanningSky:
                 parts.append(replace(body, kind=np.full(len(body), behind)))
             if population is not None:
                 parts.append(draw(population, n=N_DRAWS, one_each=True))
-            bodies = Bodies.joined(parts)
+            planets = PlanetSample.joined(parts)
             distance = float(star.distance_pc[0])
-            bodies = bodies.select(bodies.within(*(edge * distance for edge in self._reach)))
+            planets = planets.select(planets.within(*(edge * distance for edge in self._reach)))
             if len(self._kept) >= _MOST_KEPT:
                 self._kept.clear()
-            self._kept[key] = (bodies, bodies.places(days))
+            self._kept[key] = (planets, planets.places(days))
         return self._kept[key]
 
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """Stars of a strategy at a first look.
+    """A strategy with its model and its stars at a first look.
 
     ``settings`` are the frames of every star for each option (band and time), ``promising`` says which stars can show
     any planet of the population in one observation, ``rows`` which are worth a close look.
     """
 
+    strategy: SurveyStrategy
+    model: EtcModel
     targets: Targets
     settings: tuple[tuple[Setting, ...], ...]
-    promising: NDArray[np.bool_]
+    promising: BoolArray
     known_rows: tuple[tuple[int, ...], ...]
 
     @property
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> IntArray:
         """Stars that can show a planet of the population, or have a known one."""
         return np.flatnonzero(self.promising | np.array([bool(rows) for rows in self.known_rows], bool))
 
@@ -262,17 +238,17 @@ def screen(
             own = settings_of(model, chosen, band, strategy.visit, time_s)
             settings.append(tuple(own))
             if drawn is not None:
-                exposure, frames, gain = (
-                    np.array([getattr(item, name) for item in own]) for name in ("exposure_s", "n_frames", "em_gain")
-                )
-                counted = completeness(model, chosen, band, drawn, exposure_s=exposure, n_frames=frames, em_gain=gain)
+                frames = {
+                    name: np.array([getattr(item, name) for item in own])
+                    for name in ("exposure_s", "n_frames", "em_gain")
+                }
+                counted = completeness(model, chosen, band, drawn, **frames)
                 promising |= counted.completeness > 0.0
-    return Screened(chosen, tuple(settings), promising, tuple(tuple(every[row]) for row in rows))
+    known_rows = tuple(tuple(every[row]) for row in rows)
+    return Screened(strategy, model, chosen, tuple(settings), promising, known_rows)
 
 
 def candidates(
-    strategy: SurveyStrategy,
-    model: EtcModel,
     screened: Screened,
     calendar: Calendar,
     known: KnownPlanetTable | None,
@@ -285,9 +261,8 @@ def candidates(
 
     Parameters
     ----------
-    strategy : SurveyStrategy
-    model : EtcModel
     screened : Screened
+        The strategy, its model and its stars.
     calendar : Calendar
         Of the stars ``screened.rows``, in that order.
     known : KnownPlanetTable or None
@@ -297,17 +272,16 @@ def candidates(
         What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
         would have been seen count for less.
     """
-    targets, found = screened.targets, []
+    strategy, model, targets, found = screened.strategy, screened.model, screened.targets, []
     for place, i in enumerate(screened.rows):
         rows = screened.known_rows[i]
         options = tuple(by_star[i] for by_star in screened.settings if by_star[i].possible)
         costs = [calendar.cost_h(model, place, option, strategy.visit.settlings) for option in options]
         cost = np.stack(costs) if options else np.zeros((0, 0))
-        visits_left, done = strategy.revisits.max_visits, () if log is None else log.of(str(targets.name[i]))
-        visits_left -= len(done)
+        done = () if log is None else log.of(str(targets.name[i]))
+        visits_left, most_empty = strategy.revisits.max_visits - len(done), strategy.stop.after_empty
         shown = any(visit.planets for visit in done)
-        closed = shown and strategy.stop.after_detection
-        closed |= not shown and strategy.stop.after_empty is not None and len(done) >= strategy.stop.after_empty
+        closed = strategy.stop.after_detection if shown else most_empty is not None and len(done) >= most_empty
         for visit in done:
             since = np.abs(calendar.day[place] + calendar.start_mjd - visit.mjd)
             cost[:, since < strategy.revisits.min_gap_days] = np.inf
@@ -315,30 +289,26 @@ def candidates(
             continue
         population = strategy.population if screened.promising[i] else None
         star = targets.select([i])
-        bodies, places = sky.of(star, population, known, rows, calendar.start_mjd, calendar.day[place])
-        new = bodies.known == NEW
+        planets, places = sky.of(star, population, known, rows, calendar.start_mjd, calendar.day[place])
+        new = planets.known == NEW
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new
         weight = np.where(new, rate / N_DRAWS, strategy.value_known / N_KNOWN)
         if done:
-            weight = weight * _left(strategy, model, star, bodies, population, done, calendar, known)
-        chance = np.zeros((len(options), calendar.n_slots, len(bodies)), np.float32)
+            weight = weight * _left(strategy, model, star, planets, population, done, calendar, known)
+        chance = np.zeros((len(options), calendar.n_slots, len(planets)), np.float32)
         for o, option in enumerate(options):
             slots = np.flatnonzero(np.isfinite(cost[o]))
             if slots.size == 0:
                 continue
             roll = calendar.roll_deg(strategy.revisits, place, slots, np.zeros(slots.size, np.int64))
             there = OrbitPlaces(*(getattr(places, name)[slots] for name in OrbitPlaces.__dataclass_fields__))
-            seen = see(model, star, option, bodies, albedos_of(population), there, roll)
-            chance[o, slots] = detection_chance(
-                seen, strategy.detection, at_known_place(bodies, known), calibration=strategy.detection.calibration
-            )
+            seen = expected_signals(model, star, option, planets, albedos_of(population), there, roll)
+            rule, placed = strategy.detection, at_known_place(planets, known)
+            chance[o, slots] = detection_chance(seen, rule, placed, calibration=rule.calibration)
         counts = (chance > 0.0).any(axis=(0, 1)) & (weight > 0.0)
         if counts.any():  # the others are never seen
-            found.append(
-                Candidate(
-                    int(i), options, cost, chance[:, :, counts], weight[counts], rows, visits_left, calendar.day[place]
-                )
-            )
+            worth = chance[:, :, counts], weight[counts]
+            found.append(Candidate(int(i), options, cost, *worth, rows, visits_left, calendar.day[place]))
     found.sort(key=lambda item: (_class(strategy, item), -item.worth, item.index))
     return found[: strategy.targets.max_targets]
 
@@ -347,28 +317,18 @@ def _left(
     strategy: SurveyStrategy,
     model: EtcModel,
     star: Targets,
-    bodies: Bodies,
+    planets: PlanetSample,
     population: PopulationConfig | None,
     done: tuple[ObservedVisit, ...],
     calendar: Calendar,
     known: KnownPlanetTable | None,
 ) -> FloatArray:
     """What earlier visits leave of the weight of each planet: a known one is there all the same."""
-    sun = sun_position_angle_deg(star, np.array([[visit.mjd for visit in done]]))[0]
-    left = missed(
-        model,
-        star,
-        bodies,
-        albedos_of(population),
-        done,
-        strategy.detection,
-        epoch_mjd=calendar.start_mjd,
-        sun_pa_deg=sun,
-        placed=at_known_place(bodies, known),
-    )
-    for row in np.unique(bodies.known[bodies.known != NEW]):
-        mine = bodies.known == row
-        # Draws that no date shows are not among the bodies, and no visit rules them out.
+    albedos, placed, epoch_mjd = albedos_of(population), at_known_place(planets, known), calendar.start_mjd
+    left = missed(model, star, planets, albedos, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed)
+    for row in np.unique(planets.known[planets.known != NEW]):
+        mine = planets.known == row
+        # Draws that no date shows are not among the planets, and no visit rules them out.
         mean = 1.0 - (1.0 - left[mine]).sum() / N_KNOWN
         left[mine] = left[mine] / mean if mean > 0.0 else 1.0
     return left

@@ -7,9 +7,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from cpic_planner.etc import (
     EtcModel,
     StackNoise,
@@ -22,7 +22,7 @@ from cpic_planner.etc import (
 from cpic_planner.planets import OrbitPlaces
 from cpic_planner.ranking import inside_zone
 from cpic_planner.survey.strategy import DetectionRule
-from cpic_planner.survey.universe import Bodies
+from cpic_planner.survey.universe import PlanetSample
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
 from simulator.imaging import PsfMetrics
@@ -47,9 +47,14 @@ class Setting:
         """Whether there is a frame."""
         return self.n_frames >= 1
 
+    @property
+    def frames(self) -> tuple[float, float, float]:
+        """Exposure, number of frames and gain, as the noise of a stack takes them."""
+        return self.exposure_s, self.n_frames, self.em_gain
+
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ExpectedSignals:
     """What visits expect of planets; arrays of one shape.
 
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
@@ -69,15 +74,15 @@ class Seen:
     phase_deg: FloatArray
 
 
-def see(
+def expected_signals(
     model: EtcModel,
     star: Targets,
     setting: Setting,
-    bodies: Bodies,
+    planets: PlanetSample,
     albedos: tuple[AlbedoSpec, ...],
     places: OrbitPlaces,
     roll_deg: ArrayLike,
-) -> Seen:
+) -> ExpectedSignals:
     """What visits at some dates expect of every planet.
 
     Parameters
@@ -86,10 +91,10 @@ def see(
     star : Targets
         One star.
     setting : Setting
-    bodies : Bodies
+    planets : PlanetSample
         ``n`` planets.
     albedos : tuple of AlbedoSpec
-        By ``bodies.kind``.
+        By ``planets.kind``.
     places : OrbitPlaces
         Where they stand at each visit, shape ``(d, n)``.
     roll_deg : array_like, shape (d,)
@@ -97,7 +102,7 @@ def see(
 
     Returns
     -------
-    Seen
+    ExpectedSignals
         Shape ``(d, n)``.
 
     Notes
@@ -119,16 +124,9 @@ def see(
         x, y, usable = _at_two_rolls(model, metrics, separation, pa_deg - roll)
     if setting.possible and usable.any():
         visit, planet = np.nonzero(usable)
-        light = mixture_contrast(
-            model,
-            star,
-            band,
-            albedos,
-            bodies.kind[planet][None],
-            bodies.radius_rjup[planet][None],
-            places.distance_au[usable][None],
-            places.phase_deg[usable][None],
-        )[0]
+        kind, radius = planets.kind[planet][None], planets.radius_rjup[planet][None]
+        distance, phase = places.distance_au[usable][None], places.phase_deg[usable][None]
+        light = mixture_contrast(model, star, band, albedos, kind, radius, distance, phase)[0]
         contrast[usable] = light
         # Only a companion's wings care for the roll, with two of them that of the places x and y.
         wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
@@ -137,19 +135,20 @@ def see(
             here = turns == angle
             put = (visit[here], planet[here])
             rates = aperture_rates(model, rolled(star, angle), band, x[put][None], y[put][None], light[here][None])
-            frames = setting.exposure_s, setting.n_frames, setting.em_gain
-            noise = stack_noise(rates, *frames, model.camera(band), model.strategy)
+            noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy)
             elements = metrics.resolution_elements(separation[put])
             margin[put] = noise.significance[0] / threshold_array(elements, model.strategy.sigma)
             tails[put] = tail_share(model, setting, separation[put][None], noise)[0]
             inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[0]
-    return Seen(margin, tails, inward, snr, contrast, separation, pa_deg, places.distance_au, places.phase_deg)
+    return ExpectedSignals(
+        margin, tails, inward, snr, contrast, separation, pa_deg, places.distance_au, places.phase_deg
+    )
 
 
 def _at_two_rolls(
     model: EtcModel, metrics: PsfMetrics, separation_arcsec: FloatArray, pa_deg: FloatArray
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Places at the first of two rolls, and whether planets can be told from themselves at the second."""
     half, parity = model.strategy.rolls_deg[-1], model.instrument.detector.parity
     first, second = (sky_to_detector(separation_arcsec, pa_deg + turn, parity=parity) for turn in (-half, half))
@@ -198,7 +197,7 @@ def half_margin(rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward:
     known : array_like of bool
         Planets whose place is known.
     tails, inward : array_like
-        As of `Seen`.
+        As of `ExpectedSignals`.
     """
     if rule.rule == "expected":
         return np.ones(np.broadcast_shapes(np.shape(known), np.shape(tails)))
@@ -206,13 +205,13 @@ def half_margin(rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward:
 
 
 def detection_chance(
-    seen: Seen, rule: DetectionRule, known: NDArray[np.bool_], shift: ArrayLike = 0.0, calibration: ArrayLike = 1.0
+    seen: ExpectedSignals, rule: DetectionRule, known: BoolArray, shift: ArrayLike = 0.0, calibration: ArrayLike = 1.0
 ) -> FloatArray:
     """Probability that a visit detects planets.
 
     Parameters
     ----------
-    seen : Seen
+    seen : ExpectedSignals
         What it expects of them.
     rule : DetectionRule
     known : ndarray of bool
@@ -229,12 +228,11 @@ def detection_chance(
     """
     if rule.rule == "expected":
         return np.where(seen.margin >= 1.0, 1.0, 0.0)
-    return detection.detection_probability(
-        rule, seen.margin, _at_place(rule, known), seen.tails, seen.inward, shift=shift, calibration=calibration
-    )
+    expected = seen.margin, _at_place(rule, known), seen.tails, seen.inward
+    return detection.detection_probability(rule, *expected, shift=shift, calibration=calibration)
 
 
-def _at_place(rule: DetectionRule, known: ArrayLike) -> NDArray[np.bool_]:
+def _at_place(rule: DetectionRule, known: ArrayLike) -> BoolArray:
     """Planets that are looked for at a known place under a rule."""
     return np.asarray(known, bool) | (rule.rule == "known_place")
 
@@ -306,9 +304,8 @@ def star_counts_deg2(v_mag: ArrayLike, longitude_deg: ArrayLike, latitude_deg: A
     from_halo = limit - 17.5
     halo = 1050.0 * 10.0 ** (0.087 * from_halo) / (1.0 + 10.0 ** (-0.180 * from_halo)) ** 2.5
     to_centre = np.cos(b) * cosine
-    return np.asarray(
-        disc / projection ** (3.0 - 5.0 * gamma) + halo / np.maximum(1.0 - to_centre, 0.02) ** (1.45 - 0.20 * to_centre)
-    )
+    spheroid = halo / np.maximum(1.0 - to_centre, 0.02) ** (1.45 - 0.20 * to_centre)
+    return np.asarray(disc / projection ** (3.0 - 5.0 * gamma) + spheroid)
 
 
 def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: DetectionRule) -> float:
@@ -338,16 +335,11 @@ def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: De
     if not x.size:
         return 0.0
     rates = aperture_rates(model, star, band, x[None], y[None], np.full((1, x.size), _PROBE))
-    frames = setting.exposure_s, setting.n_frames, setting.em_gain
-    noise = stack_noise(rates, *frames, model.camera(band), model.strategy)
+    noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy)
     separation = np.hypot(x, y)
     threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
-    middle = half_margin(
-        rule,
-        np.zeros(x.size, bool),
-        tail_share(model, setting, separation[None], noise)[0],
-        metrics.lambda_d_arcsec / separation,
-    )
+    tails, inward = tail_share(model, setting, separation[None], noise)[0], metrics.lambda_d_arcsec / separation
+    middle = half_margin(rule, np.zeros(x.size, bool), tails, inward)
     with np.errstate(divide="ignore"):
         faintest = middle * _PROBE * threshold / noise.significance[0]
     good = np.isfinite(faintest) & (faintest > 0.0)

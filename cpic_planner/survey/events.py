@@ -1,4 +1,7 @@
-"""What a survey spends and finds, event after event."""
+"""What a survey spends and finds, event after event.
+
+Tables of a survey's results and their keys: one kind of row each, its fields are the columns.
+"""
 
 from __future__ import annotations
 
@@ -9,26 +12,84 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_core import BoolArray, FloatArray
+from cpic_core import BoolArray, FloatArray, IntArray
+from cpic_planner.results import Row, column, columns_of
 from cpic_planner.survey.schedule import PlannedVisit
-from cpic_planner.survey.universe import NEW, Bodies
+from cpic_planner.survey.store import Table
+from cpic_planner.survey.universe import NEW, PlanetSample
 
 if TYPE_CHECKING:
-    from cpic_planner.survey.play import StarPlayed, Survey
+    from cpic_planner.survey.simulate import StarHistory, Survey
 
 ROUNDING_H = 1e-9
-_OF_BODY = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg")
-_OF_VISIT = (
-    "margin",
-    "chance",
-    "snr",
-    "contrast",
-    "separation_arcsec",
-    "pa_deg",
-    "roll_deg",
-    "distance_au",
-    "phase_deg",
+
+
+class UniverseRow(Row):
+    """One universe of a strategy."""
+
+    strategy: str = column("name of the strategy")
+    universe: int = column("number of the universe, the same sky for every strategy")
+    new_planets: int = column("planets found that nobody knew")
+    known_planets: int = column("known planets seen")
+    stars_with_planet: int = column("stars with a planet found")
+    characterised_planets: int = column("planets found and seen in every band of the follow-up")
+    noise_alarms: int = column("noise taken for a planet")
+    background_alarms: int = column("background stars taken for a planet")
+    visits: int = column("visits made")
+    search_h: float = column("telescope time of the search")
+    follow_up_h: float = column("telescope time of the follow-up")
+
+
+class DetectionRow(Row):
+    """One planet that a strategy finds in one universe."""
+
+    strategy: str = column("name of the strategy")
+    universe: int = column("number of the universe")
+    star: str = column("name in the catalogue")
+    planet: int = column("number of the planet around its star, known ones first")
+    known_row: int = column("row in the table of known planets, -1 for a new planet")
+    kind: int = column("number of the planet's kind in the population; the last one is that of known planets")
+    ordinal: int = column("number of the visit among those of its star")
+    option: int = column("way to visit the star: number of its frames")
+    band: str = column("band of the visit")
+    day: float = column("since the start of the survey", unit="d")
+    used_h: float = column("telescope time used by then")
+    radius_rjup: float = column("radius")
+    semi_major_axis_au: float = column("of the orbit")
+    eccentricity: float = column("of the orbit")
+    inclination_deg: float = column("of the orbit")
+    margin: float = column("predicted significance over threshold")
+    chance: float = column("probability that this visit detects it")
+    snr: float = column("predicted photometric SNR")
+    contrast: float = column("true planet-to-star ratio of detected rates")
+    separation_arcsec: float = column("projected")
+    pa_deg: float = column("position angle, east of north")
+    roll_deg: float = column("position angle of the detector's +y axis")
+    distance_au: float = column("true distance from the star")
+    phase_deg: float = column("star-planet-observer")
+
+
+class StarRow(Row):
+    """What a strategy does at one star in one block of universes."""
+
+    strategy: str = column("name of the strategy")
+    star: str = column("name in the catalogue")
+    block: int = column("block of universes that the sums run over")
+    universes: int = column("universes of the block")
+    visits: int = column("visits of the search, sum")
+    search_h: float = column("telescope time of the search, sum")
+    follow_up_h: float = column("telescope time of the follow-up, sum")
+    new_planets: int = column("planets found that nobody knew, sum")
+    known_planets: int = column("known planets seen, sum")
+
+
+TABLES = (
+    Table("universes", columns_of(UniverseRow), key=("strategy", "universe")),
+    Table("detections", columns_of(DetectionRow), key=("strategy", "universe", "star", "planet")),
+    Table("stars", columns_of(StarRow), key=("strategy", "star", "block")),
 )
+_DTYPES = {item.name: "int64" if item.dtype == "string" else item.dtype for item in columns_of(DetectionRow)}
+"""Types of the columns of detections while they are counted, where a star is its position."""
 
 
 @dataclass(eq=False)
@@ -40,7 +101,7 @@ class Clock:
     promised: FloatArray
     search: FloatArray
     follow: FloatArray
-    visits: NDArray[np.int64]
+    visits: IntArray
 
     @classmethod
     def of(cls, n: int, budget_h: float, promised_h: float) -> Clock:
@@ -68,7 +129,7 @@ class Clock:
 
 
 @dataclass(frozen=True, eq=False)
-class Played:
+class SurveyTables:
     """What happened in ``n`` universes; ``universes``, ``detections`` and ``stars`` are columns of tables."""
 
     universes: dict[str, NDArray[Any]]
@@ -84,7 +145,7 @@ class Events:
         self.background_alarms = np.zeros(n, np.int64)
         self._parts: list[dict[str, Any]] = []
 
-    def alarms(self, go: NDArray[np.bool_], noise: NDArray[np.int64], background: NDArray[np.int64]) -> None:
+    def alarms(self, go: BoolArray, noise: IntArray, background: IntArray) -> None:
         """Count the false alarms of a visit where it was made.
 
         Parameters
@@ -101,8 +162,8 @@ class Events:
 
     def detections(
         self,
-        bodies: Bodies,
-        new: NDArray[np.bool_],
+        planets: PlanetSample,
+        new: BoolArray,
         visit: PlannedVisit,
         seen: Mapping[str, FloatArray],
         day: float,
@@ -112,7 +173,7 @@ class Events:
 
         Parameters
         ----------
-        bodies : Bodies
+        planets : PlanetSample
         new : ndarray of bool
             Which planets the visit adds.
         visit : PlannedVisit
@@ -123,94 +184,67 @@ class Events:
         used_h : ndarray
             Hours used so far in each universe.
         """
-        count = int(new.sum())
-        part: dict[str, Any] = {
-            "universe": bodies.universe[new],
-            "planet": bodies.number[new],
-            "known_row": bodies.known[new],
-            "kind": bodies.kind[new],
-            "star": np.full(count, visit.star),
-            "option": np.full(count, visit.option),
-            "ordinal": np.full(count, visit.ordinal),
-            "day": np.full(count, day),
-            "used_h": used_h[bodies.universe[new]],
-        }
-        part |= {name: getattr(bodies, name)[new] for name in _OF_BODY}
-        part |= {name: seen[name][new] for name in _OF_VISIT}
-        self._parts.append(part)
+        given: dict[str, Any] = vars(planets) | vars(visit) | dict(seen)
+        given |= {"planet": planets.number, "known_row": planets.known, "day": day, "used_h": used_h[planets.universe]}
+        names = [name for name in _DTYPES if name in given]
+        self._parts.append({name: np.broadcast_to(given[name], new.shape)[new] for name in names})
 
     def columns(self, survey: Survey) -> dict[str, NDArray[Any]]:
         """Columns of the table of detections, names instead of positions."""
-        names = (
-            "universe",
-            "planet",
-            "known_row",
-            "kind",
-            "star",
-            "option",
-            "ordinal",
-            "day",
-            "used_h",
-            *_OF_BODY,
-            *_OF_VISIT,
-        )
-        kinds = dict.fromkeys(names[:7], np.int64)
         joined: dict[str, NDArray[Any]] = {
-            name: np.concatenate([np.zeros(0), *(part[name] for part in self._parts)]).astype(kinds.get(name, float))
-            for name in names
+            name: np.concatenate([np.zeros(0), *(part[name] for part in self._parts)]).astype(dtype)
+            for name, dtype in _DTYPES.items()
+            if name not in ("strategy", "band")
         }
         option, star = joined["option"], joined.pop("star")
         joined["star"] = np.array([str(survey.targets.name[i]) for i in star], object)
         joined["band"] = np.array([survey.options[i][o].band for i, o in zip(star, option, strict=True)], object)
         return joined
 
-    def outcome(self, survey: Survey, stars: Mapping[int, StarPlayed], clock: Clock, block: int) -> Played:
+    def outcome(self, survey: Survey, stars: Mapping[int, StarHistory], clock: Clock, block: int) -> SurveyTables:
         """Return the columns of the three tables.
 
         Parameters
         ----------
         survey : Survey
-        stars : mapping of int to StarPlayed
+        stars : mapping of int to StarHistory
             By position among the candidates.
         clock : Clock
         block : int
             Number of the block of universes.
         """
-        n = len(clock.left)
-        new, known, characterised, with_planet = np.zeros((4, n), np.int64)
-        rows = sorted(stars)
-        of_star = np.zeros((2, len(rows)), np.int64)
-        for row, i in enumerate(rows):
-            star = stars[i]
-            universe, fresh = star.bodies.universe, star.bodies.known == NEW
-            kinds = zip((new, known), of_star, (star.found & fresh, star.found & ~fresh), strict=True)
-            for count, total, found in kinds:
-                np.add.at(count, universe[found], 1)
-                total[row] = found.sum()
+        n, rows = len(clock.left), []
+        counted = ("new_planets", "known_planets", "stars_with_planet", "characterised_planets")
+        universes: dict[str, NDArray[Any]] = {name: np.zeros(n, np.int64) for name in counted}
+        for i, star in sorted(stars.items()):
+            fresh = star.planets.known == NEW
+            found = {"new_planets": star.found & fresh, "known_planets": star.found & ~fresh}
+            numbers = [int(some.sum()) for some in found.values()]
+            rows.append((str(survey.targets.name[i]), block, n, star.visits, star.hours, star.follow_h, *numbers))
             if survey.strategy.follow_up.wanted:
-                np.add.at(characterised, universe[star.found & star.shown.all(axis=0)], 1)
-            some = np.zeros(n, bool)
-            some[universe[star.found]] = True
-            with_planet += some
-        universes = {
-            "new_planets": new,
-            "known_planets": known,
-            "stars_with_planet": with_planet,
-            "characterised_planets": characterised,
-            "noise_alarms": self.noise_alarms,
-            "background_alarms": self.background_alarms,
-            "visits": clock.visits,
-            "search_h": clock.search,
-            "follow_up_h": clock.follow,
+                found["characterised_planets"] = star.found & star.shown.all(axis=0)
+            for name, some in found.items():
+                np.add.at(universes[name], star.planets.universe[some], 1)
+            universes["stars_with_planet"] += star.universes_of(star.found)
+        universes |= {"noise_alarms": self.noise_alarms, "background_alarms": self.background_alarms}
+        universes |= {"visits": clock.visits, "search_h": clock.search, "follow_up_h": clock.follow}
+        per_star = {
+            item.name: np.array([row[k] for row in rows], object if item.dtype == "string" else item.dtype)
+            for k, item in enumerate(columns_of(StarRow)[1:])
         }
-        per_star: dict[str, NDArray[Any]] = {
-            "star": np.array([str(survey.targets.name[i]) for i in rows], object),
-            "block": np.full(len(rows), block, np.int64),
-            "universes": np.full(len(rows), n, np.int64),
-            "visits": np.array([stars[i].visits for i in rows], np.int64),
-            "search_h": np.array([stars[i].hours for i in rows]),
-            "follow_up_h": np.array([stars[i].follow_h for i in rows]),
-            "new_planets": of_star[0],
-            "known_planets": of_star[1],
-        }
-        return Played(universes, self.columns(survey), per_star)
+        return SurveyTables(universes, self.columns(survey), per_star)
+
+
+def rows_of(tables: SurveyTables, strategy: str, first_universe: int) -> dict[str, Mapping[str, NDArray[Any]]]:
+    """Columns of all tables of one block, universes by their number in the survey."""
+    n, found = len(tables.universes["visits"]), tables.detections["universe"]
+    columns = {
+        "universes": tables.universes | {"universe": first_universe + np.arange(n)},
+        "detections": tables.detections | {"universe": first_universe + found},
+        "stars": tables.stars,
+    }
+    lengths = n, len(found), len(tables.stars["star"])
+    return {
+        name: own | {"strategy": np.full(length, strategy, object)}
+        for (name, own), length in zip(columns.items(), lengths, strict=True)
+    }

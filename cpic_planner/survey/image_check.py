@@ -13,7 +13,7 @@ from cpic_planner.results import ImageSample
 from cpic_planner.survey.assumed import imaged_model
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import rolled
-from cpic_planner.survey.play import Survey
+from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.universe import NEW, chance
 from cpic_planner.validation import ConfirmTask, Frames, confirm_task, expected_of, refusals_of, star_scene, task_of
 from simulator.config import Planet
@@ -63,8 +63,7 @@ def sampled_detections(
         return [], "images of two rolls are not sampled"
     if strategy.detection.rule == "expected":
         return [], "certain detections have no law that images could confirm"
-    total = len(detections["universe"])
-    if total == 0:
+    if (total := len(detections["universe"])) == 0:
         return [], "no detections"
     order = np.argsort(chance(seed, "images", strategy.name, shape=(total,)), kind="stable")
     sampled: list[SampledDetection] = []
@@ -87,41 +86,20 @@ def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> Con
     """Images of one detection; None where the images cannot be made."""
     i = int(np.flatnonzero(survey.targets.name == row["star"])[0])
     setting = survey.options[i][int(row["option"])]
-    band = setting.band
-    model = imaged_model(survey.model, survey.strategy, band)
+    model = imaged_model(survey.model, survey.strategy, setting.band)
     if model is None or not 1 <= setting.n_frames <= MAX_FRAMES:
         return None
-    target = survey.targets.select([i])
-    turned = rolled(target, float(row["roll_deg"]))
+    turned = rolled(survey.targets.select([i]), float(row["roll_deg"]))
     pa_deg = (float(row["pa_deg"]) - float(row["roll_deg"])) % 360.0
+    drawn = {key: float(row[key]) for key in ("radius_rjup", "distance_au", "phase_deg", "separation_arcsec")}
     albedo = albedos_of(survey.strategy.population)[int(row["kind"])]
-    planet = Planet(
-        name="planet",
-        radius_rjup=float(row["radius_rjup"]),
-        distance_au=float(row["distance_au"]),
-        phase_deg=float(row["phase_deg"]),
-        separation_arcsec=float(row["separation_arcsec"]),
-        pa_deg=pa_deg,
-        albedo=albedo,
-    )
-    scene = star_scene(
-        turned, (planet,), name=f"{row['star']} {number}", exozodi_zodis=model.instrument.sky.exozodi_zodis
-    )
-    place = sky_to_detector(float(row["separation_arcsec"]), pa_deg, parity=model.instrument.detector.parity)
+    planet, name = Planet(name="planet", pa_deg=pa_deg, albedo=albedo, **drawn), f"{row['star']} {number}"
+    scene = star_scene(turned, (planet,), name=name, exozodi_zodis=model.instrument.sky.exozodi_zodis)
+    place = sky_to_detector(drawn["separation_arcsec"], pa_deg, parity=model.instrument.detector.parity)
     frames = Frames(setting.exposure_s, int(setting.n_frames), setting.em_gain)
-    expected = expected_of(model, turned, band, place, float(row["contrast"]), frames)
-    task = task_of(
-        model,
-        scene,
-        band,
-        frames,
-        [expected],
-        seed=seed,
-        fidelity="standard",
-        realisations=REALISATIONS,
-        audit=False,
-        overrides=None,
-    )
+    expected = [expected_of(model, turned, setting.band, place, float(row["contrast"]), frames)]
+    how: dict[str, Any] = {"fidelity": "standard", "realisations": REALISATIONS, "audit": False, "overrides": None}
+    task = task_of(model, scene, setting.band, frames, expected, seed=seed, **how)
     return None if refusals_of(task) else task
 
 
@@ -158,25 +136,17 @@ def image_sample(
             images += n
             expected += n * item.probability
             found += int((answer["n_significant"] if item.known else answer["n_detected"]) or 0)
-    low, high = _poisson_interval(found)
     cornered = sum(not body["confirmations"] for body in bodies)
-    remarks = [note] if note else []
-    remarks += [f"{cornered} at places with no room to measure the noise in"] if cornered else []
-    return ImageSample(
-        detections=len(sampled),
-        images=images,
-        expected=expected,
-        found=found,
-        correction=found / expected if expected > 0 else None,
-        low=low / expected if expected > 0 else None,
-        high=high / expected if expected > 0 else None,
-        note="; ".join(remarks),
-    )
+    text = f"{cornered} at places with no room to measure the noise in" if cornered else ""
+    remarks = "; ".join(filter(None, (note, text)))
+    numbers = found, *_poisson_interval(found)
+    correction, low, high = (number / expected if expected > 0 else None for number in numbers)
+    made = {"detections": len(sampled), "images": images, "expected": expected, "found": found, "note": remarks}
+    return ImageSample(**made, correction=correction, low=low, high=high)
 
 
 def _poisson_interval(count: int) -> tuple[float, float]:
     from scipy.special import gammaincinv
 
     tail = 0.5 * (1.0 - _LEVEL)
-    low = 0.0 if count == 0 else float(gammaincinv(count, tail))
-    return low, float(gammaincinv(count + 1, 1.0 - tail))
+    return float(gammaincinv(count, tail)) if count else 0.0, float(gammaincinv(count + 1, 1.0 - tail))

@@ -7,18 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs import Column, Columns, parse_table, read_bytes, read_rows, star_key
-from cpic_core import FloatArray, InputError
+from cpic_core import BoolArray, FloatArray, InputError
 from cpic_planner.etc import EtcModel
-from cpic_planner.survey.detection import Setting, detection_chance, see
+from cpic_planner.survey.calendar import sun_position_angle_deg
+from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
 from cpic_planner.survey.strategy import DetectionRule
-from cpic_planner.survey.universe import NEW, Bodies
+from cpic_planner.survey.universe import NEW, PlanetSample
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, checked_utc
 from simulator.products import mjd_of
 
+_ROLL = "position angle of the detector's +y axis; without it that of the panels on that day"
 COLUMNS = Columns(
     (
         Column("star", "any name of a star of the catalogue", aliases="target object name"),
@@ -28,15 +29,7 @@ COLUMNS = Columns(
         Column("n_frames", "science frames", "float", "", "frames nframes", 1.0, 1e9),
         Column("em_gain", "EM gain", "float", "", "gain emgain", 1.0, 1e4),
         Column("telescope_h", "telescope time that it took", "float", "h", "hours telescopehours", 0.0, 1e5),
-        Column(
-            "roll_deg",
-            "position angle of the detector's +y axis; without it that of the panels on that day",
-            "float",
-            "deg",
-            "roll",
-            -360.0,
-            360.0,
-        ),
+        Column("roll_deg", _ROLL, "float", "deg", "roll", -360.0, 360.0),
         Column("planets", "planets that it showed; without it none", "float", "", "detections found", 0.0, 1000.0),
     )
 )
@@ -110,51 +103,42 @@ def _visit(row: dict[str, Any], where: str) -> ObservedVisit:
     for name in ("n_frames", "planets"):
         if not float(row.get(name) or 0).is_integer():
             raise InputError(f"{where} column {name}", row[name], allowed="a whole number")
-    setting = Setting(
-        str(row["band"]),
-        row["exposure_s"],
-        row["n_frames"],
-        row["em_gain"],
-        time_s=2.0 * row["exposure_s"] * row["n_frames"],
+    exposure_s, n_frames = row["exposure_s"], row["n_frames"]
+    time_s = 2.0 * exposure_s * n_frames
+    setting = Setting(str(row["band"]), exposure_s, n_frames, row["em_gain"], time_s)
+    hours, roll = (
+        other if row.get(name) is None else row[name]
+        for name, other in (("telescope_h", time_s / 3600.0), ("roll_deg", math.nan))
     )
-    hours = row.get("telescope_h")
-    roll = row.get("roll_deg")
-    return ObservedVisit(
-        star=str(row["star"]),
-        mjd=mjd_of(utc),
-        setting=setting,
-        telescope_h=setting.time_s / 3600.0 if hours is None else hours,
-        roll_deg=math.nan if roll is None else roll,
-        planets=int(row.get("planets") or 0),
-        where=where,
-    )
+    planets = int(row.get("planets") or 0)
+    return ObservedVisit(str(row["star"]), mjd_of(utc), setting, hours, roll, planets, where)
 
 
 def missed(
     model: EtcModel,
     star: Targets,
-    bodies: Bodies,
+    planets: PlanetSample,
     albedos: tuple[AlbedoSpec, ...],
     visits: Sequence[ObservedVisit],
     rule: DetectionRule,
     *,
     epoch_mjd: float,
-    sun_pa_deg: FloatArray,
-    placed: NDArray[np.bool_] | None = None,
+    sun_pa_deg: FloatArray | None = None,
+    placed: BoolArray | None = None,
 ) -> FloatArray:
     """Probability that none of some visits showed each planet.
 
     Parameters
     ----------
-    model, star, bodies, albedos
-        As of `cpic_planner.survey.detection.see`.
+    model, star, planets, albedos
+        As of `cpic_planner.survey.detection.expected_signals`.
     visits : sequence of ObservedVisit
         Visits of this star.
     rule : DetectionRule
     epoch_mjd : float
-        Of the bodies.
-    sun_pa_deg : ndarray, shape (v,)
-        Position angle of the Sun at each visit, the roll where the log has none.
+        Of the planets.
+    sun_pa_deg : ndarray, shape (v,), optional
+        Position angle of the Sun at each visit, the roll where the log has none; by default that of its date.
     placed : ndarray of bool, optional
         Planets that a visit knows where to look for; none by default.
 
@@ -164,24 +148,28 @@ def missed(
     showed. What a visit showed is in the log, not among what is left to find, unless a detection takes several visits:
     then a visit that showed planets rules none out. Nor does it rule out a known planet, which it may have shown.
     """
-    at_place = np.zeros(len(bodies), bool) if placed is None else placed
-    left = np.ones(len(bodies))
+    at_place = np.zeros(len(planets), bool) if placed is None else placed
+    left = np.ones(len(planets))
+    if sun_pa_deg is None:
+        sun_pa_deg = sun_position_angle_deg(star, np.array([[visit.mjd for visit in visits]]))[0]
     for visit, sun in zip(visits, sun_pa_deg, strict=True):
         if visit.planets and rule.visits_needed > 1:
             continue
         roll = sun if math.isnan(visit.roll_deg) else visit.roll_deg
-        seen = see(model, star, visit.setting, bodies, albedos, bodies.places([visit.mjd - epoch_mjd]), [roll])
+        seen = expected_signals(
+            model, star, visit.setting, planets, albedos, planets.places([visit.mjd - epoch_mjd]), [roll]
+        )
         odds = detection_chance(seen, rule, at_place, calibration=rule.calibration)
-        left *= 1.0 - np.where(bodies.known != NEW, 0.0, odds[0]) if visit.planets else 1.0 - odds[0]
+        left *= 1.0 - np.where(planets.known != NEW, 0.0, odds[0]) if visit.planets else 1.0 - odds[0]
     return left
 
 
-def resampled(bodies: Bodies, left: FloatArray, luck: FloatArray) -> Bodies:
+def resampled(planets: PlanetSample, left: FloatArray, luck: FloatArray) -> PlanetSample:
     """Planets that are left to be found after some visits.
 
     Parameters
     ----------
-    bodies : Bodies
+    planets : PlanetSample
     left : ndarray
         Probability of each planet not to have been seen.
     luck : ndarray
@@ -193,15 +181,15 @@ def resampled(bodies: Bodies, left: FloatArray, luck: FloatArray) -> Bodies:
     with that probability. A known planet is there; its orbits are drawn anew among its own draws with weights
     ``left``, or kept where none of them could have been missed.
     """
-    keep = (bodies.known == NEW) & (luck < left)
-    parts = [bodies.select(keep)]
-    for row in np.unique(bodies.known[bodies.known != NEW]):
-        mine = np.flatnonzero(bodies.known == row)
+    keep = (planets.known == NEW) & (luck < left)
+    parts = [planets.select(keep)]
+    for row in np.unique(planets.known[planets.known != NEW]):
+        mine = np.flatnonzero(planets.known == row)
         total = np.cumsum(left[mine])
         pick = np.arange(mine.size)
         if total[-1] > 0.0:
             pick = np.minimum(np.searchsorted(total / total[-1], luck[mine], side="right"), mine.size - 1)
-        drawn = bodies.select(mine[pick])
-        held = {name: getattr(bodies, name)[mine] for name in ("universe", "number", "known", "kind")}
+        drawn = planets.select(mine[pick])
+        held = {name: getattr(planets, name)[mine] for name in ("universe", "number", "known", "kind")}
         parts.insert(-1, replace(drawn, **held))
-    return Bodies.joined(parts)
+    return PlanetSample.joined(parts)

@@ -1,28 +1,16 @@
 """From tables of universes to what strategies yield, how they differ, and which stars changed their rank."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import FloatArray
-from cpic_planner.results import (
-    AssumedInstrument,
-    CurvePoint,
-    DifferenceRecord,
-    EstimateRecord,
-    ImageSample,
-    PlanetShare,
-    RankChange,
-    ScheduleRecord,
-    StrategyOutcome,
-    SurveyTarget,
-    TimeUse,
-)
+from cpic_planner import results
 from cpic_planner.survey.estimates import convergence, difference_interval, mean_interval, spread
-from cpic_planner.survey.play import Survey
 from cpic_planner.survey.schedule import PlannedVisit
+from cpic_planner.survey.simulate import Survey
 
 Columns = Mapping[str, NDArray[Any]]
 _CURVE_POINTS = 41
@@ -32,11 +20,12 @@ _MOST_PAIRS = 6
 _N_CHANGES = 8
 _SAME = 1e-9
 _LEAST_SEEN = 2e-3
+_MEANS = ("visits", "search_h", "follow_up_h", "new_planets", "known_planets")
 
 
 def outcome(
-    survey: Survey, tables: Mapping[str, Columns], first_utc: Sequence[str], images: ImageSample | None
-) -> StrategyOutcome:
+    survey: Survey, tables: Mapping[str, Columns], first_utc: Sequence[str], images: results.ImageSample | None
+) -> results.StrategyOutcome:
     """What one strategy yields.
 
     Parameters
@@ -51,81 +40,56 @@ def outcome(
     universes, strategy = tables["universes"], survey.strategy
     new, known = (universes[name].astype(float) for name in ("new_planets", "known_planets"))
     hours = universes["search_h"] + universes["follow_up_h"]
-    names = (
-        "new_planets",
-        "known_planets",
-        "stars_with_planet",
-        "characterised_planets",
-        "noise_alarms",
-        "background_alarms",
-    )
-    return StrategyOutcome(
-        name=strategy.name,
-        description=strategy.description,
-        varied=list(strategy.varied),
-        instrument=_instrument(survey),
-        leading_planet=_leading(survey, tables["detections"], len(new)),
+    counted = [name for name in universes if name.endswith(("planet", "planets", "alarms"))]
+    counts: dict[str, Any] = {name: _estimate(universes[name].astype(float)) for name in counted}
+    instrument, detections = survey.model.instrument, tables["detections"]
+    planned = [visit for visit in survey.schedule.visits if not visit.reserve]
+    spare, planned_h = len(survey.schedule.visits) - len(planned), sum(visit.cost_h for visit in planned)
+    return results.StrategyOutcome.of(
+        strategy,
+        instrument=results.AssumedInstrument.of(
+            instrument.drift,
+            instrument.sky,
+            visit_drift_nm=instrument.drift.visit_nm,
+            throughput={band: instrument.bands[band].t_opt for band in strategy.visit.bands},
+        ),
+        leading_planet=_leading(survey, detections, len(new)),
         settings=strategy.model_dump(mode="json"),
-        schedule=_schedule(survey),
+        schedule=results.ScheduleRecord.of(survey.schedule, visits=len(planned), reserve_visits=spare, hours=planned_h),
         planets=_estimate(new + known),
-        **{name: _estimate(universes[name].astype(float)) for name in names},
+        **counts,
         hours=_estimate(hours),
         any_planet=float(np.mean(new + known > 0)),
         any_new_planet=float(np.mean(new > 0)),
         time_use=_time_use(survey, universes, tables["stars"]),
-        curve=_curve(tables["detections"], len(new), float(hours.max())),
+        curve=_curve(detections, len(new), float(hours.max())),
         convergence=[_point(float(item.n), item) for item in convergence(new + known)],
-        quantiles={
-            name: np.quantile(tables["detections"][name], _LEVELS).tolist()
-            for name in _QUANTITIES
-            if len(tables["detections"][name])
-        },
+        quantiles={q: np.quantile(detections[q], _LEVELS).tolist() for q in _QUANTITIES if len(detections[q])},
         targets=_targets(survey, tables["stars"], first_utc),
         images=images,
     )
 
 
-def _instrument(survey: Survey) -> AssumedInstrument:
-    instrument = survey.model.instrument
-    return AssumedInstrument(
-        visit_drift_nm=instrument.drift.visit_nm,
-        walk_nm_per_sqrt_hour=instrument.drift.walk_nm_per_sqrt_hour,
-        exozodi_zodis=instrument.sky.exozodi_zodis,
-        throughput={band: instrument.bands[band].t_opt for band in survey.strategy.visit.bands},
-    )
-
-
-def _leading(survey: Survey, detections: Columns, n: int) -> PlanetShare | None:
+def _leading(survey: Survey, detections: Columns, n: int) -> results.PlanetShare | None:
     """The known planet that is found most often; new planets are others in every universe."""
     rows, times = np.unique(detections["known_row"][detections["known_row"] >= 0], return_counts=True)
     if survey.known is None or not len(rows):
         return None
     most = int(np.argmax(times))
     name = survey.known.text("planet")[int(rows[most])]
-    return PlanetShare(name=name, share=times[most] / len(detections["known_row"]), planets=times[most] / n)
+    return results.PlanetShare(name=name, share=times[most] / len(detections["known_row"]), planets=times[most] / n)
 
 
-def _estimate(values: FloatArray) -> EstimateRecord:
+def _estimate(values: FloatArray) -> results.EstimateRecord:
     found, (low, high) = mean_interval(values), spread(values)
-    return EstimateRecord.of(found, low=max(found.low, min(0.0, found.mean)), survey_low=low, survey_high=high)
+    return results.EstimateRecord.of(found, low=max(found.low, min(0.0, found.mean)), survey_low=low, survey_high=high)
 
 
-def _point(x: float, found: Any) -> CurvePoint:
-    return CurvePoint.of(found, x=x, low=max(found.low, 0.0))
+def _point(x: float, found: Any) -> results.CurvePoint:
+    return results.CurvePoint.of(found, x=x, low=max(found.low, 0.0))
 
 
-def _schedule(survey: Survey) -> ScheduleRecord:
-    schedule = survey.schedule
-    planned = [visit for visit in schedule.visits if not visit.reserve]
-    return ScheduleRecord.of(
-        schedule,
-        visits=len(planned),
-        reserve_visits=len(schedule.visits) - len(planned),
-        hours=sum(visit.cost_h for visit in planned),
-    )
-
-
-def _time_use(survey: Survey, universes: Columns, stars: Columns) -> TimeUse:
+def _time_use(survey: Survey, universes: Columns, stars: Columns) -> results.TimeUse:
     """Means over universes; a visit's parts are those of the planned visits of its star."""
     n = len(universes["visits"])
     exposing = settling = 0.0
@@ -137,7 +101,7 @@ def _time_use(survey: Survey, universes: Columns, stars: Columns) -> TimeUse:
             exposing += visits * float(np.mean([survey.options[i][visit.option].time_s for visit in own])) / 3600.0
             settling += visits * survey.strategy.visit.settlings * survey.calendar.settle_h
     search, follow = (float(universes[name].mean()) for name in ("search_h", "follow_up_h"))
-    return TimeUse(
+    return results.TimeUse(
         exposing_h=exposing,
         occulted_h=max(0.0, search - exposing - settling),
         settling_h=settling,
@@ -150,7 +114,7 @@ def _planned(survey: Survey, star: int) -> list[PlannedVisit]:
     return [visit for visit in survey.schedule.visits if visit.star == star]
 
 
-def _curve(detections: Columns, n: int, most_h: float) -> list[CurvePoint]:
+def _curve(detections: Columns, n: int, most_h: float) -> list[results.CurvePoint]:
     """Planets found by the time that so many hours were used, up to the longest survey."""
     universe, used = detections["universe"] - detections["universe"].min(initial=0), detections["used_h"]
     _, universe = np.unique(universe, return_inverse=True)
@@ -163,48 +127,38 @@ def _curve(detections: Columns, n: int, most_h: float) -> list[CurvePoint]:
     return points
 
 
-def _targets(survey: Survey, stars: Columns, first_utc: Sequence[str]) -> list[SurveyTarget]:
+def _targets(survey: Survey, stars: Columns, first_utc: Sequence[str]) -> list[results.SurveyTarget]:
     rows = []
     for i, name in enumerate(survey.targets.name):
         own, mine = _planned(survey, i), stars["star"] == name
         if not own or not mine.any():
             continue
-        n = float(stars["universes"][mine].sum())
-        sums = {
-            key: float(stars[key][mine].sum()) / n
-            for key in ("visits", "search_h", "follow_up_h", "new_planets", "known_planets")
-        }
-        hours = sums["search_h"] + sums["follow_up_h"]
-        found = sums["new_planets"] + sums["known_planets"]
+        mean = {key: float(stars[key][mine].sum()) / float(stars["universes"][mine].sum()) for key in _MEANS}
+        hours, known_seen = mean["search_h"] + mean["follow_up_h"], mean.pop("known_planets")
         known = [] if survey.known is None else survey.known.text("planet")
         ways = [survey.options[i][visit.option] for visit in own]
         rows.append(
-            {
-                "name": str(name),
-                "v_mag": float(survey.targets.v_mag[i]),
-                "distance_pc": float(survey.targets.distance_pc[i]),
-                "ra_deg": float(survey.targets.ra_deg[i]),
-                "dec_deg": float(survey.targets.dec_deg[i]),
-                "known_planets": [known[row] for row in survey.known_rows[i]],
-                "bands": list(dict.fromkeys(way.band for way in ways)),
-                "visit_time_s": float(np.mean([way.time_s for way in ways])),
-                "visit_h": float(np.mean([visit.cost_h for visit in own])),
-                "planned_visits": sum(not visit.reserve for visit in own),
-                "slots": [visit.slot for visit in own],
-                "first_utc": first_utc[i],
-                "visits": sums["visits"],
-                "search_h": sums["search_h"],
-                "follow_up_h": sums["follow_up_h"],
-                "new_planets": sums["new_planets"],
-                "known_seen": sums["known_planets"],
-                "planets_per_100h": 100.0 * found / hours if hours > 0 else 0.0,
-            }
+            results.SurveyTarget.of(
+                survey.targets,
+                at=i,
+                rank=0,
+                known_planets=[known[row] for row in survey.known_rows[i]],
+                bands=list(dict.fromkeys(way.band for way in ways)),
+                visit_time_s=float(np.mean([way.time_s for way in ways])),
+                visit_h=float(np.mean([visit.cost_h for visit in own])),
+                planned_visits=sum(not visit.reserve for visit in own),
+                slots=[visit.slot for visit in own],
+                first_utc=first_utc[i],
+                **mean,
+                known_seen=known_seen,
+                planets_per_100h=100.0 * (mean["new_planets"] + known_seen) / hours if hours > 0 else 0.0,
+            )
         )
-    rows.sort(key=lambda row: (-float(row["planets_per_100h"]), str(row["name"])))  # type: ignore[arg-type]
-    return [SurveyTarget(rank=rank, **row) for rank, row in enumerate(rows, 1)]
+    rows.sort(key=lambda row: (-row.planets_per_100h, row.name))
+    return [row.model_copy(update={"rank": rank}) for rank, row in enumerate(rows, 1)]
 
 
-def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[DifferenceRecord]:
+def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[results.DifferenceRecord]:
     """Paired differences: all pairs of a few strategies; of many each with the first one, and the best two.
 
     Parameters
@@ -221,16 +175,10 @@ def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[Diff
         best, second = sorted(range(len(names)), key=lambda k: (-means[k], k))[:2]
         if 0 not in (best, second):
             pairs.append((best, second))
-    quantities: tuple[Literal["planets", "new_planets", "characterised_planets", "hours"], ...] = (
-        "planets",
-        "new_planets",
-        "characterised_planets",
-        "hours",
-    )
     return [
         _difference(names[b], names[a], quantity, *(_quantity(universes[k], quantity) for k in (b, a)))
         for b, a in pairs
-        for quantity in quantities
+        for quantity in ("planets", "new_planets", "characterised_planets", "hours")
     ]
 
 
@@ -239,7 +187,7 @@ def _quantity(universes: Columns, name: str) -> FloatArray:
     return np.asarray(sum(universes[part].astype(float) for part in parts))
 
 
-def _difference(first: str, second: str, quantity: Any, one: FloatArray, other: FloatArray) -> DifferenceRecord:
+def _difference(first: str, second: str, quantity: Any, one: FloatArray, other: FloatArray) -> results.DifferenceRecord:
     found = difference_interval(one - other)
     varies = bool(np.ptp(one) > _SAME * np.abs(one).max() and np.ptp(other) > _SAME * np.abs(other).max())
     unit = " h" if quantity == "hours" else ""
@@ -248,50 +196,32 @@ def _difference(first: str, second: str, quantity: Any, one: FloatArray, other: 
         verdict = f"{first}: {abs(found.mean):.3g}{unit} {word} than {second}"
     else:
         verdict = f"{first} and {second} do not differ by more than chance"
-    return DifferenceRecord.of(
-        found,
-        first=first,
-        second=second,
-        quantity=quantity,
-        correlation=float(np.corrcoef(one, other)[0, 1]) if varies else None,
-        verdict=verdict,
-    )
+    correlation = float(np.corrcoef(one, other)[0, 1]) if varies else None
+    said = {"first": first, "second": second, "quantity": quantity, "verdict": verdict}
+    return results.DifferenceRecord.of(found, correlation=correlation, **said)
 
 
-def rank_changes(outcomes: Sequence[StrategyOutcome]) -> list[RankChange]:
+def rank_changes(outcomes: Sequence[results.StrategyOutcome]) -> list[results.RankChange]:
     """Stars that other strategies rank elsewhere than the first, the largest changes of each, with the reason."""
     first = {target.name: target for target in outcomes[0].targets}
     found = []
     for other in outcomes[1:]:
         mine = {target.name: target for target in other.targets}
         behind = max(len(first), len(mine)) + 1
-
-        def moved(name: str, mine: Mapping[str, SurveyTarget] = mine, behind: int = behind) -> int:
-            old, new = (ranks[name].rank if name in ranks else behind for ranks in (first, mine))
-            return abs(new - old)
-
-        names = sorted({*first, *mine}, key=lambda name: (-moved(name), name))
-        for name in [name for name in names if moved(name) > 0 and _seen(first, mine, name)][:_N_CHANGES]:
-            found.append(
-                RankChange(
-                    strategy=other.name,
-                    star=name,
-                    first_rank=first[name].rank if name in first else None,
-                    rank=mine[name].rank if name in mine else None,
-                    why=_why(first.get(name), mine.get(name)),
-                )
-            )
+        moved = []
+        for name in {*first, *mine}:
+            both = first.get(name), mine.get(name)
+            old, new = (None if target is None else target.rank for target in both)
+            # A star has to show enough planets in one of the two for its rank to be more than chance.
+            shown = any(target and target.new_planets + target.known_seen >= _LEAST_SEEN for target in both)
+            if old != new and shown:
+                change = results.RankChange(strategy=other.name, star=name, first_rank=old, rank=new, why=_why(*both))
+                moved.append((-abs((new or behind) - (old or behind)), name, change))
+        found += [change for *_, change in sorted(moved)[:_N_CHANGES]]
     return found
 
 
-def _seen(first: Mapping[str, SurveyTarget], mine: Mapping[str, SurveyTarget], name: str) -> bool:
-    """Whether a star shows enough planets in one of the two for its rank to be more than chance."""
-    return any(
-        ranks[name].new_planets + ranks[name].known_seen >= _LEAST_SEEN for ranks in (first, mine) if name in ranks
-    )
-
-
-def _why(old: SurveyTarget | None, new: SurveyTarget | None) -> str:
+def _why(old: results.SurveyTarget | None, new: results.SurveyTarget | None) -> str:
     if old is None and new is not None:
         return f"visited here only: {new.new_planets + new.known_seen:.3f} planets in {new.visits:.1f} visits"
     if new is None or old is None:

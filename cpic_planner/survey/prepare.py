@@ -1,4 +1,4 @@
-"""From strategies to surveys that can be played: stars, calendar, frames, schedule."""
+"""From strategies to surveys that can be simulated: stars, calendar, frames, schedule."""
 
 from dataclasses import dataclass, replace
 
@@ -11,10 +11,10 @@ from cpic_planner.survey.allocation import make_schedule
 from cpic_planner.survey.assumed import assumed_model
 from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import Candidate, PlanningSky, Screened, candidates, screen, settings_of
-from cpic_planner.survey.detection import background_alarms, noise_alarms, reach_au
+from cpic_planner.survey.detection import Setting, background_alarms, noise_alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
-from cpic_planner.survey.play import Survey
 from cpic_planner.survey.schedule import Problem
+from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
 from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
 from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
@@ -41,13 +41,6 @@ class Prepared:
     worth: tuple[tuple[float, ...], ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _Looked:
-    strategy: SurveyStrategy
-    model: EtcModel
-    screened: Screened
-
-
 def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
     """Screen the catalogue, make the calendar, and schedule every strategy.
 
@@ -69,25 +62,21 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
     log = _checked(read_log(universe.observed), catalogue, instrument) if universe.observed else None
     looked = []
     for strategy in config.strategies:
-        bands = tuple(dict.fromkeys((*strategy.visit.bands, *strategy.follow_up.bands, *_logged_bands(log))))
+        logged = () if log is None else [visit.setting.band for visit in log.visits]
+        bands = tuple(dict.fromkeys((*strategy.visit.bands, *strategy.follow_up.bands, *logged)))
         model = assumed_model(instrument, strategy, bands)
-        cuts = strategy.targets
-        targets = rank_sample(
-            catalog=catalogue, v_mag_max=cuts.v_mag_max, dwarfs_only=cuts.dwarfs_only, singles_only=cuts.singles_only
-        )
-        looked.append(_Looked(strategy, model, screen(strategy, model, targets, known, universe.seed)))
+        cuts = {name: getattr(strategy.targets, name) for name in ("v_mag_max", "dwarfs_only", "singles_only")}
+        targets = rank_sample(catalog=catalogue, **cuts)
+        looked.append(screen(strategy, model, targets, known, universe.seed))
         advance(f"{strategy.name}: stars")
     stars = _every_star(looked)
     calendar = make_calendar(universe, instrument, limits, stars)
     if log is not None:
         calendar = calendar.closed_before(log.until_mjd)
         if not calendar.allowed_h.any():
-            raise InputError(
-                "universe.observed",
-                log.provenance,
-                allowed="visits that leave a part of the survey",
-                hint=f"none of its {universe.duration_days:g} days is left",
-            )
+            none_left = f"none of its {universe.duration_days:g} days is left"
+            allowed = "visits that leave a part of the survey"
+            raise InputError("universe.observed", log.provenance, allowed=allowed, hint=none_left)
         looked = [_without(item, log.hours) for item in looked]
     advance("calendar")
     place = {str(name): i for i, name in enumerate(stars.name)}
@@ -95,9 +84,9 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
     sky = PlanningSky(universe.seed, (min(low for low, _ in reach), max(high for _, high in reach)))
     surveys, worth = [], []
     for item in looked:
-        chosen = item.screened.targets.select(item.screened.rows)
-        own = calendar.select(np.array([place[str(name)] for name in chosen.name], np.int64))
-        found = candidates(item.strategy, item.model, item.screened, own, known, sky, log)
+        names = item.targets.name[item.rows]
+        own = calendar.select(np.array([place[str(name)] for name in names], np.int64))
+        found = candidates(item, own, known, sky, log)
         surveys.append(_survey(universe, item, found, own, known, log))
         worth.append(tuple(star.worth for star in found))
         advance(f"{item.strategy.name}: schedule")
@@ -121,19 +110,10 @@ def _check_rolls(config: StrategiesConfig, limits: VisibilityConfig) -> None:
         half = strategy.reduction.rolls_deg[-1]
         reach = strategy.revisits.roll_dither_deg + half
         if reach > limits.roll_deg:
-            what = "revisits.roll_dither_deg" if strategy.revisits.roll_dither_deg else "reduction.roll_deg"
-            given = strategy.revisits.roll_dither_deg or strategy.reduction.roll_deg
-            raise InputError(
-                what,
-                given,
-                unit="deg",
-                hint=f"strategy {strategy.name}",
-                allowed=f"rolls within {limits.roll_deg:g} deg of the best one",
-            )
-
-
-def _logged_bands(log: ObservationLog | None) -> tuple[str, ...]:
-    return () if log is None else tuple(dict.fromkeys(visit.setting.band for visit in log.visits))
+            dither = strategy.revisits.roll_dither_deg
+            what = "revisits.roll_dither_deg" if dither else "reduction.roll_deg"
+            allowed, hint = f"rolls within {limits.roll_deg:g} deg of the best one", f"strategy {strategy.name}"
+            raise InputError(what, dither or strategy.reduction.roll_deg, unit="deg", hint=hint, allowed=allowed)
 
 
 def _checked(log: ObservationLog, catalogue: Catalogue, instrument: Instrument) -> ObservationLog:
@@ -146,39 +126,32 @@ def _checked(log: ObservationLog, catalogue: Catalogue, instrument: Instrument) 
             try:
                 names[visit.star] = str(find_target(visit.star, catalog=catalogue)[0].name[0])
             except InputError as error:
-                raise InputError(
-                    f"{visit.where} column star", visit.star, allowed=error.allowed, hint=error.hint
-                ) from None
+                where = f"{visit.where} column star"
+                raise InputError(where, visit.star, allowed=error.allowed, hint=error.hint) from None
     return replace(log, visits=tuple(replace(visit, star=names[visit.star]) for visit in log.visits))
 
 
-def _without(item: _Looked, hours: float) -> _Looked:
+def _without(item: Screened, hours: float) -> Screened:
     """The strategy with the time that is left of its budget."""
-    left = item.strategy.time_budget_h - hours
-    if left <= 0.0:
-        raise InputError(
-            "time_budget_h",
-            item.strategy.time_budget_h,
-            unit="h",
-            allowed=f"more than the {hours:g} h of the observation log",
-            hint=f"strategy {item.strategy.name}",
-        )
-    return replace(item, strategy=item.strategy.model_copy(update={"time_budget_h": left}))
+    budget_h = item.strategy.time_budget_h
+    if budget_h <= hours:
+        allowed, hint = f"more than the {hours:g} h of the observation log", f"strategy {item.strategy.name}"
+        raise InputError("time_budget_h", budget_h, unit="h", allowed=allowed, hint=hint)
+    return replace(item, strategy=item.strategy.model_copy(update={"time_budget_h": budget_h - hours}))
 
 
-def _every_star(looked: list[_Looked]) -> Targets:
+def _every_star(looked: list[Screened]) -> Targets:
     """Stars that any strategy looks at closely, each once; the first of the catalogue if there is none."""
-    parts = [item.screened.targets.select(item.screened.rows) for item in looked]
-    joined = Targets.joined(parts)
+    joined = Targets.joined([item.targets.select(item.rows) for item in looked])
     if not len(joined):
-        return looked[0].screened.targets.select([0])
+        return looked[0].targets.select([0])
     _, first = np.unique(joined.name, return_index=True)
     return joined.select(np.sort(first))
 
 
 def _survey(
     universe: UniverseConfig,
-    item: _Looked,
+    item: Screened,
     found: list[Candidate],
     calendar: Calendar,
     known: KnownPlanetTable | None,
@@ -186,40 +159,35 @@ def _survey(
 ) -> Survey:
     strategy, model = item.strategy, item.model
     rows = np.array([star.index for star in found], np.int64)
-    targets = item.screened.targets.select(rows)
-    places = np.array([int(np.flatnonzero(item.screened.rows == row)[0]) for row in rows], np.int64)
-    own = calendar.select(places)
-    problem = Problem(strategy, tuple(found), calendar.slot_h)
-    follow = _follow_ups(strategy, model, targets)
-    options = tuple(star.options for star in found)
-    background = universe.background == "on"
+    targets = item.targets.select(rows)
+
+    def background(i: int, option: Setting) -> float:
+        """Background stars that a visit of a star takes for planets."""
+        if universe.background == "off":
+            return 0.0
+        return background_alarms(model, targets.select([i]), option, strategy.detection)
+
     return Survey(
         strategy=strategy,
         model=model,
         targets=targets,
-        calendar=own,
-        options=options,
-        follow=follow,
-        schedule=make_schedule(problem),
+        calendar=calendar.select(np.searchsorted(item.rows, rows)),
+        options=tuple(star.options for star in found),
+        follow=_follow_ups(strategy, model, targets),
+        schedule=make_schedule(Problem(strategy, tuple(found), calendar.slot_h)),
         known=known,
         known_rows=tuple(star.known_rows for star in found),
-        noise_alarms=tuple(tuple(noise_alarms(model, option.band) for option in ways) for ways in options),
-        background_alarms=tuple(
-            tuple(
-                background_alarms(model, targets.select([i]), option, strategy.detection) if background else 0.0
-                for option in ways
-            )
-            for i, ways in enumerate(options)
-        ),
+        noise_alarms=tuple(tuple(noise_alarms(model, way.band) for way in star.options) for star in found),
+        background_alarms=tuple(tuple(background(i, way) for way in star.options) for i, star in enumerate(found)),
         log=log,
     )
 
 
-def _follow_ups(strategy: SurveyStrategy, model: EtcModel, targets: Targets) -> tuple:  # type: ignore[type-arg]
+def _follow_ups(strategy: SurveyStrategy, model: EtcModel, targets: Targets) -> tuple[tuple[Setting, ...], ...]:
     """Follow-up settings of each star, one a band."""
     rule = strategy.follow_up
     if not rule.wanted or not len(targets):
-        return tuple(() for _ in range(len(targets)))
+        return ((),) * len(targets)
     visit = VisitRule(bands=rule.bands, time_s=(rule.time_s,))
     by_band = [settings_of(model, targets, band, visit, rule.time_s) for band in rule.bands]
     return tuple(zip(*by_band, strict=True))

@@ -5,13 +5,13 @@ The greedy schedule: the visits of most expected detections per hour, with a loo
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from cpic_planner.survey.candidates import Candidate
 from cpic_planner.survey.strategy import SurveyStrategy
 
@@ -81,11 +81,8 @@ class StarValue:
 
     def gains(self) -> tuple[FloatArray, FloatArray]:
         """What one more visit adds to `V` and to `U`, for every option and slot, shape ``(o, b)``."""
-        w = self.star.weight
-        return (
-            self.star.chance @ (w * self.counts[-1]),
-            self.star.chance @ (w * self.counts.sum(axis=0)) / self.needed,
-        )
+        chance, w = self.star.chance, self.star.weight
+        return chance @ (w * self.counts[-1]), chance @ (w * self.counts.sum(axis=0)) / self.needed
 
 
 _ROUNDING = 1e-9
@@ -102,7 +99,16 @@ class Problem:
     stars: tuple[Candidate, ...]
     slot_h: FloatArray
 
-    def near(self, star: Candidate, slot: int) -> NDArray[np.bool_]:
+    @property
+    def needed(self) -> int:
+        """Detections that a planet needs."""
+        return self.strategy.detection.visits_needed
+
+    def cost_h(self, star: int, visit: Visit) -> float:
+        """Telescope time of one visit of the star at a position."""
+        return float(self.stars[star].cost_h[visit])
+
+    def near(self, star: Candidate, slot: int) -> BoolArray:
         """Slots too near to one for another visit of the same star, itself among them.
 
         Parameters
@@ -168,9 +174,18 @@ class Room:
     visits: dict[int, list[Visit]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, problem: Problem) -> Room:
-        """All of a strategy's time."""
-        return cls(problem.strategy.time_budget_h, problem.strategy.slot_share * problem.slot_h)
+    def of(cls, problem: Problem, booked: Iterable[tuple[int, Visit]] = ()) -> Room:
+        """All of a strategy's time, less that of visits of stars.
+
+        Parameters
+        ----------
+        problem : Problem
+        booked : iterable of (star, visit), optional
+        """
+        room = cls(problem.strategy.time_budget_h, problem.strategy.slot_share * problem.slot_h)
+        for star, visit in booked:
+            room.take(star, visit, problem.cost_h(star, visit))
+        return room
 
     def take(self, star: int, visit: Visit, cost_h: float) -> None:
         """Book a visit.
@@ -187,10 +202,9 @@ class Room:
         self.slots_h[visit[1]] -= cost_h
         self.visits.setdefault(star, []).append(visit)
 
-    def holds(self, cost_h: FloatArray) -> NDArray[np.bool_]:
+    def holds(self, cost_h: FloatArray) -> BoolArray:
         """Which costs ``(..., b)`` still fit."""
-        edge = _ROUNDING
-        return np.asarray((cost_h <= self.slots_h + edge) & (cost_h <= self.budget_h + edge))
+        return np.asarray((cost_h <= self.slots_h + _ROUNDING) & (cost_h <= self.budget_h + _ROUNDING))
 
 
 @dataclass(frozen=True)
@@ -224,8 +238,8 @@ def greedy(problem: Problem, *, room: Room | None = None) -> tuple[Room, list[tu
         In the order of booking.
     """
     room = Room.of(problem) if room is None else room
-    stars, needed = problem.stars, problem.strategy.detection.visits_needed
-    states = {i: StarValue.of(star, needed, room.visits.get(i, ())) for i, star in enumerate(stars)}
+    stars = problem.stars
+    states = {i: StarValue.of(star, problem.needed, room.visits.get(i, ())) for i, star in enumerate(stars)}
     bundles: dict[int, _Bundle | None] = {}
     booked: list[tuple[int, Visit, float]] = []
     for group in problem.groups():
@@ -241,7 +255,7 @@ def greedy(problem: Problem, *, room: Room | None = None) -> tuple[Room, list[tu
             chosen = bundles.pop(i)
             assert chosen is not None
             for visit, gain in zip(chosen.visits, chosen.gains, strict=True):
-                room.take(i, visit, float(stars[i].cost_h[visit]))
+                room.take(i, visit, problem.cost_h(i, visit))
                 states[i] = states[i].after(visit)
                 booked.append((i, visit, gain))
     return room, booked
@@ -252,10 +266,8 @@ def _fits(bundle: _Bundle, star: Candidate, room: Room) -> bool:
     left = room.slots_h.copy()
     for visit in bundle.visits:
         left[visit[1]] -= star.cost_h[visit]
-    return (
-        bool(left[[slot for _, slot in bundle.visits]].min() >= -_ROUNDING)
-        and bundle.cost_h <= room.budget_h + _ROUNDING
-    )
+    enough = bool(left[[slot for _, slot in bundle.visits]].min() >= -_ROUNDING)
+    return enough and bundle.cost_h <= room.budget_h + _ROUNDING
 
 
 def _best_bundle(problem: Problem, state: StarValue, room: Room, star: int) -> _Bundle | None:
@@ -370,12 +382,8 @@ def in_order(
     booked, spare : sequence of tuple
     """
     every = [(*item, False) for item in booked] + [(*item, True) for item in spare]
-    order = sorted(range(len(every)), key=lambda k: (every[k][1][1], every[k][3], k))
-    numbers: dict[int, int] = {}
-    planned = []
-    for k in order:
-        star, visit, gain, reserve = every[k]
-        ordinal = numbers.get(star, 0)
-        numbers[star] = ordinal + 1
-        planned.append(PlannedVisit(star, *visit, ordinal, float(stars[star].cost_h[visit]), gain, reserve))
+    numbers, planned = Counter[int](), []
+    for star, visit, gain, reserve in sorted(every, key=lambda item: (item[1][1], item[3])):
+        planned.append(PlannedVisit(star, *visit, numbers[star], float(stars[star].cost_h[visit]), gain, reserve))
+        numbers[star] += 1
     return tuple(planned)

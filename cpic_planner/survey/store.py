@@ -23,8 +23,10 @@ from cpic_planner.results import Column, arrow_schema
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
-_METADATA = b"cpic_planner"
-_ROW_GROUP = 1 << 18  # rows; fixed, as all that decides the bytes
+_METADATA, _ABOUT = b"cpic_planner", {"schema_version": SCHEMA_VERSION}
+# All that decides the bytes is fixed.
+_FORMAT = {"row_group_size": 1 << 18, "compression": "zstd", "compression_level": 3, "version": "2.6"}
+_FORMAT |= {"data_page_version": "1.0", "write_statistics": True, "store_schema": True}
 _WRITTEN = "a Parquet file written by this program"
 _MAX_BYTES = 4_000_000_000
 _KINDS = {"float64": "f", "int64": "i", "int32": "i", "bool": "b", "string": "OUT"}
@@ -180,13 +182,9 @@ class ResultStore:
         if expected is not None:
             found, asked = {key for key, _ in self._parts()}, set(expected)
             if found != asked:
-                first = sorted(found ^ asked)[0]
-                raise InputError(
-                    "parts",
-                    f"{len(found)} on disk",
-                    allowed=f"the {len(asked)} of this run",
-                    hint=f"{first} is {'missing' if first in asked else 'not one of them'}",
-                )
+                first, allowed = min(found ^ asked), f"the {len(asked)} of this run"
+                hint = f"{first} is {'missing' if first in asked else 'not one of them'}"
+                raise InputError("parts", f"{len(found)} on disk", allowed=allowed, hint=hint)
         return {name: self._folder.write_bytes(f"{name}.parquet", self._parquet(name)) for name in self._tables}
 
     def _parts(self) -> Iterator[tuple[str, bytes]]:
@@ -199,12 +197,8 @@ class ResultStore:
         if name not in self._tables:
             raise InputError("table", name, allowed=", ".join(self._tables))
         table, place = self._tables[name], list(self._tables).index(name)
-        rows = _sorted_rows(
-            table,
-            pa.concat_tables(
-                [table.schema.empty_table()] + [_rows_of(content, place, table) for _, content in self._parts()]
-            ),
-        )
+        parts = [_rows_of(content, place, table) for _, content in self._parts()]
+        rows = _sorted_rows(table, pa.concat_tables([table.schema.empty_table(), *parts]))
         _refuse_repeats(rows, table, name)
         return rows
 
@@ -212,26 +206,11 @@ class ResultStore:
         import pyarrow.parquet as pq
 
         table = self._tables[name]
-        about = {
-            "schema_version": SCHEMA_VERSION,
-            "table": name,
-            "key": table.key,
-            "config_hash": self._folder.config_hash,
-        }
+        about = {"table": name, "key": table.key, "config_hash": self._folder.config_hash, **_ABOUT}
         rows = self._joined(name).replace_schema_metadata({_METADATA: json.dumps(about, sort_keys=True)})
         sink = io.BytesIO()
-        pq.write_table(
-            rows,
-            sink,
-            row_group_size=_ROW_GROUP,
-            compression="zstd",
-            compression_level=3,
-            version="2.6",
-            data_page_version="1.0",
-            write_statistics=True,
-            store_schema=True,
-            use_dictionary=[c.name for c in table.columns if c.dtype == "string"],
-        )
+        texts = [column.name for column in table.columns if column.dtype == "string"]
+        pq.write_table(rows, sink, use_dictionary=texts, **_FORMAT)
         return sink.getvalue()
 
 
@@ -259,16 +238,11 @@ def read_table(path: str | Path) -> StoredTable:
         raise
     except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
         raise InputError("table", str(path), allowed=_WRITTEN, hint=f"{type(error).__name__}: {error}") from None
-    notes = {field.name: {k.decode(): v.decode() for k, v in field.metadata.items()} for field in rows.schema}
-    return StoredTable(
-        name=about["table"],
-        key=tuple(about["key"]),
-        columns=_as_arrays(rows),
-        units={name: note["unit"] for name, note in notes.items()},
-        descriptions={name: note["description"] for name, note in notes.items()},
-        config_hash=about["config_hash"],
-        schema_version=about["schema_version"],
+    units, descriptions = (
+        {field.name: field.metadata[what].decode() for field in rows.schema} for what in (b"unit", b"description")
     )
+    key, asked, version = tuple(about["key"]), about["config_hash"], about["schema_version"]
+    return StoredTable(about["table"], key, _as_arrays(rows), units, descriptions, asked, version)
 
 
 def _arrow_table(table: Table, columns: Mapping[str, ArrayLike], where: str) -> Any:
@@ -284,9 +258,8 @@ def _arrow_table(table: Table, columns: Mapping[str, ArrayLike], where: str) -> 
     for column, array in zip(table.columns, arrays, strict=True):
         if column.name in table.key and column.dtype == "float64" and np.isnan(array).any():
             raise InputError(f"{where}.{column.name}", float("nan"), allowed="numbers in a key")
-    return pa.table(
-        [pa.array(array, field.type) for array, field in zip(arrays, table.schema, strict=True)], schema=table.schema
-    )
+    typed = [pa.array(array, field.type) for array, field in zip(arrays, table.schema, strict=True)]
+    return pa.table(typed, schema=table.schema)
 
 
 def _checked(column: Column, values: ArrayLike, where: str) -> NDArray[Any]:

@@ -225,20 +225,13 @@ class SurveyStrategy(FrozenModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> SurveyStrategy:
-        if self.detection.visits_needed > self.revisits.max_visits:
-            raise InputError(
-                "revisits.max_visits",
-                self.revisits.max_visits,
-                allowed=f"at least {self.detection.visits_needed}",
-                hint="detection.visits_needed asks for that many",
-            )
+        needed, most = self.detection.visits_needed, self.revisits.max_visits
+        if needed > most:
+            hint = "detection.visits_needed asks for that many"
+            raise InputError("revisits.max_visits", most, allowed=f"at least {needed}", hint=hint)
         if self.reduction.sigma not in (self.detection.sigma, Reduction().sigma):
             raise InputError("reduction.sigma", self.reduction.sigma, allowed="nothing here: give detection.sigma")
         if self.reduction.mode != "analogue":
-            raise InputError(
-                "reduction.mode",
-                self.reduction.mode,
-                allowed="analogue",
-                hint="photon counting has no image-level calibration",
-            )
+            hint = "photon counting has no image-level calibration"
+            raise InputError("reduction.mode", self.reduction.mode, allowed="analogue", hint=hint)
         return self

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,6 +10,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from catalogs import split_source
 from cpic_core import InputError, Provenance, load_yaml, split_sourced
+from cpic_planner.queries import get
 from cpic_planner.results import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
 from simulator.config import FrozenModel, Real, Utc, deep_merge, preset_path, preset_tree, validate
@@ -71,9 +71,8 @@ class UniverseConfig(FrozenModel):
     @model_validator(mode="after")
     def _slots(self) -> UniverseConfig:
         if self.slot_days > self.duration_days:
-            raise InputError(
-                "slot_days", self.slot_days, unit="d", allowed=f"at most duration_days, {self.duration_days:g}"
-            )
+            allowed = f"at most duration_days, {self.duration_days:g}"
+            raise InputError("slot_days", self.slot_days, unit="d", allowed=allowed)
         return self
 
 
@@ -127,19 +126,18 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     if kind == "strategy" or "strategies" not in values:
         shared = {key: values.pop(key) for key in ("universe", "defaults") if key in values}
         values = {"name": values.get("name", "")} | shared | {"strategies": [values]}
-    default = _default_strategy()
-    base = split_sourced(default)[0]
+    path = preset_path("strategy", "default", package=PACKAGE)
+    assert path is not None
+    default = {key: item for key, item in load_yaml(path).items() if key != "kind"}
     own = values.pop("defaults", {})
     if not isinstance(own, Mapping):
         raise InputError("strategies.defaults", own, allowed="a mapping of keys to values")
     listed = values["strategies"]
     if not isinstance(listed, list | tuple) or not all(isinstance(item, Mapping) for item in listed):
         raise InputError("strategies.strategies", listed, allowed="a list of mappings")
-    base = deep_merge(base, own)
-    values["strategies"] = [
-        deep_merge({key: item for key, item in base.items() if key not in ("name", "description")}, item)
-        for item in listed
-    ]
+    base = deep_merge(split_sourced(default)[0], own)
+    base = {key: item for key, item in base.items() if key not in ("name", "description")}
+    values["strategies"] = [deep_merge(base, item) for item in listed]
     config = validate(StrategiesConfig, values, where="strategies")
     config.universe._provenance.update(_sourced(tree.get("universe", {})))
     written = tree.get("strategies") or [{key: item for key, item in tree.items() if key not in _OF_SURVEY}]
@@ -184,26 +182,13 @@ def _beside(tree: Any, folder: Path) -> Any:
         return [_beside(item, folder) for item in tree]
     if not isinstance(tree, dict):
         return tree
-    return {
-        key: _found(key, item, folder)
-        if key in (*FILES, "population") and isinstance(item, str)
-        else _beside(item, folder)
-        for key, item in tree.items()
-    }
-
-
-def _found(key: str, item: str, folder: Path) -> str:
-    """Return a file's name with the folder where it is, other text as it is."""
-    name = split_source(item)[1] if key == "known_planets" else item
-    return f"{item.removesuffix(name)}{folder / name}" if name and (folder / name).is_file() else item
-
-
-def _default_strategy() -> dict[str, Any]:
-    path = preset_path("strategy", "default", package=PACKAGE)
-    assert path is not None
-    tree = dict(load_yaml(path))
-    tree.pop("kind")
-    return tree
+    found = {key: _beside(item, folder) for key, item in tree.items()}
+    for key, item in tree.items():
+        if key in (*FILES, "population") and isinstance(item, str):
+            name = split_source(item)[1] if key == "known_planets" else item
+            if name and (folder / name).is_file():
+                found[key] = f"{item.removesuffix(name)}{folder / name}"
+    return found
 
 
 def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> StrategiesConfig:
@@ -223,41 +208,24 @@ def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> Strateg
     if "slot_days" not in given and isinstance(length, int | float):
         tree["slot_days"] = min(tree["slot_days"], float(length))
     universe = validate(UniverseConfig, tree, where="universe")
-    universe._provenance.update(
-        {
-            key: item
-            for key, item in config.universe.provenance.items()
-            if getattr(universe, key) == getattr(config.universe, key)
-        }
-    )
+    old = config.universe
+    kept = {key: item for key, item in old.provenance.items() if getattr(universe, key) == getattr(old, key)}
+    universe._provenance.update(kept)
     return config.model_copy(update={"universe": universe})
 
 
 def sources_of(config: StrategiesConfig) -> list[SettingSource]:
     """Sources of the numbers of all strategies and of what they share, equal ones once."""
-    shared = {f"universe.{key}": item for key, item in config.universe.provenance.items()}
-    settings = config.universe.model_dump(mode="json")
-    names = [item.name for item in config.strategies]
-    found = {
-        (key, "", item): SettingSource(
-            key=key,
-            value=settings[key.removeprefix("universe.")],
-            unit=item.unit,
-            source=item.source,
-            confidence=item.confidence,
-            strategies=names,
-        )
-        for key, item in shared.items()
-    }
+    names, settings = [item.name for item in config.strategies], config.universe.model_dump(mode="json")
+    shared = [
+        SettingSource.of(item, key=f"universe.{key}", value=settings[key], strategies=names)
+        for key, item in config.universe.provenance.items()
+    ]
+    found: dict[tuple[str, str, Provenance], SettingSource] = {}
     for strategy in config.strategies:
         tree = strategy.model_dump(mode="json")
         for key, item in strategy.provenance.items():
-            value = functools.reduce(lambda part, name: part[name], key.split("."), tree)
-            one = found.setdefault(
-                (key, repr(value), item),
-                SettingSource(
-                    key=key, value=value, unit=item.unit, source=item.source, confidence=item.confidence, strategies=[]
-                ),
-            )
-            one.strategies.append(strategy.name)
-    return list(found.values())
+            value = get(tree, key)
+            own = SettingSource.of(item, key=key, value=value, strategies=[])
+            found.setdefault((key, repr(value), item), own).strategies.append(strategy.name)
+    return [*shared, *found.values()]

@@ -44,6 +44,10 @@ class _Sweep:
         """The key in refusals."""
         return f"--vary {self.name}"
 
+    def setting(self, text: str, value: Any, unit: str, meaning: str) -> VariedSetting:
+        """One of its values as results tell it."""
+        return VariedSetting(name=self.name, key=self.key, text=text, value=value, unit=unit, meaning=meaning)
+
 
 def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
     """Return every strategy with every combination of values of some keys.
@@ -97,15 +101,13 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
     return config.model_copy(update={"strategies": tuple(made)})
 
 
-def told(config: StrategiesConfig) -> list[str]:
+def variation_lines(config: StrategiesConfig) -> list[str]:
     """Return what is varied, one value a line, with what each means: ``drift x2: 0.1 nm visit offset, ...``."""
-    found = {
-        item.label: f"{item.name} {item.text.split(' (')[0] if item.meaning else item.text}"
-        f"{f': {item.meaning}' if item.meaning else ''}"
-        for strategy in config.strategies
-        for item in strategy.varied
-    }
-    return list(found.values())
+    every = {item.label: item for strategy in config.strategies for item in strategy.varied}
+    return [
+        f"{item.name} {item.text.split(' (')[0]}: {item.meaning}" if item.meaning else f"{item.name} {item.text}"
+        for item in every.values()
+    ]
 
 
 def _sweep(text: str, config: StrategiesConfig) -> _Sweep:
@@ -117,25 +119,18 @@ def _sweep(text: str, config: StrategiesConfig) -> _Sweep:
     if not all(texts):
         raise InputError("--vary", text, allowed="a value between commas; null for none")
     if name == "share":
-        universe = config.universe
-        raise InputError(
-            "--vary",
-            name,
-            allowed="slot_share or budget_h",
-            hint=f"slot_share is the most of any slot of {universe.slot_days:g} days that the coronagraph "
-            f"may take; budget_h is all its telescope time in the {universe.duration_days:g} days, "
-            f"{0.24 * universe.duration_days:.0f} h for 1 % of them",
+        days = config.universe.duration_days
+        hint = (
+            f"slot_share is the most of any slot of {config.universe.slot_days:g} days that the coronagraph may take; "
+            f"budget_h is all its telescope time in the {days:g} days, {0.24 * days:.0f} h for 1 % of them"
         )
+        raise InputError("--vary", name, allowed="slot_share or budget_h", hint=hint)
     key = SHORT_NAMES.get(name, name)
     known = tuple(key for key in keys_of(SurveyStrategy) if key not in ("name", "description"))
     if key not in known:
         drift = "drift=0.1nm sets the offset of a visit" if key.startswith("drift.") else ""
-        raise InputError(
-            "--vary",
-            name,
-            allowed="a key of a strategy",
-            hint=drift or nearest(name, (*SHORT_NAMES, *known)) or f"short names: {', '.join(SHORT_NAMES)}",
-        )
+        hint = drift or nearest(name, (*SHORT_NAMES, *known)) or f"short names: {', '.join(SHORT_NAMES)}"
+        raise InputError("--vary", name, allowed="a key of a strategy", hint=hint)
     unit = _UNITS.get(key, unit_of(key))
     return _Sweep(key, name, tuple(read_value(f"--vary {name}", item, unit) for item in texts))
 
@@ -152,25 +147,12 @@ def _setting(
         present = get(tree, sweep.key)
         value = scaled(present, written.value)
         if value is None:
-            said = "not set" if present is None else str(present)
-            raise InputError(
-                sweep.where,
-                written.text,
-                allowed="a value: only numbers take a factor",
-                hint=f"{sweep.key} of {strategy.name} is {said}",
-            )
+            hint = f"{sweep.key} of {strategy.name} is {'not set' if present is None else present}"
+            raise InputError(sweep.where, text, allowed="a value: only numbers take a factor", hint=hint)
         shown = ", ".join(f"{item:g}" for item in value) if isinstance(value, tuple) else f"{value:g}"
         text = f"{text} ({with_unit(shown, unit)})"
-    told = f"at most that fraction of any slot; the telescope time in all stays {strategy.time_budget_h:g} h"
-    setting = VariedSetting(
-        name=sweep.name,
-        key=sweep.key,
-        text=text,
-        value=value,
-        unit=unit,
-        meaning=told if sweep.key == "slot_share" else "",
-    )
-    return setting, value
+    most = f"at most that fraction of any slot; the telescope time in all stays {strategy.time_budget_h:g} h"
+    return sweep.setting(text, value, unit, most if sweep.key == "slot_share" else ""), value
 
 
 def _of_instrument(sweep: _Sweep, written: Written, instrument: Instrument) -> tuple[VariedSetting, Any]:
@@ -186,7 +168,7 @@ def _of_instrument(sweep: _Sweep, written: Written, instrument: Instrument) -> t
     if written.bare:
         raise two_spellings(sweep.where, sweep.name, text.removesuffix(unit).strip(), unit=unit, present=present)
     if key == _EXOZODI and written.value is None:  # as the instrument has it
-        return VariedSetting(name=sweep.name, key=key, text=text, value=None, unit="", meaning=""), None
+        return sweep.setting(text, None, "", ""), None
     if not factor and (key == _THROUGHPUT or not isinstance(written.value, float)):
         asked = "a factor with an x, as x0.7"
         raise InputError(sweep.where, text, allowed=f"{asked}, or a number with a unit ({unit})" if unit else asked)
@@ -204,7 +186,7 @@ def _of_instrument(sweep: _Sweep, written: Written, instrument: Instrument) -> t
         given = written.value if factor else value / present
         walk = given * instrument.drift.walk_nm_per_sqrt_hour
         said = f"{value:g} nm visit offset, {walk:g} nm/sqrt(h) walk, x{given:g} of the instrument's"
-    return VariedSetting(name=sweep.name, key=key, text=text, value=value, unit=unit, meaning=said), given
+    return sweep.setting(text, value, unit, said), given
 
 
 def _check_differ(sweep: _Sweep, settings: Sequence[tuple[VariedSetting, Any]]) -> None:

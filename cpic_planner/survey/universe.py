@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from catalogs import KnownPlanetTable
-from cpic_core import FloatArray, InputError, IntArray, stream
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, stream
 from cpic_planner.planets import OrbitingPlanets, OrbitPlaces, PopulationConfig, chosen_entry, draw_known
 from cpic_planner.planets.known_rows import QUANTITIES as KNOWN_QUANTITIES
 from cpic_planner.planets.population_config import QUANTITIES
@@ -20,11 +20,12 @@ BLOCK = 100
 NEW = -1
 """Row in the table of known planets of a planet that nobody knows."""
 _YEAR_DAYS = 365.25
+_VALUES = (*QUANTITIES, "period_days")
 _MOST = 10_000
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Bodies(OrbitingPlanets):
+class PlanetSample(OrbitingPlanets):
     """Planets of one star in some universes, arrays of one length.
 
     Attributes
@@ -49,20 +50,17 @@ class Bodies(OrbitingPlanets):
     def __len__(self) -> int:
         return len(self.universe)
 
-    def select(self, rows: ArrayLike) -> Bodies:
+    def select(self, rows: ArrayLike) -> PlanetSample:
         """Planets of a mask or of row numbers."""
-        return Bodies(**{name: getattr(self, name)[rows] for name in Bodies.__dataclass_fields__})
+        return PlanetSample(**{name: getattr(self, name)[rows] for name in PlanetSample.__dataclass_fields__})
 
     @classmethod
-    def joined(cls, parts: Sequence[Bodies]) -> Bodies:
+    def joined(cls, parts: Sequence[PlanetSample]) -> PlanetSample:
         """Planets of several, one after the other."""
-        if len(parts) == 1:
-            return parts[0]
-        return cls(
-            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__}
-        )
+        names = cls.__dataclass_fields__
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
-    def within(self, inner_au: float, outer_au: float) -> NDArray[np.bool_]:
+    def within(self, inner_au: float, outer_au: float) -> BoolArray:
         """Planets whose projected distance can lie between two at all: of the others no date shows any.
 
         It is at most ``a (1 + e)``, and at least ``a (1 - e) |cos i|``.
@@ -104,12 +102,8 @@ def occurrence(population: PopulationConfig) -> float:
         If it states none: a yield is then not defined.
     """
     if population.planets_per_star is None:
-        raise InputError(
-            "population.planets_per_star",
-            "missing",
-            allowed="planets per star, above 0",
-            hint=f"{population.name} states no occurrence rate, and a yield needs one",
-        )
+        hint = f"{population.name} states no occurrence rate, and a yield needs one"
+        raise InputError("population.planets_per_star", "missing", allowed="planets per star, above 0", hint=hint)
     return population.planets_per_star
 
 
@@ -129,7 +123,7 @@ def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
     return stream(seed, "survey", *path).random((*rows, -(-n // BLOCK) * BLOCK))[..., :n]
 
 
-def at_known_place(bodies: Bodies, table: KnownPlanetTable | None) -> NDArray[np.bool_]:
+def at_known_place(planets: PlanetSample, table: KnownPlanetTable | None) -> BoolArray:
     """Tell for which planets a visit knows where to look: known ones whose orbit in space is published, node included.
 
     Radial velocities alone leave the position angle open, and so do errors of more than a few degrees
@@ -137,17 +131,17 @@ def at_known_place(bodies: Bodies, table: KnownPlanetTable | None) -> NDArray[np
 
     Parameters
     ----------
-    bodies : Bodies
+    planets : PlanetSample
     table : KnownPlanetTable or None
     """
-    placed = np.zeros(len(bodies), bool)
+    placed = np.zeros(len(planets), bool)
     if table is not None:
-        mine = bodies.known != NEW
-        placed[mine] = table.placed[bodies.known[mine]]
+        mine = planets.known != NEW
+        placed[mine] = table.placed[planets.known[mine]]
     return placed
 
 
-def draw_bodies(
+def draw_planet_sample(
     star: str,
     mass_msun: float,
     luminosity_lsun: float,
@@ -161,7 +155,7 @@ def draw_bodies(
     block: int = 0,
     stage: str = "universe",
     one_each: bool = False,
-) -> Bodies:
+) -> PlanetSample:
     """Planets of one star in ``n`` universes.
 
     Every planet has its own uniform numbers, one for each quantity, that its laws turn into values: changing a law or
@@ -188,83 +182,51 @@ def draw_bodies(
     one_each : bool
         Exactly one new planet in every universe, whatever the occurrence rate.
     """
-    parts = []
+    path, parts = (star, stage, block), [_sample({}, np.zeros(0, np.int64), 0, NEW, 0)]
     behind = 0 if population is None else len(population.mixture)
     if known is not None and len(known_rows):
-        parts.append(_known((star, stage, block), mass_msun, known, known_rows, epoch_mjd, n, seed, behind))
+        names, quantities = known.text("planet"), len(KNOWN_QUANTITIES)
+        uniforms = [chance(seed, "known", *path, names[row], shape=(quantities, n)).T for row in known_rows]
+        rows = [int(row) for row in known_rows]
+        drawn = draw_known(known, rows, np.stack(uniforms), epoch_mjd=epoch_mjd, star_mass_msun=mass_msun)
+        for number, row in enumerate(rows):
+            values = {name: np.asarray(getattr(drawn, name)[number], float) for name in _VALUES}
+            parts.append(_sample(values, np.arange(n), number, row, behind))
     if population is not None:
-        path = (star, stage, block)
         numbers = np.ones(n, np.int64)
         if not one_each:
             numbers = poisson_quantile(occurrence(population), chance(seed, "number", *path, shape=(n,)))
-        parts.append(_new(path, mass_msun, luminosity_lsun, population, numbers, seed, len(known_rows)))
-    return Bodies.joined(parts or [_bodies({}, np.zeros(0, np.int64), 0, NEW, 0)])
+        for j in range(int(numbers.max(initial=0))):
+            mine = np.flatnonzero(numbers > j)
+            shares = chance(seed, "planet", *path, j, shape=(1 + len(QUANTITIES), n))[:, mine]
+            kind = chosen_entry(shares[0], tuple(item.weight for item in population.mixture))
+            values = population.quantiles(kind, list(shares[1:]))
+            if population.semi_major_axis_scale == "insolation":
+                values["semi_major_axis_au"] = values["semi_major_axis_au"] * np.sqrt(luminosity_lsun)
+            values["period_days"] = _YEAR_DAYS * np.sqrt(values["semi_major_axis_au"] ** 3 / mass_msun)
+            parts.append(_sample(values, mine, len(known_rows) + j, NEW, kind))
+    return PlanetSample.joined(parts)
 
 
-def _known(
-    path: tuple[str | int, ...],
-    mass: float,
-    table: KnownPlanetTable,
-    rows: Sequence[int],
-    epoch_mjd: float,
-    n: int,
-    seed: int,
-    kind: int,
-) -> Bodies:
-    planets = table.text("planet")
-    uniforms = np.stack(
-        [chance(seed, "known", *path, planets[row], shape=(len(KNOWN_QUANTITIES), n)).T for row in rows]
-    )
-    drawn = draw_known(table, [int(row) for row in rows], uniforms, epoch_mjd=epoch_mjd, star_mass_msun=mass)
-    number = np.repeat(np.arange(len(rows)), n)
-    return Bodies(
-        universe=np.tile(np.arange(n), len(rows)),
-        number=number,
-        known=np.asarray(rows, np.int64)[number],
-        kind=np.full(number.size, kind),
-        **{name: np.asarray(getattr(drawn, name), float).ravel() for name in (*QUANTITIES, "period_days")},
-    )
-
-
-def _new(
-    path: tuple[str | int, ...],
-    mass: float,
-    luminosity: float,
-    population: PopulationConfig,
-    numbers: IntArray,
-    seed: int,
-    first: int,
-) -> Bodies:
-    parts, mixture, n = [], population.mixture, len(numbers)
-    for j in range(int(numbers.max(initial=0))):
-        mine = np.flatnonzero(numbers > j)
-        shares = chance(seed, "planet", *path, j, shape=(1 + len(QUANTITIES), n))[:, mine]
-        kind = chosen_entry(shares[0], tuple(item.weight for item in mixture))
-        drawn = population.quantiles(kind, list(shares[1:]))
-        if population.semi_major_axis_scale == "insolation":
-            drawn["semi_major_axis_au"] = drawn["semi_major_axis_au"] * np.sqrt(luminosity)
-        drawn["period_days"] = _YEAR_DAYS * np.sqrt(drawn["semi_major_axis_au"] ** 3 / mass)
-        parts.append(_bodies(drawn, mine, first + j, NEW, kind))
-    return Bodies.joined(parts or [_bodies({}, np.zeros(0, np.int64), 0, NEW, 0)])
-
-
-def _bodies(drawn: dict[str, FloatArray], universe: IntArray, number: int, known: int, kind: IntArray | int) -> Bodies:
+def _sample(
+    values: dict[str, FloatArray], universe: IntArray, number: int, known: int, kind: IntArray | int
+) -> PlanetSample:
     empty = np.zeros(universe.size)
-    return Bodies(
+    return PlanetSample(
         universe=universe,
         number=np.full(universe.size, number),
         known=np.full(universe.size, known),
         kind=np.broadcast_to(np.asarray(kind, np.int64), universe.shape),
-        **{name: drawn.get(name, empty) for name in (*QUANTITIES, "period_days")},
+        **{name: values.get(name, empty) for name in _VALUES},
     )
 
 
-def uniform_draws(bodies: Bodies, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
+def uniform_draws(planets: PlanetSample, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
     """Return a uniform number of each planet in one visit.
 
     Parameters
     ----------
-    bodies : Bodies
+    planets : PlanetSample
         Planets of one star.
     seed : int
     name : str
@@ -280,10 +242,10 @@ def uniform_draws(bodies: Bodies, seed: int, name: str, block: int, visit: int |
     ndarray
         In [0, 1), one for each planet.
     """
-    if not len(bodies):
+    if not len(planets):
         return np.zeros(0)
-    drawn = chance(seed, "visit", name, block, visit, shape=(int(bodies.number.max()) + 1, n))
-    return drawn[bodies.number, bodies.universe]
+    drawn = chance(seed, "visit", name, block, visit, shape=(int(planets.number.max()) + 1, n))
+    return drawn[planets.number, planets.universe]
 
 
 def poisson_quantile(rate: float, share: FloatArray) -> IntArray:

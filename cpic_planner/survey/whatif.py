@@ -13,15 +13,15 @@ from cpic_core import Advance, announce, untold
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
 from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult
-from cpic_planner.survey.estimates import TABLES, rows_of
+from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
-from cpic_planner.survey.outcome import differences, outcome, rank_changes
-from cpic_planner.survey.play import Survey, play
+from cpic_planner.survey.outcome import Columns, differences, outcome, rank_changes
 from cpic_planner.survey.prepare import Prepared, prepare
+from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.universe import BLOCK
-from cpic_planner.survey.visibility import load_visibility
+from cpic_planner.survey.visibility import load_visibility, utc_of
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 
@@ -40,9 +40,10 @@ NOT_MODELLED = (
 def decided_by(prepared: Prepared, n_images: int) -> dict[str, Any]:
     """Return what decides the result: configuration, stars, known planets, instrument; files by what is in them."""
     config = prepared.config
+    populations = [item.population for item in config.strategies]
     return {
         "config": config.model_dump(mode="json", exclude={"universe": set(FILES)}),
-        "populations": [None if item.population is None else item.population.content() for item in config.strategies],
+        "populations": [None if population is None else population.content() for population in populations],
         "models": [survey.model.content() for survey in prepared.surveys],
         "stars": prepared.stars.content(),
         "catalogue": prepared.catalogue.provenance,
@@ -58,20 +59,11 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     n, universes = len(config.strategies), config.universe.universes
     blocks = n * -(-universes // BLOCK)
     bands = sum(len(item.visit.bands) * len(item.visit.time_s) for item in config.strategies)
-    assumed = {
-        (item.assumptions.contrast, band)
-        for item in config.strategies
-        for band in item.visit.bands
-        if item.assumptions.contrast is not None
-    }
+    holes = [(item.assumptions.contrast, band) for item in config.strategies for band in item.visit.bands]
+    assumed = {(contrast, band) for contrast, band in holes if contrast is not None}
+    counts = {"n_strategies": n, "n_universes": universes, "n_blocks": blocks, "n_images": n * n_images}
     return Cost(
-        counts={
-            "n_strategies": n,
-            "n_universes": universes,
-            "n_blocks": blocks,
-            "n_images": n * n_images,
-            "n_steps": 1 + 2 * n + blocks + n * n_images,
-        },
+        counts=counts | {"n_steps": 1 + 2 * n + blocks + n * n_images},
         times_s=[(_PLAY_S * n * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
         start_s=_START_S + _PREPARE_S * bands + _OPTICS_S * len(assumed),
         memory_mb=400.0,
@@ -80,10 +72,12 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     )
 
 
-def play_block(surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int) -> dict[str, Mapping[str, Any]]:
+def simulate_block(
+    surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
+) -> dict[str, Mapping[str, Any]]:
     """One task: rows of one strategy in one block of universes."""
     survey = surveys[which]
-    return rows_of(play(survey, block=block, n=n, seed=seed), survey.strategy.name, block * BLOCK)
+    return rows_of(simulate_survey(survey, block=block, n=n, seed=seed), survey.strategy.name, block * BLOCK)
 
 
 def whatif_job(
@@ -105,7 +99,7 @@ def whatif_job(
 
     def work(runner: Runner) -> WhatIfResult:
         ready, store = prepared(), ResultStore(runner.folder, TABLES)
-        blocks = runner.finish(play_block, _blocks(ready), common=(ready.surveys,), store=store)
+        blocks = runner.finish(simulate_block, _blocks(ready), common=(ready.surveys,), store=store)
         store.merge(list(blocks))
         tables = {table.name: store.read(table.name) for table in TABLES}
         images = _images(ready, tables["detections"], runner, n_images)
@@ -160,16 +154,12 @@ def _blocks(prepared: Prepared) -> list[Task]:
     return tasks
 
 
-def _images(
-    prepared: Prepared, detections: Mapping[str, NDArray[Any]], runner: Runner, n: int
-) -> list[ImageSample | None]:
+def _images(prepared: Prepared, detections: Columns, runner: Runner, n: int) -> list[ImageSample | None]:
     """Simulate and measure a sample of each strategy's detections; equal images are made once."""
     if n < 1:
         return [None] * len(prepared.surveys)
-    samples = [
-        sampled_detections(survey, _rows(detections, survey.strategy.name), n, prepared.config.universe.seed)
-        for survey in prepared.surveys
-    ]
+    own, seed = [_rows(detections, survey.strategy.name) for survey in prepared.surveys], prepared.config.universe.seed
+    samples = [sampled_detections(survey, rows, n, seed) for survey, rows in zip(prepared.surveys, own, strict=True)]
     tasks = [[_image_task(item) for item in sampled] for sampled, _ in samples]
     bodies = runner.finish(image_task, itertools.chain(*tasks))
     return [
@@ -184,14 +174,9 @@ def _image_task(item: SampledDetection) -> Task:
 
 
 def assemble(
-    prepared: Prepared,
-    tables: Mapping[str, Mapping[str, NDArray[Any]]],
-    images: Sequence[ImageSample | None],
-    digest: str,
+    prepared: Prepared, tables: Mapping[str, Columns], images: Sequence[ImageSample | None], digest: str
 ) -> WhatIfResult:
     """The result from its tables."""
-    from cpic_planner.survey.visibility.calendar import utc_of
-
     config, calendar = prepared.config, prepared.calendar
     outcomes, universes = [], []
     for survey, sample in zip(prepared.surveys, images, strict=True):
@@ -200,11 +185,10 @@ def assemble(
         outcomes.append(outcome(survey, own, _first_visits(survey), sample))
     changed = differences([item.name for item in outcomes], universes)
     begins = calendar.start_mjd + config.universe.slot_days * np.arange(calendar.n_slots)
-    return WhatIfResult(
+    return WhatIfResult.of(
+        config,
         version=__version__,
         config_hash=digest,
-        name=config.name,
-        description=config.description,
         universe=_named(config),
         catalogue=prepared.catalogue.provenance,
         known_planets="" if prepared.known is None else prepared.known.provenance,
@@ -226,19 +210,16 @@ def _named(config: StrategiesConfig) -> dict[str, Any]:
     return tree | {name: Path(tree[name]).name if "/" in tree[name] else tree[name] for name in FILES}
 
 
-def _rows(columns: Mapping[str, NDArray[Any]], strategy: str) -> dict[str, NDArray[Any]]:
+def _rows(columns: Columns, strategy: str) -> dict[str, NDArray[Any]]:
     mine = columns["strategy"] == strategy
     return {name: values[mine] for name, values in columns.items()}
 
 
 def _first_visits(survey: Survey) -> list[str]:
     """Date of the first planned visit of each star."""
-    from cpic_planner.survey.visibility.calendar import utc_of
-
     days = np.full(len(survey.targets), np.nan)
     for visit in survey.schedule.visits:
-        day = survey.calendar.day[visit.star, visit.slot]
-        days[visit.star] = np.fmin(days[visit.star], day)
+        days[visit.star] = np.fmin(days[visit.star], survey.calendar.day[visit.star, visit.slot])
     texts = utc_of(survey.calendar.start_mjd + np.nan_to_num(days)) if len(days) else []
     return [text[:10] if np.isfinite(day) else "" for text, day in zip(texts, days, strict=True)]
 

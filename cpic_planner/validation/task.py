@@ -10,7 +10,7 @@ import numpy as np
 from cpic_core import Reason, Status
 from cpic_planner import etc
 from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides
-from cpic_planner.ranking import best_in_band, no_frame
+from cpic_planner.ranking import best_in_band, no_frame_status
 from cpic_planner.results import BandConfirmation
 from cpic_planner.targets import Targets
 from simulator.config import Instrument, Planet, Scene, SceneStar, companion_of
@@ -272,7 +272,7 @@ def prepare_task(
     # Two rolls put it to either side of the diagonal; the ETC counts one of them.
     pa_deg = etc.diagonal_pa_deg(model.metrics[band].zone, parity)
     if not 1 <= best.n_frames[0] <= MAX_FRAMES:
-        status, reason = no_frame(best, 0, model.camera(band))
+        status, reason = no_frame_status(best, 0, model.camera(band))
         if best.n_frames[0] > MAX_FRAMES:
             status, reason = Status.INVALID, Reason.TOO_MANY_FRAMES
         return BandConfirmation(

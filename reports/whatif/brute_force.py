@@ -10,7 +10,7 @@ import numpy as np
 
 from cpic_planner.etc import EtcModel, aperture_rates, stack_noise, threshold_array
 from cpic_planner.survey.detection import Setting
-from cpic_planner.survey.universe import NEW, Bodies
+from cpic_planner.survey.universe import NEW, PlanetSample
 from cpic_planner.targets import Targets
 from simulator.config import MeasuredAlbedo
 from simulator.target import albedo_source
@@ -100,12 +100,12 @@ def detected(
     return first, ever
 
 
-def circle(distance_au: float, n: int) -> Bodies:
+def circle(distance_au: float, n: int) -> PlanetSample:
     """Bright planets on a face-on circle, evenly in position angle."""
     even = np.full(n, distance_au)
     whole = np.zeros(n, np.int64)
     zero = np.zeros(n)
-    return Bodies(
+    return PlanetSample(
         universe=np.arange(n),
         number=whole,
         known=np.full(n, NEW),

@@ -17,8 +17,8 @@ from cpic_planner.survey import load_strategies, varied
 from cpic_planner.survey.assumed import imaged_model
 from cpic_planner.survey.detection import Setting, rolled, tail_share
 from cpic_planner.survey.image_check import image_task
-from cpic_planner.survey.play import Survey
 from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.simulate import Survey
 from cpic_planner.validation import Frames, expected_of, refusals_of, star_scene, task_of
 from simulator.config import ConstantAlbedo, Planet, preset_path
 from simulator.target import contrast_at, detector_to_sky

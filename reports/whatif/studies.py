@@ -15,11 +15,11 @@ from cpic_planner.planets import Planets
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey import StrategiesConfig, load_strategies, varied
 from cpic_planner.survey.candidates import albedos_of
-from cpic_planner.survey.detection import detection_chance, see
+from cpic_planner.survey.detection import detection_chance, expected_signals
 from cpic_planner.survey.estimates import difference_interval
-from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
+from cpic_planner.survey.simulate import Survey, simulate_survey
+from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
 from cpic_planner.targets import rank_sample
 
 REPORTS = Path(__file__).resolve().parents[1]
@@ -40,13 +40,13 @@ def cost(
     """Time to play against universes, and to prepare and play against stars that are visited."""
     surveys = prepare(load_strategies()).surveys
     for survey in surveys:
-        play(survey, block=0, n=10, seed=1)
+        simulate_survey(survey, block=0, n=10, seed=1)
     by_universes = []
     for n in universes:
         began = time.process_time()
         for survey in surveys:
             for block in range(n // 100):
-                play(survey, block=block, n=100, seed=1)
+                simulate_survey(survey, block=block, n=100, seed=1)
         by_universes.append(time.process_time() - began)
     # A hardly possible instrument sees planets around more stars than any default strategy visits.
     deep = load_strategies(
@@ -76,7 +76,7 @@ def cost(
         prepared = time.process_time() - began
         began = time.process_time()
         for block in range(5):
-            play(survey, block=block, n=100, seed=1)
+            simulate_survey(survey, block=block, n=100, seed=1)
         by_stars.append(
             {
                 "stars": n,
@@ -106,7 +106,10 @@ def _by_catalogue(sizes: Sequence[int] = (135, 269, 538, 1077)) -> list[dict[str
 def played_block(surveys: tuple[Survey, ...], block: int) -> list[dict[str, Any]]:
     """Universes of one block of every survey."""
     return [
-        {name: values.tolist() for name, values in play(survey, block=block, n=PER_REPEAT, seed=1).universes.items()}
+        {
+            name: values.tolist()
+            for name, values in simulate_survey(survey, block=block, n=PER_REPEAT, seed=1).universes.items()
+        }
         for survey in surveys
     ]
 
@@ -171,7 +174,7 @@ def one_visit() -> list[dict[str, Any]]:
         option = survey.options[0][visit.option]
         population = survey.strategy.population
         assert population is not None
-        bodies = draw_bodies(
+        bodies = draw_planet_sample(
             name,
             float(star_mass_msun(survey.targets)[0]),
             float(survey.targets.luminosity_lsun[0]),
@@ -210,7 +213,7 @@ def one_visit() -> list[dict[str, Any]]:
             n_frames=option.n_frames,
             em_gain=option.em_gain,
         )
-        played = play(survey, block=0, n=n, seed=1)
+        played = simulate_survey(survey, block=0, n=n, seed=1)
         rows.append(
             {
                 "star": name,
@@ -235,7 +238,7 @@ def completeness_check() -> list[dict[str, Any]]:
         mass, luminosity = float(star_mass_msun(survey.targets)[0]), float(survey.targets.luminosity_lsun[0])
         found = [0, 0]
         for block in range(10):
-            bodies = draw_bodies(
+            bodies = draw_planet_sample(
                 name,
                 mass,
                 luminosity,
@@ -246,7 +249,7 @@ def completeness_check() -> list[dict[str, Any]]:
                 block=block,
                 one_each=True,
             )
-            seen = see(
+            seen = expected_signals(
                 survey.model,
                 survey.targets,
                 option,
@@ -281,7 +284,7 @@ def geometry(separations_arcsec: Sequence[float] = (0.30, 0.40, 0.50, 0.65, 0.80
     n = 200_000
     for rho in separations_arcsec:
         bodies = brute_force.circle(rho * float(survey.targets.distance_pc[0]), n)
-        seen = see(
+        seen = expected_signals(
             survey.model,
             survey.targets,
             option,

@@ -6,6 +6,7 @@ from simulator.camera.calibration_set import (
 )
 from simulator.camera.camera import earlier_frames as earlier_frames
 from simulator.camera.emccd import (
+    camera_keywords as camera_keywords,
     em_gain_of as em_gain_of,
     em_voltage_of as em_voltage_of,
     expected_adu_map as expected_adu_map,

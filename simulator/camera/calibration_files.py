@@ -6,9 +6,8 @@ import contextlib
 import io
 import shutil
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +22,7 @@ if TYPE_CHECKING:
     from simulator.camera.calibration_set import CalibrationSet
 
 
-@dataclass(frozen=True)
-class _Kind:
+class _Kind(NamedTuple):
     """What a map holds: its unit, range, and fill."""
 
     unit: str
@@ -93,27 +91,18 @@ def read_calibration_map(kind: str, path: str, detector: AnyDetector) -> FloatAr
     factor = unit_factor(key, path, image.header, rule.unit, required=bool(rule.unit))
     frame, active = (detector.n_rows, detector.n_columns), detector.active_shape
     if image.data.shape not in (frame, active):
-        raise InputError(
-            f"{key} shape",
-            str(image.data.shape),
-            unit="px",
-            allowed=f"{frame}, the frame (rows, columns), or {active}, its active pixels",
-            hint=path,
-        )
+        allowed = f"{frame}, the frame (rows, columns), or {active}, its active pixels"
+        raise InputError(f"{key} shape", str(image.data.shape), unit="px", allowed=allowed, hint=path)
     values = _checked_values(rule, key, path, image.data, factor)
     if kind == "flat":
         _check_flat(key, path, values if values.shape == active else values[detector.sections["active"]])
-    if kind == "bias" and not float(np.median(values)) < detector.adc_max_adu:
-        raise InputError(
-            f"{key} median",
-            f"{np.median(values):.6g}",
-            unit="ADU",
-            hint=path,
-            allowed=f"below the ADC maximum {detector.adc_max_adu}",
-        )
+    median = float(np.median(values))
+    if kind == "bias" and not median < detector.adc_max_adu:
+        allowed = f"below the ADC maximum {detector.adc_max_adu}"
+        raise InputError(f"{key} median", f"{median:.6g}", unit="ADU", hint=path, allowed=allowed)
     if values.shape == frame:
         return values
-    whole = np.full(frame, 0.0 if rule.fill_zero else float(np.median(values)))
+    whole = np.full(frame, 0.0 if rule.fill_zero else median)
     whole[detector.sections["active"]] = values
     return whole
 
@@ -145,18 +134,12 @@ def write_calibration_set(
     OSError
         If the folder cannot be written; files that were there keep their content.
     """
-    place = Path(folder)
-    bias = calibration.bias_adu
-    maps: dict[str, npt.NDArray[Any]] = {
-        "flat": calibration.response,
-        "dark": calibration.dark_e_s,
-        "cic": calibration.cic_e,
-        "bad_columns": calibration.bad_column.astype(np.uint8) * np.uint8(MaskBit.BAD),
-        "bias": np.tile(calibration.bias_level_adu + calibration.stripe_adu, (calibration.shape[0], 1))
-        if bias is None
-        else bias,
-    }
-    paths = {kind: place / f"{kind}.fits" for kind in maps}
+    place, maps, bias = Path(folder), calibration, calibration.bias_adu
+    if bias is None:
+        bias = np.tile(maps.bias_level_adu + maps.stripe_adu, (maps.shape[0], 1))
+    bad = maps.bad_column.astype(np.uint8) * np.uint8(MaskBit.BAD)
+    written = dict(zip(_KINDS, (maps.response, maps.dark_e_s, maps.cic_e, bad, bias), strict=True))
+    paths = {kind: place / f"{kind}.fits" for kind in written}
     for path in paths.values():
         if path.exists() and not overwrite:
             raise InputError("folder", str(path), allowed="a name that is free", hint="overwrite=True replaces it")
@@ -164,7 +147,7 @@ def write_calibration_set(
     # All are whole on disk before the first takes its name.
     ready = Path(tempfile.mkdtemp(dir=place, prefix=".calibration."))
     try:
-        for kind, values in maps.items():
+        for kind, values in written.items():
             _write_map(ready / paths[kind].name, kind, values)
         for path in paths.values():
             (ready / path.name).replace(path)
@@ -211,9 +194,5 @@ def _check_flat(key: str, path: str, active: FloatArray) -> None:
     mean = float(lit.mean()) if lit.size else 0.0
     low, high = FLAT_MEAN_RANGE
     if not low <= mean <= high:
-        raise InputError(
-            f"{key} mean",
-            f"{mean:.6g}",
-            allowed=f"relative response: mean of the active pixels {low:g} to {high:g}",
-            hint=f"divide it by its mean; {path}",
-        )
+        allowed = f"relative response: mean of the active pixels {low:g} to {high:g}"
+        raise InputError(f"{key} mean", f"{mean:.6g}", allowed=allowed, hint=f"divide it by its mean; {path}")

@@ -78,10 +78,9 @@ def flaw_mask(bad: BoolArray, dark_e_s: FloatArray, pixels: tuple[slice, slice])
     """`MaskBit` of the flaws: bad as given; hot or warm by the dark current against the median of ``pixels``."""
     warm = warm_from_e_s(dark_e_s, pixels)
     mask = np.where(bad, np.uint8(MaskBit.BAD), np.uint8(MaskBit.GOOD))
-    raised = dark_e_s >= warm
     hot = dark_e_s >= HOT_FACTOR / WARM_FACTOR * warm
     mask[hot] |= np.uint8(MaskBit.HOT)
-    mask[raised & ~hot] |= np.uint8(MaskBit.WARM)
+    mask[(dark_e_s >= warm) & ~hot] |= np.uint8(MaskBit.WARM)
     return mask
 
 
@@ -256,44 +255,23 @@ def bias_level_adu(detector: AnyDetector) -> float:
 @functools.lru_cache(maxsize=4)
 def _cached_set(detector: AnyDetector, prints: tuple[tuple[int, ...], ...]) -> CalibrationSet:
     """Build a set; ``prints`` of the files keep a changed file from being taken for its former self."""
-    parts, files = detector.sections, detector.maps
-    maps = {kind: read_calibration_map(kind, path, detector) for kind, path in files.items()}
-    shape, active = (detector.n_rows, detector.n_columns), parts["active"]
-    seen = _inside(shape, active)
-    bad_column = (maps["bad_columns"] > 0) if "bad_columns" in maps else _bad_columns(detector, shape, parts)
-    sensitivity, dead = _sensitivity(detector, maps.get("flat"), shape, seen, active)
+    maps = {kind: read_calibration_map(kind, path, detector) for kind, path in detector.maps.items()}
+    bad_column = (maps["bad_columns"] > 0) if "bad_columns" in maps else _bad_columns(detector)
+    sensitivity, dead = _sensitivity(detector, maps.get("flat"))
     dead &= ~bad_column
     response = np.where(dead | bad_column, 0.0, sensitivity)
-    uniform, smooth, dark, hot = _dark(detector, maps.get("dark"), shape, parts, bad_column)
-    cic, varies = _clock_charge(detector, maps.get("cic"), shape, parts["image"][1])
+    uniform, smooth, dark, hot = _dark(detector, maps.get("dark"), bad_column)
+    cic, varies = _clock_charge(detector, maps.get("cic"))
     bias = maps.get("bias")
-    return CalibrationSet(
-        response=response,
-        dark_e_s=dark,
-        dark_uniform_e_s=uniform,
-        cic_e=cic,
-        stripe_adu=_stripes(detector) if bias is None else np.zeros(detector.n_columns),
-        bias_adu=bias,
-        mask=flaw_mask(dead | bad_column, dark, active),
-        sensitivity=sensitivity,
-        dark_smooth_e_s=smooth,
-        dead=dead,
-        hot=hot,
-        bad_column=bad_column,
-        bias_level_adu=detector.bias_adu if bias is None else float(np.median(bias)),
-        cic_varies=varies,
-        files=MappingProxyType(files),
-    )
+    stripes = _stripes(detector) if bias is None else np.zeros(detector.n_columns)
+    level = detector.bias_adu if bias is None else float(np.median(bias))
+    mask = flaw_mask(dead | bad_column, dark, detector.sections["active"])
+    charge, flaws = (response, dark, uniform, cic, stripes), (sensitivity, smooth, dead, hot, bad_column)
+    return CalibrationSet(*charge, bias, mask, *flaws, level, varies, MappingProxyType(detector.maps))
 
 
 def _rng(detector: AnyDetector, flaw: str) -> np.random.Generator:
     return stream(detector.flaws.seed, "calibration", detector.set_name, flaw)
-
-
-def _inside(shape: tuple[int, int], section: Section) -> BoolArray:
-    inside = np.zeros(shape, dtype=np.bool_)
-    inside[section] = True
-    return inside
 
 
 def _size(section: Section) -> tuple[int, int]:
@@ -301,8 +279,8 @@ def _size(section: Section) -> tuple[int, int]:
     return rows.stop - rows.start, columns.stop - columns.start
 
 
-def _bad_columns(detector: AnyDetector, shape: tuple[int, int], parts: dict[str, Section]) -> BoolArray:
-    bad = np.zeros(shape, dtype=np.bool_)
+def _bad_columns(detector: AnyDetector) -> BoolArray:
+    bad, parts = np.zeros(detector.shape, dtype=np.bool_), detector.sections
     number, columns = detector.flaws.bad_columns, parts["active"][1]
     available = columns.stop - columns.start
     if number > available:
@@ -312,40 +290,33 @@ def _bad_columns(detector: AnyDetector, shape: tuple[int, int], parts: dict[str,
     return bad
 
 
-def _sensitivity(
-    detector: AnyDetector, flat: FloatArray | None, shape: tuple[int, int], seen: BoolArray, active: Section
-) -> tuple[FloatArray, BoolArray]:
+def _sensitivity(detector: AnyDetector, flat: FloatArray | None) -> tuple[FloatArray, BoolArray]:
     """Response before dead pixels and bad columns, and the dead pixels."""
-    if flat is not None:
-        dead = (flat == 0) & seen
-        return np.where(seen, np.where(dead, 1.0, flat), 0.0), dead
+    shape, active = detector.shape, detector.sections["active"]
     sensitivity, dead = np.zeros(shape), np.zeros(shape, dtype=np.bool_)
+    if flat is not None:
+        dead[active] = flat[active] == 0
+        sensitivity[active] = np.where(dead, 1.0, flat)[active]
+        return sensitivity, dead
     sensitivity[active] = response_map(_size(active), detector.flaws.prnu_rms, _rng(detector, "response"))
     dead[active] = chosen_places(_size(active), detector.flaws.dead_fraction, _rng(detector, "dead"))
     return sensitivity, dead
 
 
-def _dark(
-    detector: AnyDetector,
-    given: FloatArray | None,
-    shape: tuple[int, int],
-    parts: dict[str, Section],
-    bad_column: BoolArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+Darks = tuple[FloatArray, FloatArray, FloatArray, BoolArray]
+
+
+def _dark(detector: AnyDetector, given: FloatArray | None, bad_column: BoolArray) -> Darks:
     """Dark current: uniform, with scatter, with all flaws; and the hot pixels."""
-    image, flaws = parts["image"], detector.flaws
-    uniform, smooth, dark = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    hot = np.zeros(shape, dtype=np.bool_)
-    if given is not None:
-        level = float(np.median(given[parts["active"]]))
-        dark[image] = given[image]
-        hot = dark >= warm_from_e_s(dark, parts["active"])
-        uniform[image] = level
-        smooth = np.where(hot | bad_column, uniform, dark)
-        return uniform, smooth, dark, hot
-    level = detector.dark_rate_e_s
-    size = _size(image)
+    image, active, flaws = detector.sections["image"], detector.sections["active"], detector.flaws
+    uniform, smooth, dark = (np.zeros(detector.shape) for _ in range(3))
+    level = detector.dark_rate_e_s if given is None else float(np.median(given[active]))
     uniform[image] = level
+    if given is not None:
+        dark[image] = given[image]
+        hot = dark >= warm_from_e_s(dark, active)
+        return uniform, np.where(hot | bad_column, uniform, dark), dark, hot
+    hot, size = np.zeros(detector.shape, dtype=np.bool_), _size(image)
     smooth[image] = level * scatter_map(size, flaws.dsnu_rms, _rng(detector, "dark"))
     hot[image] = chosen_places(size, flaws.hot_fraction, _rng(detector, "hot"))
     dark[image] = smooth[image] + level * excess_map(hot[image], flaws.hot_factor, _rng(detector, "hot_excess"))
@@ -353,11 +324,9 @@ def _dark(
     return uniform, smooth, dark, hot
 
 
-def _clock_charge(
-    detector: AnyDetector, given: FloatArray | None, shape: tuple[int, int], columns: slice
-) -> tuple[FloatArray, bool]:
+def _clock_charge(detector: AnyDetector, given: FloatArray | None) -> tuple[FloatArray, bool]:
     """Clock-induced charge of all rows of the image's columns, and whether it varies."""
-    cic, section = np.zeros(shape), (slice(0, shape[0]), columns)
+    cic, section = np.zeros(detector.shape), (slice(0, detector.n_rows), detector.sections["image"][1])
     if given is not None:
         cic[section] = given[section]
         return cic, bool(np.ptp(given[section]) > 0)

@@ -102,11 +102,9 @@ class Camera:
     ) -> None:
         self._rays, self._rate = cosmic_rays, cosmic_ray_rate_per_s_cm2
         self.particles = cosmic_rays is not None and cosmic_ray_rate_per_s_cm2 > 0
-        runs = [effect for effect in (detector.chain if chain is None else chain) if effect.runs(detector)]
-        self.light, self.charge, self.voltage = (
-            tuple(effect for effect in runs if effect.stage == stage and self._there(effect))
-            for stage in ("light", "charge", "voltage")
-        )
+        every = detector.chain if chain is None else chain
+        runs, stages = [one for one in every if one.runs(detector) and self._there(one)], ("light", "charge", "voltage")
+        self.light, self.charge, self.voltage = (tuple(one for one in runs if one.stage == name) for name in stages)
 
     def _there(self, effect: Effect) -> bool:
         return self.particles or effect.switch != "cosmic_rays"
@@ -115,10 +113,8 @@ class Camera:
         """What draws the particles of one frame."""
         if self._rays is None or not self.particles:
             return None
-        rate = self._rate
-        return functools.partial(
-            draw_cosmic_rays, self._rays, pixel_um=detector.pixel_um, exposure_s=exposure_s, rate_per_s_cm2=rate
-        )
+        draw, pixel, rate = draw_cosmic_rays, detector.pixel_um, self._rate
+        return functools.partial(draw, self._rays, pixel_um=pixel, exposure_s=exposure_s, rate_per_s_cm2=rate)
 
 
 def flaws_of(detector: AnyDetector, shape: tuple[int, ...], corner: tuple[int, int] | None) -> CalibrationSet | None:
@@ -146,12 +142,9 @@ def flaws_of(detector: AnyDetector, shape: tuple[int, ...], corner: tuple[int, i
     (rows, columns), (row, column) = detector.sections["active"], corner
     inside, size = rows.start <= row and row + shape[0] <= rows.stop, detector.active_shape
     if not (inside and columns.start <= column and column + shape[1] <= columns.stop):
-        raise InputError(
-            "rate_map_e_s",
-            f"window of {shape[0]} x {shape[1]} from row {row}, column {column}",
-            allowed=f"a window of the {size[0]} x {size[1]} active pixels, or the whole frame",
-            hint=f"or switch off {', '.join(seeded)}",
-        )
+        window = f"window of {shape[0]} x {shape[1]} from row {row}, column {column}"
+        allowed = f"a window of the {size[0]} x {size[1]} active pixels, or the whole frame"
+        raise InputError("rate_map_e_s", window, allowed=allowed, hint=f"or switch off {', '.join(seeded)}")
     return whole.window(slice(row, row + shape[0]), slice(column, column + shape[1]))
 
 
@@ -230,12 +223,9 @@ def scaled(exposure: Exposure, n_frames: int) -> Exposure:
     """
     detector = exposure.detector
     brighter = {"cic_e": n_frames * detector.cic_e, "register_cic_e": n_frames * detector.register_cic_e}
-    return dataclasses.replace(
-        exposure,
-        detector=detector.model_copy(update=brighter),
-        mean_e=n_frames * exposure.mean_e,
-        cic_e=None if exposure.cic_e is None else n_frames * exposure.cic_e,
-    )
+    cic_e = None if exposure.cic_e is None else n_frames * exposure.cic_e
+    detector = detector.model_copy(update=brighter)
+    return dataclasses.replace(exposure, detector=detector, mean_e=n_frames * exposure.mean_e, cic_e=cic_e)
 
 
 def means(effects: Sequence[Effect], image: FloatArray, exposure: Exposure) -> FloatArray:

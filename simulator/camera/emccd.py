@@ -5,14 +5,16 @@ One-call forms of the visible camera: a noiseless map, a noisy frame, and back t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cpic_core import BoolArray, FloatArray, Outcome, PathPart, checked_array, checked_scalar
+from simulator.camera.calibration_set import bias_level_adu
 from simulator.camera.frame import Frame
 from simulator.camera.visible import VisibleCamera
-from simulator.config import Detector
+from simulator.config import AnyDetector, Detector
 from simulator.detectors import GAIN_LIMIT
 
 # ln G = a + b v + c v^2 + d v^3, v = V - 39 V - 0.029 V/K (T - 223 K), fitted to the curves of the e2v CCD201-20 data
@@ -50,12 +52,9 @@ class GainSetting:
 
     def flags(self, index: tuple[int, ...] | int = ()) -> tuple[str, ...]:
         """Caveats of one element."""
-        named = (
-            ("clamped", self.clipped),
-            ("extrapolated_temperature", self.beyond_temperature),
-            ("extrapolated_gain", self.beyond_gain),
-        )
-        return tuple(name for name, where in named if where[index])
+        names = "clamped", "extrapolated_temperature", "extrapolated_gain"
+        where = self.clipped, self.beyond_temperature, self.beyond_gain
+        return tuple(name for name, flagged in zip(names, where, strict=True) if flagged[index])
 
     def gain(self, index: tuple[int, ...] | int = ()) -> Outcome[float]:
         """Gain of one element as a typed answer."""
@@ -92,7 +91,7 @@ def em_gain_of(voltage_v: npt.ArrayLike, temperature_k: npt.ArrayLike) -> GainSe
     temperature = _checked_temperature(temperature_k)
     v = voltage - _shift(temperature)
     log_gain = _A + v * (_B + v * (_C + v * _D))
-    return _setting(np.exp(np.maximum(log_gain, 0.0)), voltage, temperature, clipped=log_gain < 0.0)
+    return _setting(np.exp(np.maximum(log_gain, 0.0)), voltage, temperature, log_gain < 0.0)
 
 
 def em_voltage_of(em_gain: npt.ArrayLike, temperature_k: npt.ArrayLike) -> GainSetting:
@@ -122,7 +121,24 @@ def em_voltage_of(em_gain: npt.ArrayLike, temperature_k: npt.ArrayLike) -> GainS
     p = _B / _D - 3.0 * shift**2
     q = 2.0 * shift**3 - shift * _B / _D + (_A - np.log(gain)) / _D
     t = -2.0 * np.sqrt(p / 3.0) * np.sinh(np.arcsinh(1.5 * q / p * np.sqrt(3.0 / p)) / 3.0)
-    return _setting(gain, t - shift + _shift(temperature), temperature, clipped=np.False_)
+    return _setting(gain, t - shift + _shift(temperature), temperature, np.False_)
+
+
+def camera_keywords(detector: AnyDetector, em_gain: float) -> dict[str, Any]:
+    """Return what a header says of a camera, by keyword: gain, noise, bias, full well, temperature and clock voltage.
+
+    Parameters
+    ----------
+    detector : Detector or InfraredDetector
+    em_gain : float
+        Gain of the register, 1 without one.
+    """
+    values: dict[str, Any] = {"GAIN": detector.gain_e_adu, "RDNOISE": detector.read_noise_e}
+    values |= {"BIASLEV": bias_level_adu(detector), "FULLWELL": detector.full_well_e}
+    if isinstance(detector, Detector):
+        voltage = float(em_voltage_of(em_gain, detector.temperature_k).voltage_v)
+        values |= {"CCDTEMP": detector.temperature_k, "EMVOLT": voltage}
+    return values
 
 
 def _shift(temperature: FloatArray) -> FloatArray:
@@ -134,18 +150,10 @@ def _checked_temperature(temperature_k: npt.ArrayLike) -> FloatArray:
     return checked_array("temperature_k", temperature_k, low=low, high=high, unit="K")
 
 
-def _setting(
-    gain: FloatArray, voltage: FloatArray, temperature: FloatArray, *, clipped: BoolArray | np.bool_
-) -> GainSetting:
-    gain, voltage, temperature, clipped = np.broadcast_arrays(gain, voltage, temperature, clipped)
-    return GainSetting(
-        em_gain=gain.astype(np.float64),
-        voltage_v=voltage.astype(np.float64),
-        temperature_k=temperature.astype(np.float64),
-        clipped=clipped.astype(np.bool_),
-        beyond_temperature=_outside(temperature, FITTED_TEMPERATURE_K),
-        beyond_gain=_outside(gain, FITTED_GAIN),
-    )
+def _setting(gain: FloatArray, voltage: FloatArray, temperature: FloatArray, clipped: Any) -> GainSetting:
+    gain, voltage, temperature, clipped = map(np.array, np.broadcast_arrays(gain, voltage, temperature, clipped))
+    beyond = _outside(temperature, FITTED_TEMPERATURE_K), _outside(gain, FITTED_GAIN)
+    return GainSetting(gain, voltage, temperature, clipped, *beyond)
 
 
 def _outside(values: FloatArray, limits: tuple[float, float]) -> BoolArray:

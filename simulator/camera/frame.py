@@ -10,7 +10,7 @@ from enum import IntFlag
 import numpy as np
 import numpy.typing as npt
 
-from cpic_core import FloatArray, InputError, element_name
+from cpic_core import BoolArray, FloatArray, InputError, element_name
 
 NEGATIVE_TOLERANCE = 1e-9
 # More light than this counts as this: that of any exposure and any sum of it stays finite.
@@ -27,19 +27,14 @@ def checked_rates(rate_map_e_s: npt.ArrayLike) -> tuple[FloatArray, int]:
         largest, naming the pixel.
     """
     allowed = f"finite and at least 0 (rounding errors to -{NEGATIVE_TOLERANCE:g} of the largest count as 0)"
+    key, unit = "rate_map_e_s", "e-/s"
     try:
         rates = np.asarray(rate_map_e_s)
     except ValueError:
-        raise InputError(
-            "rate_map_e_s", type(rate_map_e_s).__name__, unit="e-/s", allowed="a 2-D (y, x) array"
-        ) from None
+        raise InputError(key, type(rate_map_e_s).__name__, unit=unit, allowed="a 2-D (y, x) array") from None
     if rates.dtype.kind not in "iuf" or rates.ndim != 2 or rates.size == 0:
-        raise InputError(
-            "rate_map_e_s",
-            f"{rates.dtype} array of shape {rates.shape}",
-            unit="e-/s",
-            allowed="a non-empty 2-D (y, x) array of numbers",
-        )
+        given = f"{rates.dtype} array of shape {rates.shape}"
+        raise InputError(key, given, unit=unit, allowed="a non-empty 2-D (y, x) array of numbers")
     rates = rates.astype(np.float64, copy=False)
     lowest, highest = float(rates.min()), float(rates.max())
     if lowest >= 0.0 and highest <= MOST_E_S:
@@ -47,8 +42,8 @@ def checked_rates(rate_map_e_s: npt.ArrayLike) -> tuple[FloatArray, int]:
     finite = np.isfinite(rates)
     bad = ~finite if not finite.all() else rates < -NEGATIVE_TOLERANCE * max(highest, 0.0)
     if bad.any():
-        name, index = element_name("rate_map_e_s", bad)
-        raise InputError(name, float(rates[index]), unit="e-/s", allowed=allowed)
+        name, index = element_name(key, bad)
+        raise InputError(name, float(rates[index]), unit=unit, allowed=allowed)
     return np.clip(rates, 0.0, MOST_E_S), int(np.count_nonzero(rates < 0.0))
 
 
@@ -99,7 +94,6 @@ class Frame:
     n_negative_rates: int = 0
 
     @property
-    def lost(self) -> npt.NDArray[np.bool_]:
+    def lost(self) -> BoolArray:
         """Pixels whose number says nothing about their light: a limit cut them off."""
-        result: npt.NDArray[np.bool_] = (self.mask & MaskBit.SATURATED) != 0
-        return result
+        return np.asarray((self.mask & MaskBit.SATURATED) != 0)

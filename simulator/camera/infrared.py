@@ -17,24 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cpic_core import BoolArray, FloatArray, InputError, PathPart, checked_scalar
+from simulator import detectors
 from simulator.camera.camera import MAX_EXPOSURE_S, MAX_MEAN_E, Camera, begun, corner_of, flaws_of, means, run
 from simulator.camera.frame import Frame, MaskBit, checked_rates
 from simulator.config import CosmicRayConfig, InfraredDetector, ReadoutMode
-from simulator.detectors import (
-    ARRIVAL,
-    HITS,
-    Coupling,
-    Exposure,
-    Hits,
-    InterpixelCapacitance,
-    LateCharge,
-    PastExposure,
-    Persistence,
-    Place,
-    Work,
-    checked_hits,
-    tracks_of,
-)
 
 
 def read_times(mode: ReadoutMode, n_reads: int) -> FloatArray:
@@ -130,7 +116,7 @@ class _GivenHits(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class InfraredExposure(Exposure):
+class InfraredExposure(detectors.Exposure):
     """The noise-free part of a frame: made once, exposed many times.
 
     Attributes
@@ -178,16 +164,15 @@ class InfraredCamera(Camera):
         *,
         cosmic_rays: CosmicRayConfig | None = None,
         cosmic_ray_rate_per_s_cm2: float = 0.0,
-        persistence: LateCharge | None = None,
-        coupling: Coupling | None = None,
+        persistence: detectors.LateCharge | None = None,
+        coupling: detectors.Coupling | None = None,
     ) -> None:
         rate = checked_scalar("cosmic_ray_rate_per_s_cm2", cosmic_ray_rate_per_s_cm2, low=0.0, high=1e12)
-        own = {"persistence": persistence, "interpixel_capacitance": coupling}
-        for key, given in own.items():
+        for key, given in (("persistence", persistence), ("interpixel_capacitance", coupling)):
             if given is not None and not getattr(detector.switches, key):
                 raise InputError(f"near_infrared.detector.switches.{key}", False, allowed="true with a plug-in for it")
-        instead = {"persistence": Persistence(persistence), "interpixel_capacitance": InterpixelCapacitance(coupling)}
-        chain = tuple(instead.get(effect.switch, effect) for effect in detector.chain)
+        instead = detectors.Persistence(persistence), detectors.InterpixelCapacitance(coupling)
+        chain = tuple(next((own for own in instead if own.switch == one.switch), one) for one in detector.chain)
         super().__init__(detector, cosmic_rays=cosmic_rays, cosmic_ray_rate_per_s_cm2=rate, chain=chain)
         self.detector = detector
 
@@ -228,21 +213,12 @@ class InfraredCamera(Camera):
             dark = np.full(rates.shape, detector.dark_e_s if switches.dark else 0.0)
             mask = np.zeros(rates.shape, dtype=np.uint8)
         light_e, dark_e = np.minimum(light * time, MAX_MEAN_E), np.minimum(dark * time, MAX_MEAN_E)
-        whole = slice(0, rates.shape[0]), slice(0, rates.shape[1])
-        exposure = InfraredExposure(
-            detector,
-            Place(*whole, *(corner or (0, 0)), corner is None),
-            time,
-            1.0,
-            light_e + dark_e,
-            flaws=mask,
-            n_negative_rates=n_negative,
-            tracks=self._tracks(detector, time) if time > 0 else None,
-            light_e=light_e,
-            dark_e=dark_e,
-            expected_adu=light_e,
-            n_reads=detector.reads_of(time),
-        )
+        rows, columns = rates.shape
+        place = detectors.Place(slice(0, rows), slice(0, columns), *(corner or (0, 0)), corner is None)
+        more: dict[str, Any] = {"light_e": light_e, "dark_e": dark_e, "expected_adu": light_e, "flaws": mask}
+        more |= {"n_negative_rates": n_negative, "tracks": self._tracks(detector, time) if time > 0 else None}
+        more["n_reads"] = detector.reads_of(time)
+        exposure = InfraredExposure(detector, place, time, 1.0, light_e + dark_e, **more)
         stack, collected = self._stack(rates.shape), means(self.charge, exposure.mean_e.copy(), exposure)
         for fraction in read_times(detector.readout_mode, exposure.n_reads):
             charge = fraction * collected
@@ -260,8 +236,8 @@ class InfraredCamera(Camera):
         *,
         seed: int,
         path: Sequence[PathPart],
-        cosmic_rays: Hits | None = None,
-        past: Sequence[PastExposure] = (),
+        cosmic_rays: detectors.Hits | None = None,
+        past: Sequence[detectors.PastExposure] = (),
     ) -> Frame:
         """One noisy frame.
 
@@ -294,8 +270,8 @@ class InfraredCamera(Camera):
         detector = self.detector
         work = begun(exposure, seed, path, past)
         if cosmic_rays is not None:
-            hits = checked_hits(cosmic_rays, work.image.shape)
-            given = _GivenHits(hits, tracks_of(hits > 0)[1])
+            hits = detectors.checked_hits(cosmic_rays, work.image.shape)
+            given = _GivenHits(hits, detectors.tracks_of(hits > 0)[1])
             exposure = dataclasses.replace(exposure, tracks=lambda shape, rng: given)
         run(self.charge, work, exposure)
         collected, stack = work.image, self._stack(work.image.shape)
@@ -310,18 +286,13 @@ class InfraredCamera(Camera):
         mask = exposure.flaws | np.where(lost, np.uint8(MaskBit.SATURATED), np.uint8(0))
         if work.cosmic is not None:
             mask[work.cosmic] |= np.uint8(MaskBit.COSMIC_RAY)
-            collected = collected + work.held[HITS]
+            collected = collected + work.held[detectors.HITS]
         work.book("lost_full_well", np.maximum(collected - detector.full_well_e, 0.0).sum())
         work.book("stored", np.minimum(collected, detector.full_well_e).sum())
-        return Frame(
-            adu=np.rint(adu).astype(np.uint16),
-            mask=mask,
-            charge=work.charge,
-            n_clipped=int(np.count_nonzero(clipped)),
-            n_saturated_pixels=int(np.count_nonzero(work.saturated)),
-            n_cosmic_rays=work.counts.get("n_cosmic_rays", 0),
-            n_negative_rates=exposure.n_negative_rates,
-        )
+        work.counts["n_negative_rates"] = exposure.n_negative_rates
+        work.counts["n_saturated_pixels"] = int(np.count_nonzero(work.saturated))
+        whole, n_clipped = np.rint(adu).astype(np.uint16), int(np.count_nonzero(clipped))
+        return Frame(whole, mask, work.charge, n_clipped, **work.counts)
 
     def to_electrons(self, adu: npt.ArrayLike) -> FloatArray:
         """Electrons collected, as far as ADU tell: ``(adu - bias) gain_e_adu``, dark current included."""
@@ -334,11 +305,11 @@ class InfraredCamera(Camera):
         return signal_e / self.detector.gain_e_adu + self.detector.bias_adu
 
     @staticmethod
-    def _struck(work: Work, fraction: float) -> FloatArray | float:
+    def _struck(work: detectors.Work, fraction: float) -> FloatArray | float:
         """Charge of particles at a read."""
-        if HITS not in work.held or fraction == 0.0:
+        if detectors.HITS not in work.held or fraction == 0.0:
             return 0.0
-        hits, arrival = work.held[HITS], work.held.get(ARRIVAL)
+        hits, arrival = work.held[detectors.HITS], work.held.get(detectors.ARRIVAL)
         return hits if arrival is None else np.where(arrival <= fraction, hits, 0.0)
 
     def _collect(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cpic_core import checked_array, checked_scalar
+from cpic_core import FloatArray, checked_array, checked_scalar
 from simulator.config import AnyDetector, CosmicRayConfig, Detector, Instrument
 from simulator.detectors import MOST, FrameTerm, added_variance, excess_noise_factor2, frame_variance_e2
 from simulator.effects import TemplateSet, cosmic_ray_rate, generated_projection_um, read_templates
@@ -94,20 +94,17 @@ class FrameNoise:
         """Mean electrons of a pixel without light."""
         return self.dark_e + self.clock_e + self.rest_e
 
-    def variance_e2(self, light_e: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def variance_e2(self, light_e: npt.ArrayLike) -> FloatArray:
         """Return the variance of pixels that light leaves so many electrons in."""
-        return self.charge_variance_e2(
-            (np.asarray(light_e, dtype=np.float64) + self.dark_e) * self.photons + self.clock_e + self.rest_e
-        )
+        counted_e = (np.asarray(light_e, dtype=np.float64) + self.dark_e) * self.photons
+        return self.charge_variance_e2(counted_e + self.clock_e + self.rest_e)
 
-    def charge_variance_e2(self, charge_e: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def charge_variance_e2(self, charge_e: npt.ArrayLike) -> FloatArray:
         """Return the variance of pixels that hold so many electrons on average, with dark and clock-induced ones."""
         return np.asarray(frame_variance_e2(np.asarray(charge_e, float), self.factor2, self.gaussian_e2, 1.0))
 
 
-def register_factor2(
-    detector: AnyDetector, em_gain: npt.ArrayLike, exposure_s: float | None = None
-) -> npt.NDArray[np.float64]:
+def register_factor2(detector: AnyDetector, em_gain: npt.ArrayLike, exposure_s: float | None = None) -> FloatArray:
     """Return the variance over the mean of the electrons that a camera counts.
 
     Parameters
@@ -131,7 +128,7 @@ def register_factor2(
 
 def pixel_variance_e2(
     photon_e: npt.ArrayLike, cic_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector
-) -> npt.NDArray[np.float64]:
+) -> FloatArray:
     """Return the variance of one pixel of one frame, referred to the register input.
 
     Parameters

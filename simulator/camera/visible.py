@@ -59,11 +59,10 @@ def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
         the limit that frames can reach, or ``invalid`` where an effect that is no sum is switched on.
     """
     detector, structure = exposure.detector, exposure.detector.bias_structure
-    for effect in camera.charge:
-        if effect.in_sums == "not_additive":
-            return Outcome.refuse(
-                Status.INVALID, Reason.NOT_ADDITIVE, f"{effect.switch} does not add up over frames: switch it off"
-            )
+    alone = next((effect.switch for effect in camera.charge if effect.in_sums == "not_additive"), None)
+    if alone:
+        message = f"{alone} does not add up over frames: switch it off"
+        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, message)
     cic = exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e
     rest = FrameNoise.of(detector, 1.0, exposure.exposure_s)
     peak = float((exposure.mean_e + cic).max()) + rest.rest_e
@@ -119,12 +118,9 @@ def stack_electrons(
     """
     if isinstance(n_frames, bool) or not isinstance(n_frames, int | np.integer) or not 1 <= n_frames <= MAX_FRAMES:
         raise InputError("n_frames", n_frames, allowed=f"an integer from 1 to {MAX_FRAMES}")
-    answer = stackable(camera, exposure)
+    n, detector, time, answer = int(n_frames), exposure.detector, exposure.exposure_s, stackable(camera, exposure)
     if answer.status is not Status.OK:
-        raise InputError(
-            "exposure_s", exposure.exposure_s, unit="s", allowed="frames that add up to one draw", hint=answer.message
-        )
-    n, detector = int(n_frames), exposure.detector
+        raise InputError("exposure_s", time, unit="s", allowed="frames that add up to one draw", hint=answer.message)
     whole = scaled(exposure, n)
     work = begun(whole, seed, path)
     for effects in (camera.charge, camera.voltage):
@@ -174,17 +170,15 @@ class VisibleCamera(Camera):
             For a rate that is NaN, infinite or more negative than 1e-9 of the largest (naming the pixel), another
             argument out of range, or a window outside the active pixels where the flaws of pixels are switched on.
         """
-        detector = self.detector
+        detector, switches, smear = self.detector, self.detector.switches, None
         rates, n_negative = checked_rates(rate_map_e_s)
-        checked_scalar("exposure_s", exposure_s, low=0.0, high=MAX_EXPOSURE_S, unit="s")
-        checked_scalar("em_gain", em_gain, low=1.0, high=detector.em_gain_max)
+        time = checked_scalar("exposure_s", exposure_s, low=0.0, high=MAX_EXPOSURE_S, unit="s")
+        gain = checked_scalar("em_gain", em_gain, low=1.0, high=detector.em_gain_max)
         corner = corner_of(detector, rates.shape, first_pixel)
-        place = _place(detector, rates.shape, corner)
-        flaws = flaws_of(detector, rates.shape, corner)
+        place, flaws = _place(detector, rates.shape, corner), flaws_of(detector, rates.shape, corner)
         light = self._light(rates, flaws, place)
-        mean = light * exposure_s
-        switches, smear = detector.switches, None
-        if detector.line_shift_s and exposure_s > 0:
+        mean = light * time
+        if detector.line_shift_s and time > 0:
             beyond = 0.0 if beyond_e_s is None else _beyond(beyond_e_s, place, rates.shape)
             smear = Smear.smear_e(light, place.rows, detector.line_shift_s, beyond)
             mean += smear
@@ -192,22 +186,14 @@ class VisibleCamera(Camera):
             # Without flaws of the dark current `dark_of` is the same number everywhere.
             dark = detector.dark_rate_e_s if flaws is None else flaws.dark_of(switches)
             pixels = mean[place.rows, place.columns]
-            pixels += (dark[place.rows, place.columns] if isinstance(dark, np.ndarray) else dark) * exposure_s
+            pixels += (dark[place.rows, place.columns] if isinstance(dark, np.ndarray) else dark) * time
         np.minimum(mean, MAX_MEAN_E, out=mean)
-        return Exposure(
-            detector=detector,
-            place=place,
-            exposure_s=float(exposure_s),
-            em_gain=float(em_gain),
-            mean_e=mean,
-            cic_e=flaws.cic_e if flaws is not None and flaws.cic_varies else None,
-            stripe_adu=flaws.stripe_adu if flaws is not None else None,
-            bias_adu=flaws.bias_adu if flaws is not None else None,
-            flaws=flaws.mask_of(switches) if flaws is not None else None,
-            smear_e=smear,
-            n_negative_rates=n_negative,
-            tracks=self._tracks(detector, float(exposure_s)),
-        )
+        tracks = self._tracks(detector, time)
+        more: dict[str, Any] = {"smear_e": smear, "n_negative_rates": n_negative, "tracks": tracks}
+        if flaws is not None:
+            more |= {"stripe_adu": flaws.stripe_adu, "bias_adu": flaws.bias_adu, "flaws": flaws.mask_of(switches)}
+            more["cic_e"] = flaws.cic_e if flaws.cic_varies else None
+        return Exposure(detector, place, time, gain, mean, **more)
 
     def _light(self, rates: FloatArray, flaws: CalibrationSet | None, place: Place) -> FloatArray:
         """Rates as the pixels respond to them; borders see no light."""
@@ -250,21 +236,11 @@ class VisibleCamera(Camera):
         work.image *= 1.0 / detector.gain_e_adu
         work.image += detector.bias_adu if exposure.bias_adu is None else exposure.bias_adu
         run(self.voltage, work, exposure)
-        kernels = load_kernels(LIMIT_KERNELS)
-        adu = np.empty(work.image.shape, dtype=np.uint16)
-        clipped = kernels.digitise(
-            work.image.reshape(-1), float(detector.adc_max_adu), adu.reshape(-1), work.saturated.reshape(-1)
-        )
-        return Frame(
-            adu=adu,
-            mask=_mask(work, exposure),
-            charge=dict(work.charge),
-            n_clipped=int(clipped),
-            n_saturated_pixels=work.counts.get("n_saturated_pixels", 0),
-            n_register_saturated=work.counts.get("n_register_saturated", 0),
-            n_cosmic_rays=work.counts.get("n_cosmic_rays", 0),
-            n_negative_rates=exposure.n_negative_rates,
-        )
+        adu, level, cut_off = np.empty(work.image.shape, np.uint16), work.image.reshape(-1), work.saturated.reshape(-1)
+        digitise = load_kernels(LIMIT_KERNELS).digitise
+        n_clipped = int(digitise(level, float(detector.adc_max_adu), adu.reshape(-1), cut_off))
+        work.counts["n_negative_rates"] = exposure.n_negative_rates
+        return Frame(adu, _mask(work, exposure), dict(work.charge), n_clipped, **work.counts)
 
 
 def _mask(work: Work, exposure: Exposure) -> npt.NDArray[np.uint8]:

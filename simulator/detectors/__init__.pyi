@@ -28,7 +28,9 @@ from simulator.detectors.effect import (
     Exposure as Exposure,
     Place as Place,
     Setting as Setting,
+    Sizes as Sizes,
     Work as Work,
+    sizes as sizes,
 )
 from simulator.detectors.gain import (
     GAIN_LIMIT as GAIN_LIMIT,

@@ -2,7 +2,7 @@
 
 The effects of both cameras in their order, and what the program derives from them.
 
-A new effect is one line here, at its place in the chain.
+A new effect is one entry here, at its place in the chain.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, create_model
 
-from cpic_core import checked_array
+from cpic_core import FloatArray, checked_array
 from simulator.config import FrozenModel
 from simulator.detectors.collection import Blooming, CosmicRayHits, InfraredPhotonNoise, PhotonNoise, PixelNonlinearity
-from simulator.detectors.effect import Effect, Setting, Work, counted, sizes
+from simulator.detectors.effect import Effect, Setting, Sizes, Work, counted, sizes
 from simulator.detectors.infrared import (
     InfraredHits,
     InfraredReadNoise,
@@ -32,7 +32,6 @@ from simulator.detectors.transfer import ClockCharge, ParallelTransfer, SerialTr
 from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
-    from simulator.detectors.effect import Sizes
     from simulator.ledger import CameraCase
 
 
@@ -84,8 +83,7 @@ class _Flaw(Effect):
     """
 
     law = "from the calibration set"
-    in_sums = "left_out"
-    seeded = True
+    in_sums, seeded = "left_out", True
     set_up_s = 2e-4
 
     def size(self, case: CameraCase) -> Sizes:
@@ -93,44 +91,31 @@ class _Flaw(Effect):
         if case.reduced:
             return sizes(0.0)
         flaw, t = case.flaws[self.switch], case.exposure_s
-        outside = case.light_e[case.sketch.total_e_s.size :]
+        outside = case.light_e[case.light.total_e_s.size :]
         counts = case.n_frames * case.noise.factor2
-        change = flaw.response * (case.sketch.total_e_s * t) + flaw.dark_e_s * t
+        change = flaw.response * (case.light.total_e_s * t) + flaw.dark_e_s * t
         beyond = flaw.most_response * outside + flaw.most_dark_e_s * t
-        parts = [
-            (
-                float((weight * flaw.response[place]).sum()),
-                float((planet.weights**2 * flaw.dark_e_s[planet.place]).sum()),
-            )
-            for (place, weight), planet in zip(case.cores, case.sketch.planets, strict=True)
-        ]
-        flux = _CORE_MARGIN * max((part[0] for part in parts), default=0.0)
-        added = case.snr_added([counts * part[1] * t for part in parts])
+        lost = [float((weight * flaw.response[place]).sum()) for place, weight in case.cores]
+        dark_e_s = [float((planet.weights**2 * flaw.dark_e_s[planet.place]).sum()) for planet in case.light.planets]
+        flux = _CORE_MARGIN * max(lost, default=0.0)
+        added = case.snr_added([counts * rate_e_s * t for rate_e_s in dark_e_s])
         return sizes(case.mean_change(np.concatenate([change.ravel(), beyond])), flux, flux + added)
 
 
 class Flat(_Flaw):
     """Scatter of the response from pixel to pixel."""
 
-    switch = "flat"
-    label = "flat field"
-    law = "response of every pixel"
-    needs = "light"
-    number = "flaws.prnu_rms"
-    map_kind = "flat"
+    switch, label, law = "flat", "flat field", "response of every pixel"
+    needs, number, map_kind = "light", "flaws.prnu_rms", "flat"
 
 
 class Dark(Effect):
     """Dark current: electrons with Poisson noise that come with time."""
 
-    switch = "dark"
-    label = "dark current"
-    law = "plateau and law of temperature"
-    needs = "exposure"
-    map_kind = "dark"
+    switch, label, law = "dark", "dark current", "plateau and law of temperature"
+    needs, map_kind = "exposure", "dark"
+    set_up_s, colour = 5e-5, "#9A8700"
     hides = ("dark_structure", "bad_pixels", "bad_columns")
-    set_up_s = 5e-5
-    colour = "#9A8700"
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the dark current as a rate."""
@@ -145,8 +130,7 @@ class InfraredDark(Dark):
     """Dark current of the near-infrared camera, with a random stream of its own."""
 
     law = "constant"
-    stage = "charge"
-    always = True
+    stage, always = "charge", True
 
     def draw(self, work: Work, exposure: Any, rng: np.random.Generator) -> None:
         """Add the counts."""
@@ -158,12 +142,8 @@ class InfraredDark(Dark):
 class DarkStructure(_Flaw):
     """Scatter of the dark current from pixel to pixel."""
 
-    switch = "dark_structure"
-    label = "structure of the dark current"
-    law = "every pixel its own"
-    needs = "exposure"
-    number = "flaws.dsnu_rms"
-    map_kind = "dark"
+    switch, label, law = "dark_structure", "structure of the dark current", "every pixel its own"
+    needs, number, map_kind = "exposure", "flaws.dsnu_rms", "dark"
 
     def why_not(self, setting: Setting) -> str:
         """Return why it does not exist; empty if it does."""
@@ -174,22 +154,19 @@ class DarkStructure(_Flaw):
 class BadPixels(_Flaw):
     """Hot and dead pixels."""
 
-    switch = "bad_pixels"
-    label = "hot and dead pixels"
+    switch, label = "bad_pixels", "hot and dead pixels"
     set_up_s = 1e-4
 
 
 class BadColumns(_Flaw):
     """Columns that see no light and collect more than the dark current."""
 
-    switch = "bad_columns"
-    label = "bad columns"
-    number = "flaws.bad_columns"
-    map_kind = "bad_columns"
+    switch, label = "bad_columns", "bad columns"
+    number, map_kind = "flaws.bad_columns", "bad_columns"
     set_up_s = 1e-4
 
 
-def dark_law_e_s(temperature_k: npt.ArrayLike, dark_293k_e_s: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def dark_law_e_s(temperature_k: npt.ArrayLike, dark_293k_e_s: npt.ArrayLike) -> FloatArray:
     """Return the thermal dark current of a pixel in inverted mode.
 
     Parameters
@@ -219,42 +196,14 @@ def dark_law_e_s(temperature_k: npt.ArrayLike, dark_293k_e_s: npt.ArrayLike) -> 
 Chain = tuple[Effect, ...]
 
 VISIBLE: Chain = (
-    PhotonNoise(),
-    Flat(),
-    Dark(),
-    DarkStructure(),
-    BadPixels(),
-    BadColumns(),
-    Smear(),
-    CosmicRayHits(),
-    PixelNonlinearity(),
-    Blooming(),
-    ParallelTransfer(),
-    ClockCharge(),
-    SerialTransfer(),
-    Register(),
-    RegisterClockCharge(),
-    RegisterFullWell(),
-    OutputNonlinearity(),
-    ReadNoise(),
-    Stripes(),
-    Interference(),
-    BiasDrift(),
-    Quantisation(),
+    *(PhotonNoise(), Flat(), Dark(), DarkStructure(), BadPixels(), BadColumns(), Smear(), CosmicRayHits()),
+    *(PixelNonlinearity(), Blooming(), ParallelTransfer(), ClockCharge(), SerialTransfer()),
+    *(Register(), RegisterClockCharge(), RegisterFullWell(), OutputNonlinearity()),
+    *(ReadNoise(), Stripes(), Interference(), BiasDrift(), Quantisation()),
 )
 INFRARED: Chain = (
-    InfraredPhotonNoise(),
-    Flat(),
-    InfraredDark(),
-    DarkStructure(),
-    BadPixels(),
-    InfraredHits(),
-    Persistence(),
-    PixelCurve(),
-    InterpixelCapacitance(),
-    ResetNoise(),
-    InfraredReadNoise(),
-    Quantisation(),
+    *(InfraredPhotonNoise(), Flat(), InfraredDark(), DarkStructure(), BadPixels(), InfraredHits(), Persistence()),
+    *(PixelCurve(), InterpixelCapacitance(), ResetNoise(), InfraredReadNoise(), Quantisation()),
 )
 
 

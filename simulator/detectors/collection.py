@@ -10,17 +10,7 @@ from pydantic import Field
 
 from cpic_core import FloatArray, load_kernels
 from simulator.config import FrozenModel
-from simulator.detectors.effect import (
-    KERNELS,
-    LIMIT_KERNELS,
-    Effect,
-    Exposure,
-    Setting,
-    Work,
-    counted,
-    made_whole,
-    sizes,
-)
+from simulator.detectors.effect import KERNELS, LIMIT_KERNELS, Effect, Exposure, Setting, Work, counted, rounded, sizes
 from simulator.detectors.gain import pixel_keys
 
 if TYPE_CHECKING:
@@ -44,31 +34,23 @@ class Nonlinearity(FrozenModel):
 class PhotonNoise(Effect):
     """Poisson counts of the collected electrons."""
 
-    switch = "photon_noise"
-    label = "photon noise"
-    law = "Poisson"
-    stage = "charge"
-    in_sums = "per_electron"
-    always = True
+    switch, label, law = "photon_noise", "photon noise", "Poisson"
+    stage, in_sums, always = "charge", "per_electron", True
     needs = "exposure"
     frame_s = 4e-4
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Draw the counts; with the switch off, collect the mean."""
         if self.on(exposure.detector):
-            kernels = load_kernels(KERNELS)
-            kernels.draw_poisson(
-                exposure.mean_e.reshape(-1), exposure.zero.reshape(-1), pixel_keys(rng), work.image.reshape(-1)
-            )
+            mean, zero = exposure.mean_e.reshape(-1), exposure.zero.reshape(-1)
+            load_kernels(KERNELS).draw_poisson(mean, zero, pixel_keys(rng), work.image.reshape(-1))
         else:
             work.image[...] = exposure.mean_e
         work.charge["collected"] = float(work.image.sum())
 
     def size(self, case: CameraCase) -> Sizes:
         """Return the share of counts in the variance."""
-        noise = case.noise
-        whole = (case.light_e + noise.dark_e) * noise.photons
-        return sizes(case.variance_change(noise.factor2 * whole), snr=case.snr_share(*COUNTED))
+        return sizes(case.variance_change(case.noise.factor2 * case.counted_e), snr=case.snr_share(*COUNTED))
 
 
 class InfraredPhotonNoise(PhotonNoise):
@@ -83,12 +65,9 @@ class InfraredPhotonNoise(PhotonNoise):
 class CosmicRayHits(Effect):
     """Charge that particles leave in the pixels."""
 
-    switch = "cosmic_rays"
-    label = "cosmic rays"
-    law = "tracks at the rate of the date"
-    stage = "charge"
+    switch, label, law = "cosmic_rays", "cosmic rays", "tracks at the rate of the date"
+    stage, in_sums = "charge", "not_additive"
     needs = "exposure"
-    in_sums = "not_additive"
     frame_s = 6e-4
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
@@ -107,18 +86,14 @@ class CosmicRayHits(Effect):
 
     def row(self, setting: Setting) -> tuple[str, str]:
         """Return how it is modelled, and why it does not exist; empty if it does."""
-        why_not = self.why_not(setting)
-        if why_not:
-            return self.law, why_not
-        rate = setting.particles_per_s_cm2
-        return f"{self.law}, {rate:.3g} /s/cm2" if setting.dated else self.law, "" if rate > 0 else "their rate is zero"
+        rate, why_not = setting.particles_per_s_cm2, self.why_not(setting)
+        law = f"{self.law}, {rate:.3g} /s/cm2" if setting.dated and not why_not else self.law
+        return law, why_not or ("" if rate > 0 else "their rate is zero")
 
     def size(self, case: CameraCase) -> Sizes:
         """Return the size of the charge in a pixel, and of the frames that an aperture loses."""
         t = case.exposure_s
-        hits = case.hits_per_s * t * case.hits.square_e2
-        charge = case.hits_per_s * t * case.hits.mean_e
-        pixel = case.variance_change(case.noise.factor2 * hits, inside=False) + case.mean_change(charge)
+        pixel = case.struck() + case.mean_change(case.hits_per_s * t * case.hits.mean_e)
         return sizes(0.0 if case.reduced else pixel, snr=1.0 - math.exp(-0.5 * case.lost_per_s * t))
 
 
@@ -130,11 +105,8 @@ class PixelNonlinearity(Effect):
     follows the curve.
     """
 
-    switch = "nonlinearity"
-    label = "non-linearity"
-    law = "pixels and output of the register"
-    stage = "charge"
-    in_sums = "not_additive"
+    switch, label, law = "nonlinearity", "non-linearity", "pixels and output of the register"
+    stage, in_sums = "charge", "not_additive"
     frame_s = 1e-4
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
@@ -151,7 +123,7 @@ class PixelNonlinearity(Effect):
         if b == 0.0:
             return
         before = float(work.image.sum())
-        made_whole(work, exposure, rng)
+        rounded(work, exposure, rng)
         load_kernels(KERNELS).compress_counts(work.image.reshape(-1), b, exposure.detector.full_well_e, pixel_keys(rng))
         work.book("nonlinearity", float(work.image.sum()) - before)
 
@@ -163,25 +135,21 @@ class PixelNonlinearity(Effect):
         b = pixel_curve(detector) + case.em_gain * output_curve(detector)
         charge = np.minimum(case.light_e + noise.dark_e + noise.clock_e, detector.full_well_e)
         lost = b * charge**2 / (1.0 + b * charge)
-        struck = case.variance_change(noise.factor2 * case.hits_per_s * t * case.hits.square_e2, inside=False)
         spread = 2.0 * b * noise.factor2 * charge**2 / case.sigma_e**2
 
         def slope(planet: PlanetPlace) -> float:
-            behind = max(case.behind_e_s(planet), float(case.sketch.star_e_s[planet.place].max(initial=0.0)))
+            behind = max(case.behind_e_s(planet), float(case.light.star_e_s[planet.place].max(initial=0.0)))
             return b * t * (2.0 * behind + planet.peak_e_s)
 
-        pixel = float(np.max(lost / case.sigma_e + spread, initial=0.0)) + 2.0 * struck * b * case.hits.typical_e
+        pixel = float(np.max(lost / case.sigma_e + spread, initial=0.0)) + 2.0 * case.struck() * b * case.hits.typical_e
         return sizes(pixel, case.over_planets(slope))
 
 
 class Blooming(Effect):
     """Pixel full well: the excess spills along the column, half each way; column ends drain what arrives there."""
 
-    switch = "blooming"
-    label = "pixel full well"
-    law = "the excess blooms along the column"
-    stage = "charge"
-    in_sums = "per_electron"
+    switch, label, law = "blooming", "pixel full well", "the excess blooms along the column"
+    stage, in_sums = "charge", "per_electron"
     frame_s = 5e-5
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
@@ -201,9 +169,8 @@ class Blooming(Effect):
     @staticmethod
     def _spill(image: FloatArray, spilled: np.ndarray, exposure: Exposure) -> tuple[float, float]:
         part = exposure.place.rows, exposure.place.columns
-        bottom, top = load_kernels(LIMIT_KERNELS).vertical_spill(
-            image[part], float(math.floor(exposure.detector.full_well_e)), spilled[part]
-        )
+        well = float(math.floor(exposure.detector.full_well_e))
+        bottom, top = load_kernels(LIMIT_KERNELS).vertical_spill(image[part], well, spilled[part])
         return bottom, top
 
     def size(self, case: CameraCase) -> Sizes:

@@ -1,6 +1,6 @@
 """What an effect of a detector is: all that the program knows about it stands in one class.
 
-A new effect is a subclass of `Effect` in a file of its own and one line in `simulator.detectors.chains`. From there it
+A new effect is a subclass of `Effect` in a file of its own and one entry in `simulator.detectors.chains`. From there it
 has its switch and its numbers in the configuration of the camera, is drawn in frames, is part of the expected image,
 adds its variance to the noise of the exposure-time calculator and of the effect ledger, and has its words in both.
 
@@ -10,10 +10,11 @@ Whole electrons: Poisson counts of means, drawn by the kernels.
 from __future__ import annotations
 
 import functools
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +28,7 @@ if TYPE_CHECKING:
     from simulator.knobs import Quantity
     from simulator.ledger import CameraCase
 
-    Sizes = dict[Quantity, float]
-
+Sizes: TypeAlias = "dict[Quantity, float]"
 KERNELS = "simulator.detectors.kernels"
 LIMIT_KERNELS = "simulator.detectors.limit_kernels"
 
@@ -295,10 +295,7 @@ class Effect:
             return "no light on the detector"
         if not self.number or self.file_of(setting.detector):
             return ""
-        size = setting.detector
-        for part in self.number.split("."):
-            size = getattr(size, part)
-        return f"{self.number} is 0" if size == 0 else ""
+        return f"{self.number} is 0" if operator.attrgetter(self.number)(setting.detector) == 0 else ""
 
     def file_of(self, detector: Any) -> str:
         """Return the name of the calibration map that it is read from; empty without one."""
@@ -315,13 +312,12 @@ def counted(mean_e: FloatArray, detector: Any, rng: np.random.Generator) -> Floa
     """Return Poisson counts of a mean image; the mean itself where photon noise is switched off."""
     if not detector.switches.photon_noise:
         return mean_e
-    counts = np.empty(mean_e.shape)
-    zero = np.exp(-mean_e)
-    load_kernels(KERNELS).draw_poisson(mean_e.reshape(-1), zero.reshape(-1), pixel_keys(rng), counts.reshape(-1))
+    counts, mean = np.empty(mean_e.shape), mean_e.reshape(-1)
+    load_kernels(KERNELS).draw_poisson(mean, np.exp(-mean), pixel_keys(rng), counts.reshape(-1))
     return counts
 
 
-def made_whole(work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
+def rounded(work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
     """Round mean charge to whole electrons, the mean kept: only they can be moved."""
     if not exposure.detector.switches.photon_noise:
         load_kernels(KERNELS).round_stochastic(work.image.reshape(-1), pixel_keys(rng))

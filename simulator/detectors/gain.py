@@ -13,12 +13,12 @@ give the same excess noise factor, written ``2 (g - 1) g^(-(N+1)/N) + 1/g``).
 
 import functools
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from cpic_core import FloatArray, InputError, checked_array, element_name, load_kernels
+from cpic_core import ComplexArray, FloatArray, InputError, IntArray, checked_array, element_name, load_kernels
 
 # Exponent of the probability left out at the upper end of a table, exp(-36) = 2e-16: half a step of a uniform number.
 _TAIL = 36.0
@@ -27,8 +27,7 @@ MAX_DIRECT = 64
 _GUIDE_SHARE = 4
 
 
-@dataclass(frozen=True, eq=False)
-class RegisterTable:
+class RegisterTable(NamedTuple):
     """Distribution functions of the output for 1 to ``n_direct`` electrons, one after the other.
 
     Attributes
@@ -47,19 +46,19 @@ class RegisterTable:
     """
 
     cdf: FloatArray
-    start: npt.NDArray[np.int64]
+    start: IntArray
     guide: npt.NDArray[np.int32]
-    guide_start: npt.NDArray[np.int64]
-    guide_size: npt.NDArray[np.int64]
+    guide_start: IntArray
+    guide_size: IntArray
     n_direct: int
 
 
-def generating_function(z: npt.NDArray[np.complex128], probability: float, stages: int) -> npt.NDArray[np.complex128]:
+def generating_function(z: ComplexArray, probability: float, stages: int) -> ComplexArray:
     """Mean of ``z`` to the power of the output of one electron, for ``|z|`` at most 1.
 
     Parameters
     ----------
-    z : npt.NDArray[np.complex128]
+    z : ComplexArray
     probability : float
         Chance that an electron frees another one in a stage, 0 to 1.
     stages : int
@@ -95,13 +94,8 @@ def output_cumulants(probability: float, stages: int) -> tuple[float, float, flo
     h4, h5 = p * q * (1.0 - 6.0 * p * q), p * q * (q - p) * (1.0 - 12.0 * p * q)
     k1, k2, k3, k4, k5 = 1.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(stages):
-        k5 = (
-            h1**5 * k5
-            + 10 * h1**3 * h2 * k4
-            + (10 * h1**2 * h3 + 15 * h1 * h2**2) * k3
-            + (5 * h1 * h4 + 10 * h2 * h3) * k2
-            + h5 * k1
-        )
+        third, second = 10 * h1**2 * h3 + 15 * h1 * h2**2, 5 * h1 * h4 + 10 * h2 * h3
+        k5 = h1**5 * k5 + 10 * h1**3 * h2 * k4 + third * k3 + second * k2 + h5 * k1
         k4 = h1**4 * k4 + 6 * h1**2 * h2 * k3 + (4 * h1 * h3 + 3 * h2**2) * k2 + h4 * k1
         k3 = h1**3 * k3 + 3 * h1 * h2 * k2 + h3 * k1
         k2 = h1**2 * k2 + h2 * k1
@@ -139,17 +133,12 @@ def register_table(gain: float, probability: float, stages: int) -> RegisterTabl
         steps = 1 << math.ceil(math.log2(function.size / _GUIDE_SHARE))
         functions.append(function)
         guides.append(np.searchsorted(function, np.arange(steps) / steps, side="right").astype(np.int32))
-    return RegisterTable(
-        cdf=np.concatenate(functions),
-        start=_starts(functions),
-        guide=np.concatenate(guides),
-        guide_start=_starts(guides),
-        guide_size=np.array([0, *(guide.size for guide in guides)], dtype=np.int64),
-        n_direct=n_direct,
-    )
+    guide_size = np.array([0, *(guide.size for guide in guides)], dtype=np.int64)
+    laws, hints = (np.concatenate(functions), _starts(functions)), (np.concatenate(guides), _starts(guides))
+    return RegisterTable(*laws, *hints, guide_size=guide_size, n_direct=n_direct)
 
 
-def _starts(parts: list[npt.NDArray[np.float64]] | list[npt.NDArray[np.int32]]) -> npt.NDArray[np.int64]:
+def _starts(parts: list[FloatArray] | list[npt.NDArray[np.int32]]) -> IntArray:
     return np.cumsum([0, 0, *(part.size for part in parts[:-1])], dtype=np.int64)
 
 
@@ -158,7 +147,7 @@ def _entries(electrons: int, gain: float) -> int:
     return int(gain * (electrons + math.sqrt(2.0 * electrons * _TAIL) + _TAIL)) + 32
 
 
-def _transform(probability: float, stages: int, size: int) -> npt.NDArray[np.complex128]:
+def _transform(probability: float, stages: int, size: int) -> ComplexArray:
     return generating_function(np.exp(-2j * np.pi * np.fft.rfftfreq(size)), probability, stages)
 
 
@@ -242,9 +231,7 @@ def noise_factor2(gain: FloatArray, stages: int) -> FloatArray:
     return 1.0 + (gain - 1.0) / gain * (1.0 - p) / (1.0 + p)
 
 
-def multiply(
-    electrons: npt.ArrayLike, gain: float, *, rng: np.random.Generator, stages: int = 604
-) -> npt.NDArray[np.int64]:
+def multiply(electrons: npt.ArrayLike, gain: float, *, rng: np.random.Generator, stages: int = 604) -> IntArray:
     """Electrons after the multiplication register.
 
     Parameters
@@ -307,20 +294,8 @@ def amplify(charge: FloatArray, gain: float, stages: int, rng: np.random.Generat
         charge[filled] = counts
         return
     table = register_table(gain, p, stages)
-    kernels.multiply_charge(
-        charge,
-        gain,
-        np.array(output_cumulants(p, stages)),
-        added_shape(gain, p),
-        pixel_keys(rng),
-        table.cdf,
-        table.start,
-        table.guide,
-        table.guide_start,
-        table.guide_size,
-        table.n_direct,
-        float(max(_MAX_LOOKUPS * table.n_direct, _EXACT_TO)),
-    )
+    cumulants, n_exact = np.array(output_cumulants(p, stages)), float(max(_MAX_LOOKUPS * table.n_direct, _EXACT_TO))
+    kernels.multiply_charge(charge, gain, cumulants, added_shape(gain, p), pixel_keys(rng), *table, n_exact)
 
 
 def added_shape(gain: float, probability: float) -> float:
@@ -342,7 +317,7 @@ def pixel_keys(rng: np.random.Generator) -> npt.NDArray[np.uint64]:
     return rng.integers(0, 2**64, size=2, dtype=np.uint64)
 
 
-def _probability(g: npt.NDArray[np.float64] | np.float64, stages: int) -> FloatArray:
+def _probability(g: FloatArray | np.float64, stages: int) -> FloatArray:
     return np.expm1(np.log1p(g - 1.0) / stages)
 
 
@@ -353,7 +328,7 @@ def _checked_gain(gain: npt.ArrayLike, stages: int) -> FloatArray:
     return checked_array("gain", gain, low=1.0, high=limit)
 
 
-def _checked_electrons(electrons: npt.ArrayLike) -> npt.NDArray[np.int64]:
+def _checked_electrons(electrons: npt.ArrayLike) -> IntArray:
     """Copy as int64, refused by name and pixel unless whole numbers of an integer type from 0 to 1e12."""
     allowed = f"whole electrons (integers), 0 to {MAX_ELECTRONS:.0e}"
     try:

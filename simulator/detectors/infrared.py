@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from cpic_core import FloatArray, InputError, checked_array, checked_scalar, element_name
+from cpic_core import BoolArray, FloatArray, InputError, checked_array, checked_scalar, element_name
 from simulator.config import FrozenModel
 from simulator.detectors.collection import CosmicRayHits
 from simulator.detectors.effect import Effect, Exposure, Work, counted
@@ -171,12 +171,9 @@ class Persistence(Effect):
 
     late: LateCharge | None = None
 
-    switch = "persistence"
-    label = "persistence"
-    law = "mean charge of the earlier frames of the sequence"
+    switch, label, law = "persistence", "persistence", "mean charge of the earlier frames of the sequence"
     stage = "charge"
-    needs = "exposure"
-    number = "persistence.fraction"
+    needs, number = "exposure", "persistence.fraction"
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Add the counts."""
@@ -195,11 +192,8 @@ class Persistence(Effect):
 class PixelCurve(Effect):
     """Signal of a pixel against its charge, and its full well; without the switch a straight line to the full well."""
 
-    switch = "nonlinearity"
-    label = "non-linearity"
-    law = "one curve for all pixels"
-    stage = "voltage"
-    always = True
+    switch, label, law = "nonlinearity", "non-linearity", "one curve for all pixels"
+    stage, always = "voltage", True
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
         """Bend the mean of a read."""
@@ -224,9 +218,7 @@ class InterpixelCapacitance(Effect):
 
     coupling: Coupling | None = None
 
-    switch = "interpixel_capacitance"
-    label = "inter-pixel capacitance"
-    law = "coupling to four neighbours"
+    switch, label, law = "interpixel_capacitance", "inter-pixel capacitance", "coupling to four neighbours"
     stage = "voltage"
     number = "interpixel_coupling"
 
@@ -247,9 +239,7 @@ class InterpixelCapacitance(Effect):
 class ResetNoise(Effect):
     """Noise of the reset: one level per pixel that all reads of a frame share."""
 
-    switch = "reset_noise"
-    label = "reset noise"
-    law = "one level per pixel and reset"
+    switch, label, law = "reset_noise", "reset noise", "one level per pixel and reset"
     stage = "voltage"
     number = "reset_noise_e"
     term = "read_noise"
@@ -326,26 +316,19 @@ def checked_hits(cosmic_rays: Hits, shape: tuple[int, ...]) -> FloatArray:
     if pixels.dtype.kind not in "iu" and pixels.size:
         raise InputError("cosmic_rays pixels", f"array of {pixels.dtype}", allowed="integer indices of the flat array")
     if pixels.ndim != 1 or pixels.shape != electrons.shape:
-        raise InputError(
-            "cosmic_rays",
-            f"shapes {pixels.shape} and {electrons.shape}",
-            allowed="two lists of one length: indices and electrons",
-        )
+        given = f"shapes {pixels.shape} and {electrons.shape}"
+        raise InputError("cosmic_rays", given, allowed="two lists of one length: indices and electrons")
     pixels = pixels.astype(np.int64)
     outside = (pixels < 0) | (pixels >= size)
     if outside.any():
         raise InputError("cosmic_rays pixels", int(pixels[outside][0]), allowed=f"0 to {size - 1}")
-    if (electrons != np.rint(electrons)).any():
-        raise InputError(
-            "cosmic_rays electrons",
-            float(electrons[electrons != np.rint(electrons)][0]),
-            unit="e-",
-            allowed="whole electrons",
-        )
+    broken = electrons[electrons != np.rint(electrons)]
+    if broken.size:
+        raise InputError("cosmic_rays electrons", float(broken[0]), unit="e-", allowed="whole electrons")
     return np.bincount(pixels, weights=electrons, minlength=size).reshape(shape).astype(np.float64)
 
 
-def tracks_of(hit: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32], int]:
+def tracks_of(hit: BoolArray) -> tuple[npt.NDArray[np.int32], int]:
     """Return the number of the track in every pixel (0 elsewhere) and of tracks in all: pixels that touch are one."""
     from scipy.ndimage import label
 
@@ -353,7 +336,7 @@ def tracks_of(hit: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32], int]:
     return tracks, int(number)
 
 
-def hit_times(hit: npt.NDArray[np.bool_], rng: np.random.Generator) -> FloatArray:
+def hit_times(hit: BoolArray, rng: np.random.Generator) -> FloatArray:
     """Return the time of arrival in every hit pixel as a fraction of the exposure; pixels of a track share theirs."""
     tracks, number = tracks_of(hit)
     return np.concatenate([[0.0], rng.random(number)])[tracks]

@@ -10,11 +10,10 @@ from pydantic import Field
 
 from cpic_core import FloatArray, load_kernels
 from simulator.config import FrozenModel
-from simulator.detectors.effect import KERNELS, Effect, Exposure, Setting, Work, sizes
+from simulator.detectors.effect import KERNELS, Effect, Exposure, Setting, Sizes, Work, sizes
 from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
-    from simulator.detectors.effect import Sizes
     from simulator.ledger import CameraCase
 
 ReadNoiseElectrons = Annotated[float, Field(ge=0, le=1e5)]
@@ -35,14 +34,10 @@ class ReadNoise(Effect):
     In sums of frames the rounding of the converter is part of the same draw, so that it runs with its switch off.
     """
 
-    switch = "read_noise"
-    label = "read noise"
-    law = "Gaussian"
-    stage = "voltage"
-    always = True
+    switch, label, law = "read_noise", "read noise", "Gaussian"
+    stage, always = "voltage", True
     number = "read_noise_e"
-    frame_s = 3e-4
-    colour = "#444444"
+    frame_s, colour = 3e-4, "#444444"
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Add the noise."""
@@ -71,8 +66,7 @@ class ReadNoise(Effect):
 class _Bias(Effect):
     """Structure of the bias that a reduction takes out; sizes are of what is left without one."""
 
-    stage = "voltage"
-    in_sums = "left_out"
+    stage, in_sums = "voltage", "left_out"
 
     def variance_adu2(self, detector: Any) -> float:
         """Return the variance of a pixel from frame to frame, ADU^2."""
@@ -87,12 +81,9 @@ class _Bias(Effect):
 class Stripes(_Bias):
     """Fixed vertical stripes of the bias, one offset a column, from the calibration set."""
 
-    switch = "stripes"
-    label = "stripes of the bias"
-    law = "one offset a column"
-    number = "bias_structure.stripe_rms_adu"
-    map_kind = "bias"
+    switch, label, law = "stripes", "stripes of the bias", "one offset a column"
     seeded = True
+    number, map_kind = "bias_structure.stripe_rms_adu", "bias"
     frame_s = 5e-5
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
@@ -125,9 +116,7 @@ class Interference(_Bias):
     ``interference_period_columns`` need not fit a line, so that the waves run obliquely across the rows.
     """
 
-    switch = "interference"
-    label = "interference of the bias"
-    law = "a wave in the order of readout"
+    switch, label, law = "interference", "interference of the bias", "a wave in the order of readout"
     number = "bias_structure.interference_adu"
     frame_s = 2e-4
 
@@ -156,8 +145,7 @@ class Interference(_Bias):
         row += np.angle(phasor)
         # sin(a + b) of a row's and a column's angle
         wave = np.stack([np.sin(row), np.cos(row)], axis=1) @ np.stack([np.cos(column), np.sin(column)])
-        wave *= structure.interference_adu * abs(phasor)
-        image += wave
+        image += wave * (structure.interference_adu * abs(phasor))
 
     def variance_adu2(self, detector: Any) -> float:
         """Return the variance of a sine of random phase."""
@@ -167,9 +155,7 @@ class Interference(_Bias):
 class BiasDrift(_Bias):
     """Level of the bias from frame to frame: Gaussian, the same for all pixels of a frame."""
 
-    switch = "bias_drift"
-    label = "drift of the bias"
-    law = "one offset a frame"
+    switch, label, law = "bias_drift", "drift of the bias", "one offset a frame"
     number = "bias_structure.drift_adu"
     frame_s = 1e-4
 
@@ -189,14 +175,9 @@ class BiasDrift(_Bias):
 class Quantisation(Effect):
     """Bias level, rounding to whole ADU and range of the converter; it has no switch and both cameras do it last."""
 
-    switch = "quantisation"
-    label = "bias level, quantisation, range of the converter"
-    law = "cut off and counted"
-    stage = "voltage"
-    fixed = True
-    term = "rounding"
-    term_label = "rounding to whole ADU"
-    colour = "#BBBBBB"
+    switch, label, law = "quantisation", "bias level, quantisation, range of the converter", "cut off and counted"
+    stage, fixed = "voltage", True
+    term, term_label, colour = "rounding", "rounding to whole ADU", "#BBBBBB"
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the variance of rounding at the output, uniform over one ADU."""

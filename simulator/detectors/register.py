@@ -10,11 +10,10 @@ from pydantic import Field
 
 from cpic_core import FloatArray, load_kernels
 from simulator.detectors.collection import COUNTED, compressed, output_curve
-from simulator.detectors.effect import LIMIT_KERNELS, Effect, Exposure, Work, sizes
+from simulator.detectors.effect import LIMIT_KERNELS, Effect, Exposure, Sizes, Work, sizes
 from simulator.detectors.gain import amplify, stage_probability
 
 if TYPE_CHECKING:
-    from simulator.detectors.effect import Sizes
     from simulator.ledger import CameraCase
 
 Stages = Annotated[int, Field(ge=1, le=10000)]
@@ -25,12 +24,8 @@ StageCharge = Annotated[float, Field(ge=0, le=1)]
 class Register(Effect):
     """Random multiplication; without it (switch off) charge is multiplied by the gain exactly."""
 
-    switch = "em_register"
-    label = "noise of the EM register"
-    law = "law of the stage-by-stage cascade"
-    stage = "charge"
-    in_sums = "per_electron"
-    always = True
+    switch, label, law = "em_register", "noise of the EM register", "law of the stage-by-stage cascade"
+    stage, in_sums, always = "charge", "per_electron", True
     frame_s = 4e-4
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
@@ -48,13 +43,9 @@ class Register(Effect):
 
     def size(self, case: CameraCase) -> Sizes:
         """Return the share of the variance that the register adds."""
-        noise = case.noise
-        counted = (case.light_e + noise.dark_e) * noise.photons
-        excess = noise.factor2 - 1.0
-        return sizes(
-            case.variance_change(excess * (counted + noise.clock_e)),
-            snr=case.snr_share(*COUNTED, "clock", factor=excess / noise.factor2),
-        )
+        noise, excess = case.noise, case.noise.factor2 - 1.0
+        snr = case.snr_share(*COUNTED, "clock", factor=excess / noise.factor2)
+        return sizes(case.variance_change(excess * (case.counted_e + noise.clock_e)), snr=snr)
 
 
 class RegisterClockCharge(Effect):
@@ -63,11 +54,9 @@ class RegisterClockCharge(Effect):
     ``register_cic_e`` is the mean number made per pixel in one stage.
     """
 
-    switch = "register_clock_charge"
-    label = "clock-induced charge of the register"
+    switch, label = "register_clock_charge", "clock-induced charge of the register"
     law = "electrons made between the stages"
-    stage = "charge"
-    in_sums = "per_electron"
+    stage, in_sums = "charge", "per_electron"
     number = "register_cic_e"
     frame_s = 2e-4
 
@@ -99,23 +88,20 @@ class RegisterClockCharge(Effect):
         events = int(rng.poisson(detector.register_cic_e * stages * work.image.size))
         places = rng.integers(0, max(work.image.size, 1), size=events)
         left = rng.integers(0, stages, size=events)
-        charge = np.ones(events, dtype=np.int64)
         # Stage by stage, all electrons that still have that many stages before them: exact.
         order = np.argsort(-left, kind="stable")
-        counts = np.searchsorted(-left[order], -np.arange(stages, 0, -1), side="right")
-        grown = charge[order]
-        for count in counts:
+        grown = np.ones(events, dtype=np.int64)
+        for count in np.searchsorted(-left[order], -np.arange(stages, 0, -1), side="right"):
             if count:
                 grown[:count] += rng.binomial(grown[:count], p)
-        charge[order] = grown
-        np.add.at(work.image.reshape(-1), places, charge)
-        work.book("register_clock_charge", float(charge.sum()))
+        np.add.at(work.image.reshape(-1), places[order], grown)
+        work.book("register_clock_charge", float(grown.sum()))
 
     def size(self, case: CameraCase) -> Sizes:
         """Return the size of its mean and of twice that as variance."""
         made = self.mean_output_e(case.detector, case.em_gain) / case.em_gain
         spread = 2.0 * made
-        variance = [case.n_frames * case.sketch.noise_pixels * spread] * len(case.variances)
+        variance = [case.n_frames * case.light.noise_pixels * spread] * len(case.variances)
         pixel = max(case.mean_change(made), case.variance_change(spread, inside=False))
         return sizes(pixel, snr=case.snr_added(variance))
 
@@ -123,11 +109,8 @@ class RegisterClockCharge(Effect):
 class RegisterFullWell(Effect):
     """Full well of the register: the excess trails into the pixels read next and drains at the end of the row."""
 
-    switch = "register_full_well"
-    label = "register full well"
-    law = "the excess trails along the row"
-    stage = "charge"
-    in_sums = "per_electron"
+    switch, label, law = "register_full_well", "register full well", "the excess trails along the row"
+    stage, in_sums = "charge", "per_electron"
     frame_s = 1e-4
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
@@ -146,18 +129,16 @@ class RegisterFullWell(Effect):
 
     @staticmethod
     def _trail(image: FloatArray, trailed: np.ndarray, exposure: Exposure) -> float:
-        kernels = load_kernels(LIMIT_KERNELS)
-        return float(kernels.serial_spill(image, float(math.floor(exposure.detector.register_full_well_e)), trailed))
+        well = float(math.floor(exposure.detector.register_full_well_e))
+        return float(load_kernels(LIMIT_KERNELS).serial_spill(image, well, trailed))
 
     def size(self, case: CameraCase) -> Sizes:
         """Return the size of what overflows, and whether it may reach a planet."""
         detector, noise = case.detector, case.noise
         well = detector.register_full_well_e / case.em_gain
         held = np.minimum(case.most_e + noise.dark_e, detector.full_well_e if detector.switches.blooming else np.inf)
-        hits = case.hits_per_s * case.exposure_s * case.hits.square_e2
-        struck = case.variance_change(noise.factor2 * hits, inside=False)
         pixel = float(np.max(case.overflow(held + noise.clock_e, well, noise.factor2), initial=0.0))
-        pixel += struck * case.hits.share_above(well)
+        pixel += case.struck() * case.hits.share_above(well)
         reached = case.over_planets(lambda planet: case.spilled_on(planet, well, noise.factor2, case.spill.trails_into))
         return sizes(pixel, reached)
 
@@ -169,8 +150,7 @@ class OutputNonlinearity(Effect):
     """
 
     switch = "nonlinearity"
-    stage = "charge"
-    in_sums = "not_additive"
+    stage, in_sums = "charge", "not_additive"
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
         """Apply the curve to the mean."""

@@ -6,17 +6,15 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
-from cpic_core import FloatArray, load_kernels
+from cpic_core import FloatArray, IntArray, load_kernels
 from simulator.config import FrozenModel
-from simulator.detectors.effect import KERNELS, Effect, Exposure, Work, made_whole, sizes
+from simulator.detectors.effect import KERNELS, Effect, Exposure, Sizes, Work, rounded, sizes
 from simulator.detectors.gain import pixel_keys
 from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
-    from simulator.detectors.effect import Sizes
     from simulator.ledger import CameraCase, PlanetPlace
 
 # 1 / 18! is 2e-16.
@@ -48,11 +46,8 @@ class ChargeTransfer(FrozenModel):
 class Smear(Effect):
     """Frame-transfer smear: lines pass under the light of their column on the way in and on the way out."""
 
-    switch = "smear"
-    label = "frame-transfer smear"
-    law = "light during the line shifts, no shutter"
-    needs = "light"
-    number = "transfer.line_shift_s"
+    switch, label, law = "smear", "frame-transfer smear", "light during the line shifts, no shutter"
+    needs, number = "light", "transfer.line_shift_s"
     set_up_s = 5e-5
 
     @staticmethod
@@ -83,15 +78,14 @@ class Smear(Effect):
         own = line_s / case.exposure_s * 2.0 * case.radius_pixels
         own *= 0.0 if case.reduced else 1.0 + case.over_planets(lambda planet: planet.hidden)
         snr = own + _SMEAR_MARGIN * case.snr_share("smear")
-        return sizes(case.mean_change(line_s * case.sketch.column_e_s), own, snr)
+        return sizes(case.mean_change(line_s * case.light.column_e_s), own, snr)
 
 
 class _Transfer(Effect):
     """Charge left behind in transfers: the fraction ``n c`` of a pixel's charge arrives with the pixel behind it."""
 
     law = "charge left behind, electron by electron"
-    stage = "charge"
-    in_sums = "moves_charge"
+    stage, in_sums = "charge", "moves_charge"
     frame_s = 2e-4
     axis: ClassVar[int]
     elements: ClassVar[str]
@@ -117,7 +111,7 @@ class _Transfer(Effect):
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Shift the counts."""
         if self._loss(exposure.detector) > 0:
-            made_whole(work, exposure, rng)
+            rounded(work, exposure, rng)
             moved = self._moved(work.image, exposure)
             pixels = moved if self.axis == 0 else moved.T
             chances = self.chances(work.image, exposure)
@@ -142,22 +136,19 @@ class _Transfer(Effect):
         flux = case.over_planets(of_planet)
         hot_e = (case.flaws["bad_pixels"].dark_e_s + case.flaws["bad_columns"].dark_e_s) * case.exposure_s
         counts = case.n_frames * noise.factor2 * noise.photons
-        beside = [0.0 if case.reduced else counts * float(hot_e[planet.place].sum()) for planet in case.sketch.planets]
+        beside = [0.0 if case.reduced else counts * float(hot_e[planet.place].sum()) for planet in case.light.planets]
         # Charge of steep halos moves too: a tenth of what moves, measured; and that of hot pixels beside an aperture.
         snr = flux + 0.1 * share * case.snr_share("halo", "other", factor=2.0) + share * case.snr_added(beside)
-        hits = case.hits_per_s * case.exposure_s * case.hits.square_e2
-        struck = share * case.variance_change(noise.factor2 * hits, inside=False)
-        return sizes(case.mean_change(np.concatenate([share * step.ravel(), edge * outside])) + struck, flux, snr)
+        moved = case.mean_change(np.concatenate([share * step.ravel(), edge * outside]))
+        return sizes(moved + share * case.struck(), flux, snr)
 
 
 class ParallelTransfer(_Transfer):
     """Charge left behind in the transfers along the columns, through the store to the register."""
 
-    switch = "parallel_cti"
-    label = "parallel transfer losses"
+    switch, label = "parallel_cti", "parallel transfer losses"
     number = "transfer.parallel_cti"
-    axis = 0
-    elements = "store_rows"
+    axis, elements = 0, "store_rows"
 
     def _moved(self, image: FloatArray, exposure: Exposure) -> FloatArray:
         return image[:, exposure.place.columns]
@@ -166,11 +157,9 @@ class ParallelTransfer(_Transfer):
 class SerialTransfer(_Transfer):
     """Charge left behind in the transfers along the rows, through line and multiplication register."""
 
-    switch = "serial_cti"
-    label = "serial transfer losses"
+    switch, label = "serial_cti", "serial transfer losses"
     number = "transfer.serial_cti"
-    axis = 1
-    elements = "serial_elements"
+    axis, elements = 1, "serial_elements"
 
     def _moved(self, image: FloatArray, exposure: Exposure) -> FloatArray:
         return image.T
@@ -182,43 +171,36 @@ class ClockCharge(Effect):
     Thrown as events at random pixels, which is the same law as a count in every pixel and cheap where few occur.
     """
 
-    switch = "clock_charge"
-    label = "clock-induced charge"
-    law = "Poisson, once a frame"
-    stage = "charge"
-    in_sums = "per_electron"
-    number = "cic_e"
-    map_kind = "cic"
-    frame_s = 2e-4
-    term = "cic"
-    colour = "#D55E00"
+    switch, label, law = "clock_charge", "clock-induced charge", "Poisson, once a frame"
+    stage, in_sums = "charge", "per_electron"
+    number, map_kind = "cic_e", "cic"
+    frame_s, term, colour = 2e-4, "cic", "#D55E00"
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
         """Add the mean."""
-        columns = exposure.place.columns
-        image[:, columns] += exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e[:, columns]
+        image[:, exposure.place.columns] += self._mean_e(exposure)
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Add the counts."""
-        pixels = work.image[:, exposure.place.columns]
-        if exposure.cic_e is None:
-            total, cumulated = exposure.detector.cic_e * pixels.size, None
-        else:
-            cumulated = np.cumsum(exposure.cic_e[:, exposure.place.columns], dtype=np.float64)
-            total = float(cumulated[-1])
+        pixels, mean = work.image[:, exposure.place.columns], self._mean_e(exposure)
+        cumulated = np.cumsum(mean, dtype=np.float64)
+        total = mean * pixels.size if exposure.cic_e is None else float(cumulated[-1])
         if total > 0.5 * pixels.size:
-            mean = exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e[:, exposure.place.columns]
             counts = rng.poisson(mean, pixels.shape).astype(np.float64)
             pixels += counts
             work.book("clock_charge", float(counts.sum()))
             return
         events = int(rng.poisson(total))
-        if cumulated is None:
+        if exposure.cic_e is None:
             places = rng.integers(0, max(pixels.size, 1), size=events)
         else:
             places = np.searchsorted(cumulated, rng.random(events) * total, side="right")
         np.add.at(pixels, np.divmod(places, pixels.shape[1]), 1.0)
         work.book("clock_charge", events)
+
+    @staticmethod
+    def _mean_e(exposure: Exposure) -> Any:
+        return exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e[:, exposure.place.columns]
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the electrons of one frame."""
@@ -229,7 +211,7 @@ class ClockCharge(Effect):
         return sizes(case.mean_change(case.noise.clock_e), snr=case.snr_share("clock"))
 
 
-def chances_of_loss(transfers: npt.NDArray[np.int64], inefficiency: float) -> Chances:
+def chances_of_loss(transfers: IntArray, inefficiency: float) -> Chances:
     """Return the chances that an electron is left behind at least once, then a second and a third time given that.
 
     The number of losses in ``transfers`` transfers is binomial. Those beyond the third count as the third: their share

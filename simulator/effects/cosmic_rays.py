@@ -184,13 +184,9 @@ def draw_cosmic_rays(
     mean = per_pixel * (rows + 2.0 * margin) * (columns + 2.0 * margin)
     excess = max(per_pixel * rows * columns / MAX_EVENTS, mean / _MAX_THROWN)
     if excess > 1.0:
-        raise InputError(
-            "rate_per_s_cm2 x exposure_s",
-            f"{rate * exposure:.4g}",
-            unit="1/cm2",
-            allowed=f"at most {rate * exposure / excess:.4g} for this array and model: {MAX_EVENTS:g} "
-            f"events, {_MAX_THROWN:g} with its margin",
-        )
+        events = f"{MAX_EVENTS:g} events, {_MAX_THROWN:g} with its margin"
+        allowed = f"at most {rate * exposure / excess:.4g} for this array and model: {events}"
+        raise InputError("rate_per_s_cm2 x exposure_s", f"{rate * exposure:.4g}", unit="1/cm2", allowed=allowed)
     return _drawn(model, (rows, columns), int(rng.poisson(mean)), rng)
 
 
@@ -203,30 +199,15 @@ def _drawn(model: TrackModel, shape: tuple[int, int], n: int, rng: np.random.Gen
             charge = model.charges(tracks, rng)
             left = canvas.add(tracks, model.points(tracks, rng), row, column, azimuth, charge)
             kept = left > 0
-            parts.append(
-                tuple(
-                    array[kept]
-                    for array in (row, column, tracks.length_um, tracks.projected_um, np.rad2deg(azimuth), charge, left)
-                )
-            )
+            found = (row, column, tracks.length_um, tracks.projected_um, np.rad2deg(azimuth), charge, left)
+            parts.append(tuple(array[kept] for array in found))
     floats, integers = np.empty(0), np.empty(0, dtype=np.int64)
     columns = zip(*parts, strict=True) if parts else ([floats],) * 5 + ([integers],) * 2
     row, column, length, projected, azimuth_deg, charge, left = (np.concatenate(list(part)) for part in columns)
     pixels = np.flatnonzero(canvas.image) if canvas is not None else integers
     electrons = canvas.image.reshape(-1)[pixels] if canvas is not None else integers
-    return CosmicRays(
-        shape,
-        pixels,
-        electrons,
-        int(charge.sum() - left.sum()),
-        row,
-        column,
-        length,
-        projected,
-        azimuth_deg,
-        charge,
-        left,
-    )
+    lost = int(charge.sum() - left.sum())
+    return CosmicRays(shape, pixels, electrons, lost, row, column, length, projected, azimuth_deg, charge, left)
 
 
 def _placed(

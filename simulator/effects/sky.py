@@ -18,10 +18,10 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from catalogs import HC_ERG_ANGSTROM, Spectrum, load_reference_spectrum, load_zodi_table
-from cpic_core import FloatArray, InputError, check_number
+from cpic_core import BoolArray, FloatArray, InputError, check_number
 from simulator.config import FIRST_YEAR, LAST_YEAR, Instrument, checked_utc, declination_deg, right_ascension_deg
 from simulator.effects.stray_light import extra_lights
 from simulator.passbands import Passbands
@@ -162,20 +162,15 @@ def zodiacal_radiance(longitude_from_sun_deg: float, latitude_deg: float) -> Zod
     table = load_zodi_table()
     longitude = abs((longitude_from_sun_deg + 180.0) % 360.0 - 180.0)
     logarithm, empty = _filled()
-    rows, columns = (
-        _weights(axis, place)
-        for axis, place in (
-            (table.helioecliptic_longitude_deg, longitude),
-            (table.ecliptic_latitude_deg, abs(latitude_deg)),
-        )
-    )
+    rows = _weights(table.helioecliptic_longitude_deg, longitude)
+    columns = _weights(table.ecliptic_latitude_deg, abs(latitude_deg))
     value = sum(wr * wc * logarithm[i, j] for i, wr in rows for j, wc in columns)
     avoided = any(wr * wc > 0.0 and empty[i, j] for i, wr in rows for j, wc in columns)
     return ZodiacalRadiance(float(np.exp(value)), avoided)
 
 
 @functools.cache
-def _filled() -> tuple[FloatArray, NDArray[np.bool_]]:
+def _filled() -> tuple[FloatArray, BoolArray]:
     """Logarithm of the table, its empty cells filled with the next one away from the Sun; and which were empty."""
     radiance = load_zodi_table().radiance_500nm_w_m2_sr_um
     empty = np.isnan(radiance)
@@ -308,11 +303,7 @@ def _place(ra_deg: Any, dec_deg: Any, start_utc: Any) -> tuple[float, float]:
     """Ecliptic longitude from the Sun and latitude of a target at a date, degrees."""
     for name, value in (("ra_deg", ra_deg), ("dec_deg", dec_deg), ("start_utc", start_utc)):
         if value is None:
-            raise InputError(
-                name,
-                "missing",
-                allowed="place and date of the target, which sky.model: zodiacal needs",
-                hint="sky.model: uniform needs none",
-            )
+            allowed = "place and date of the target, which sky.model: zodiacal needs"
+            raise InputError(name, "missing", allowed=allowed, hint="sky.model: uniform needs none")
     longitude, latitude = ecliptic_deg(right_ascension_deg(ra_deg), declination_deg(dec_deg))
     return longitude - sun_longitude_deg(parse_utc("start_utc", start_utc)), latitude

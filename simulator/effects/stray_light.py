@@ -15,15 +15,8 @@ from cpic_core import FloatArray, InputError
 from simulator.config import ExtraLight, Instrument
 from simulator.imaging import read_maps, real_map
 
-_WORDS = {
-    "electrons": "electron",
-    "pixel": "pix",
-    "pixels": "pix",
-    "px": "pix",
-    "dn": "adu",
-    "relative": "",
-    "dimensionless": "",
-}
+_WORDS = dict.fromkeys(("pixel", "pixels", "px"), "pix") | dict.fromkeys(("relative", "dimensionless"), "")
+_WORDS |= {"electrons": "electron", "dn": "adu"}
 _PER_FRAME = re.compile(r"/\s*(?:frame|exposure)s?\b|\b(?:frame|exposure)s?\s*\^?(?:\*\*)?\s*-1")
 # e- or e, not part of a word; the minus of e-1 is that of a power.
 _CHARGE = re.compile(r"(?<![a-z])e(?:-(?!\d))?(?![a-z])")
@@ -189,20 +182,11 @@ def _read_map(key: str, path: str, shape: tuple[int, int]) -> FloatArray:
     item = next((image for image in found.maps if image.data.ndim == 2), found.maps[0])
     values = real_map(key, path, item.data, square=False)
     if values.shape != tuple(shape):
-        raise InputError(
-            key,
-            path,
-            allowed=f"a map of {shape[0]} rows x {shape[1]} columns, the whole frame",
-            hint=f"it has {values.shape[0]} x {values.shape[1]}",
-        )
+        allowed = f"a map of {shape[0]} rows x {shape[1]} columns, the whole frame"
+        raise InputError(key, path, allowed=allowed, hint=f"it has {values.shape[0]} x {values.shape[1]}")
     values *= unit_factor(key, path, item.header, _UNIT)
     if (values < 0).any():
         row, column = np.argwhere(values < 0)[0]
-        raise InputError(
-            key,
-            path,
-            unit="e-/s",
-            allowed="values at least 0",
-            hint=f"row {row}, column {column} holds {values[row, column]:g}",
-        )
+        hint = f"row {row}, column {column} holds {values[row, column]:g}"
+        raise InputError(key, path, unit="e-/s", allowed="values at least 0", hint=hint)
     return values

@@ -67,21 +67,11 @@ class Canvas:
         left = np.zeros(row.size, dtype=np.int64)
         if row.size:
             share = np.empty(2 * int(np.ceil(REACH_SIGMA * tracks.sigma_pixels.max())) + 3)
-            deposit(
-                points.start,
-                row[owner] + points.along * sine + points.across * cosine,
-                column[owner] + points.along * cosine - points.across * sine,
-                points.weight,
-                tracks.sigma_pixels,
-                REACH_SIGMA,
-                charge_e,
-                *self.image.shape,
-                self._work,
-                self.image.reshape(-1),
-                self._touched,
-                share,
-                left,
-            )
+            y = row[owner] + points.along * sine + points.across * cosine
+            x = column[owner] + points.along * cosine - points.across * sine
+            clouds = (points.start, y, x, points.weight, tracks.sigma_pixels, REACH_SIGMA)
+            arrays = (self._work, self.image.reshape(-1), self._touched, share, left)
+            deposit(*clouds, charge_e, *self.image.shape, *arrays)
         return left
 
 
@@ -195,13 +185,8 @@ def _read_templates(path: str | Path, state: tuple[int, int] | None) -> Template
         item, pixel = named, _npz_number(path, found.named("pixel_um"))
     if pixel is None or not _SIDES[0] <= pixel <= _SIDES[1]:
         where = "card PIXUM" if found.is_fits else "number pixel_um"
-        raise InputError(
-            f"{_KEY} {where}",
-            "missing" if pixel is None else pixel,
-            unit="um",
-            allowed=f"the size of a sample, {_SIDES[0]:g} to {_SIDES[1]:g}",
-            hint=str(path),
-        )
+        given, allowed = "missing" if pixel is None else pixel, f"the size of a sample, {_SIDES[0]:g} to {_SIDES[1]:g}"
+        raise InputError(f"{_KEY} {where}", given, unit="um", allowed=allowed, hint=str(path))
     return _template_set([_checked(path, i, cube) for i, cube in enumerate(_cube(path, item.data))], pixel)
 
 
@@ -227,12 +212,8 @@ def _checked(path: str | Path, number: int, image: NDArray[Any]) -> FloatArray:
     for bad, fault in ((~np.isfinite(values), "is not finite"), (values < 0, "is negative")):
         if bad.any():
             row, column = np.argwhere(bad)[0]
-            raise InputError(
-                _KEY,
-                str(path),
-                allowed="finite values, not negative",
-                hint=f"template {number}, row {row}, column {column} {fault}",
-            )
+            hint = f"template {number}, row {row}, column {column} {fault}"
+            raise InputError(_KEY, str(path), allowed="finite values, not negative", hint=hint)
     largest = float(values.max())
     if largest == 0:
         raise InputError(_KEY, str(path), allowed="charge in every template", hint=f"template {number} has none")
@@ -252,15 +233,8 @@ def _template_set(images: list[FloatArray], pixel_um: float) -> TemplateSet:
         radii.append(float(np.hypot(row, column).max()) * pixel_um)
         extents.append(math.sqrt(12.0 * max(float(np.linalg.eigvalsh(moments)[-1]), 0.0)) * pixel_um)
     start = np.cumsum([0, *(weight.size for weight in weights)])
-    return TemplateSet(
-        start,
-        np.concatenate(rows),
-        np.concatenate(columns),
-        np.concatenate(weights),
-        np.array(radii),
-        np.array(extents),
-        pixel_um,
-    )
+    row, column, weight = (np.concatenate(part) for part in (rows, columns, weights))
+    return TemplateSet(start, row, column, weight, np.array(radii), np.array(extents), pixel_um)
 
 
 def _generated(config: TemplateTracks, physical: PhysicalTracks) -> tuple[PhysicalModel, Tracks, np.random.Generator]:

@@ -15,15 +15,14 @@ from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, IntArray
+from cpic_core import BoolArray, FloatArray, IntArray
 from simulator.config import PaperTracks, PhysicalTracks
 
 _BEYOND = 20.0
 
 
-def cut_landau(n: int, cut: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def cut_landau(n: int, cut: float, rng: np.random.Generator) -> FloatArray:
     """Draw ``n`` values of Landau's lambda, given that it is at most ``cut`` (at least 1)."""
     value = _landau(n, rng)
     (above,) = np.nonzero(value > cut)
@@ -33,7 +32,7 @@ def cut_landau(n: int, cut: float, rng: np.random.Generator) -> NDArray[np.float
     return value
 
 
-def _landau(n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _landau(n: int, rng: np.random.Generator) -> FloatArray:
     # 1 - [0, 1) leaves out 0, where t cot t is a limit; at t = pi the value is huge and cut off.
     t = np.pi * (1.0 - rng.random(n))
     sine = np.sin(t)
@@ -88,7 +87,7 @@ class Tracks:
     half_pixels: FloatArray
     kind: IntArray
 
-    def __getitem__(self, chosen: NDArray[np.bool_] | slice) -> Tracks:
+    def __getitem__(self, chosen: BoolArray | slice) -> Tracks:
         return replace(self, **{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
 

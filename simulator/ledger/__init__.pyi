@@ -3,8 +3,11 @@ from simulator.ledger.choice import (
     SUM_EPOCHS as SUM_EPOCHS,
     Choice as Choice,
     budget_of as budget_of,
+    checked_quantities as checked_quantities,
+    checked_tolerance as checked_tolerance,
     choose as choose,
     error_of as error_of,
+    observation_choice as observation_choice,
 )
 from simulator.ledger.inventory import (
     EffectRow as EffectRow,
@@ -14,9 +17,5 @@ from simulator.ledger.inventory import (
     sky_ledger as sky_ledger,
 )
 from simulator.ledger.light import PlanetPlace as PlanetPlace
-from simulator.ledger.observed import (
-    checked_quantities as checked_quantities,
-    checked_tolerance as checked_tolerance,
-    observation_choice as observation_choice,
-)
-from simulator.ledger.prediction import MAX_EPOCHS as MAX_EPOCHS, Forecast as Forecast, forecast as forecast
+from simulator.ledger.prediction import Forecast as Forecast, forecast as forecast
+from simulator.ledger.visit import MAX_EPOCHS as MAX_EPOCHS

@@ -13,15 +13,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, Outcome, Reason, Status, stream
+from cpic_core import BoolArray, FloatArray, Outcome, Reason, Status, stream
 from simulator.camera import FrameNoise, load_calibration_set
 from simulator.config import CosmicRayConfig, Detector
 from simulator.detectors import VISIBLE, in_sums
 from simulator.effects import draw_cosmic_rays
 from simulator.imaging import PsfMetrics
-from simulator.ledger.light import PlanetPlace, Sketch
+from simulator.ledger.light import PlanetPlace, SceneLight
 from simulator.ledger.wings import Spill
 from simulator.signal import overflow, pixel_saturated
 
@@ -86,7 +85,7 @@ class CameraCase:
     Attributes
     ----------
     detector : Detector
-    sketch : Sketch
+    light : SceneLight
     noise : FrameNoise
     exposure_s : float
     n_frames : int
@@ -114,7 +113,7 @@ class CameraCase:
     """
 
     detector: Detector
-    sketch: Sketch
+    light: SceneLight
     noise: FrameNoise
     exposure_s: float
     n_frames: int
@@ -135,19 +134,29 @@ class CameraCase:
     @functools.cached_property
     def charge_e(self) -> FloatArray:
         """Electrons of light, and of hot pixels and bad columns, on the stamp in a frame."""
-        return self._charged(self.sketch.total_e_s)
+        return self._charged(self.light.total_e_s)
 
     @functools.cached_property
     def light_e(self) -> FloatArray:
-        """The same of every level of the sketch, the stamp first."""
-        return np.concatenate([self.charge_e.ravel(), self.sketch.outside_e_s * self.exposure_s])
+        """The same of every level of light, the stamp first."""
+        return np.concatenate([self.charge_e.ravel(), self.light.outside_e_s * self.exposure_s])
+
+    @property
+    def counted_e(self) -> FloatArray:
+        """Of light and dark current, the electrons that are drawn as counts."""
+        return (self.light_e + self.noise.dark_e) * self.noise.photons
+
+    def struck(self) -> float:
+        """Size of the charge of particles on the variance of a pixel."""
+        hits = self.hits_per_s * self.exposure_s * self.hits.square_e2
+        return self.variance_change(self.noise.factor2 * hits, inside=False)
 
     @functools.cached_property
     def most_e(self) -> FloatArray:
         """The same with the light of other sources and of speckles at most."""
-        speckles = largest_speckles(self.sketch.star_e_s, self.sketch.scattered_e_s)
-        stamp = self._charged(self.sketch.most_e_s + speckles)
-        return np.concatenate([stamp.ravel(), self.sketch.outside_e_s * self.exposure_s])
+        speckles = largest_speckles(self.light.star_e_s, self.light.scattered_e_s)
+        stamp = self._charged(self.light.most_e_s + speckles)
+        return np.concatenate([stamp.ravel(), self.light.outside_e_s * self.exposure_s])
 
     def _charged(self, light_e_s: FloatArray) -> FloatArray:
         charge, switches = light_e_s * self.exposure_s, self.detector.switches
@@ -168,7 +177,7 @@ class CameraCase:
 
     def behind_e_s(self, planet: PlanetPlace) -> float:
         """Light of others on a pixel of the aperture of a planet, at most, e-/s."""
-        return (planet.halo_e_s + planet.other_most_e_s + planet.sky_e_s) / self.sketch.aperture_pixels
+        return (planet.halo_e_s + planet.other_most_e_s + planet.sky_e_s) / self.light.aperture_pixels
 
     def spilled_on(
         self, planet: PlanetPlace, well_e: float, factor2: float, flows_into: Callable[[slice, slice], object]
@@ -193,18 +202,18 @@ class CameraCase:
     @property
     def largest_stripe_adu(self) -> float:
         """Largest stripe of the bias in what is read."""
-        return float(stamp_flaws(self.detector, self.first_pixel, len(self.sketch.total_e_s))[1][1 if self.full else 0])
+        return float(stamp_flaws(self.detector, self.first_pixel, len(self.light.total_e_s))[1][1 if self.full else 0])
 
     @property
     def flaws(self) -> dict[str, Flaw]:
         """Flaws of the calibration set on the stamp."""
-        return stamp_flaws(self.detector, self.first_pixel, len(self.sketch.total_e_s))[0]
+        return stamp_flaws(self.detector, self.first_pixel, len(self.light.total_e_s))[0]
 
     @functools.cached_property
     def sigma_e(self) -> FloatArray:
         """Standard deviation of these pixels, with the light that is certain."""
-        least = self._charged(self.sketch.least_e_s).ravel()
-        light = np.concatenate([least, self.sketch.outside_e_s * self.exposure_s])
+        least = self._charged(self.light.least_e_s).ravel()
+        light = np.concatenate([least, self.light.outside_e_s * self.exposure_s])
         return np.sqrt(np.maximum(self.noise.variance_e2(light), 1e-30))
 
     @functools.cached_property
@@ -242,7 +251,7 @@ class CameraCase:
 
     def light_variance_e2(self, aperture_e_s: float) -> float:
         """Variance over the visit of an aperture sum of even light."""
-        noise, fraction = self.noise, self.sketch.noise_pixels / self.sketch.aperture_pixels
+        noise, fraction = self.noise, self.light.noise_pixels / self.light.aperture_pixels
         return self.n_frames * noise.factor2 * noise.photons * self.exposure_s * fraction * aperture_e_s
 
     def snr_share(self, *origins: str, factor: float = 1.0) -> float:
@@ -251,7 +260,7 @@ class CameraCase:
         Light of other sources counts as much as it may be; what adds no variance is no origin.
         """
         most = 0.0
-        for variances, planet in zip(self.variances, self.sketch.planets, strict=True):
+        for variances, planet in zip(self.variances, self.light.planets, strict=True):
             other = self.light_variance_e2(planet.other_most_e_s)
             more = other - variances["other"] if "other" in origins else 0.0
             part = sum(variances.get(name, 0.0) for name in origins) + more
@@ -260,21 +269,18 @@ class CameraCase:
 
     def snr_added(self, variance_e2: Iterable[float]) -> float:
         """The same of a variance that is not among the origins, one a planet."""
-        shares = (
-            0.5 * part / max(sum(variances.values()), 1e-300)
-            for part, variances in zip(variance_e2, self.variances, strict=True)
-        )
-        return max(shares, default=0.0)
+        totals = (max(sum(variances.values()), 1e-300) for variances in self.variances)
+        return max((0.5 * part / total for part, total in zip(variance_e2, totals, strict=True)), default=0.0)
 
     def over_planets(self, size: Callable[[PlanetPlace], float]) -> float:
         """Largest of all planets."""
-        return max((size(planet) for planet in self.sketch.planets), default=0.0)
+        return max((size(planet) for planet in self.light.planets), default=0.0)
 
     @functools.cached_property
     def cores(self) -> tuple[tuple[tuple[slice, slice], FloatArray], ...]:
         """Part of the stamp under the core of each planet, inside its aperture, and the weights there."""
-        n, reach, found = len(self.sketch.total_e_s), math.ceil(self.radius_pixels + 1.0), []
-        for planet in self.sketch.planets:
+        n, reach, found = len(self.light.total_e_s), math.ceil(self.radius_pixels + 1.0), []
+        for planet in self.light.planets:
             spans, offsets = [], []
             for place in (planet.y_arcsec, planet.x_arcsec):
                 middle = n // 2 + place / self.pixel_arcsec
@@ -320,7 +326,7 @@ class PixelHits(NamedTuple):
 
     mean_e: float
     square_e2: float
-    charge_e: NDArray[np.float64]
+    charge_e: FloatArray
 
     def share_above(self, level_e: float) -> float:
         """Share of the squared charge in pixels of more than a level."""
@@ -364,15 +370,15 @@ def sums_possible(
     """Whether frames add up over the dark hole: no pixel in it reaches a limit, and none overflows into it.
 
     The image that is made decides it pixel by pixel (`simulator.observing.hole_stack.hole_stackable`); this is the same
-    from the sketch of the light.
+    from tables of the light.
     """
     if not visible:
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, f"{band} is read by the infrared camera")
     if moved:
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, "the star stands off the mask")
     detector, t, gain = case.detector, case.exposure_s, case.em_gain
-    light = star_e_s * metrics.peak_on_axis_hole + case.sketch.sky_e_s
-    light += max((source.stamp_peak_e_s for source in case.sketch.sources), default=0.0)
+    light = star_e_s * metrics.peak_on_axis_hole + case.light.sky_e_s
+    light += max((source.stamp_peak_e_s for source in case.light.sources), default=0.0)
     inside = pixel_saturated(light * t + case.noise.dark_e + case.noise.clock_e, gain, detector, _SIGMA)
     if inside.status is not Status.OK:
         return inside
@@ -385,7 +391,7 @@ def sums_possible(
     return inside
 
 
-def _runs(inside: NDArray[np.bool_]) -> list[slice]:
+def _runs(inside: BoolArray) -> list[slice]:
     """Intervals of pixels that are inside."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     return [slice(int(low), int(high)) for low, high in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,31 +1,24 @@
-"""What is left out: the cheapest way to model an observation that keeps every quantity within its tolerance."""
+"""What is left out: the cheapest way to model an observation that keeps every quantity within its tolerance.
+
+Which quantities a tolerance holds for.
+"""
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from cpic_core import Outcome, Reason, Status
-from simulator.detectors import VISIBLE, rows_of
-from simulator.knobs import FIDELITIES, Dial, Knobs, Quantity
+from cpic_core import InputError, Outcome, Reason, Status, check_number
+from simulator.config import Instrument, Scene
+from simulator.detectors import VISIBLE, Sizes, rows_of
+from simulator.knobs import MAX_TOLERANCE, Dial, Knobs, Quantity
+from simulator.ledger import choice_rows as costs
 from simulator.ledger.case import NOT_IN_SUMS
-from simulator.ledger.choice_rows import (
-    EXTENDED_S,
-    FAR_SOURCE_S,
-    FRAME_S,
-    FULL_PIXELS,
-    SET_UP_S,
-    SOURCE_S,
-    WHOLE_FRAME_S,
-    WORDS,
-    Chosen,
-    choice_rows,
-    stamp_s,
-)
+from simulator.ledger.choice_rows import SETTINGS, Chosen, choice_rows, stamp_s
 from simulator.ledger.inventory import EffectRow
-from simulator.ledger.prediction import MAX_EPOCHS, Forecast
+from simulator.ledger.prediction import Forecast, forecast
+from simulator.ledger.visit import MAX_EPOCHS
 
-Sizes = dict[Quantity, float]
 SUM_EPOCHS = 6
 """Epochs of a visit drawn as sums: the variance of the mean of a walk is 1/(2 epochs^2), 1.4 %, too large."""
 # Hidden by others: dark current takes its structure and the charge of hot pixels and bad columns with it.
@@ -133,34 +126,19 @@ def choose(forecast: Forecast, dial: Dial, *, fixed: Collection[str] = (), fines
     Greedy: what costs least of the tolerance for the time that it saves goes first, until nothing more fits. The sizes
     of all that is left out sum to at most `budget_of` for every quantity of ``dial.tolerance``.
     """
-    return _Chooser(forecast, dial, frozenset(fixed), finest).made()
+    return _Chooser(forecast, dial, fixed, finest).made()
 
 
-class _Chooser:
-    """The state of one choice."""
-
-    def __init__(self, forecast: Forecast, dial: Dial, fixed: frozenset[str], finest: Knobs | None) -> None:
-        self.forecast, self.dial, self.fixed = forecast, dial, fixed
-        self.asked: tuple[Quantity, ...] = tuple(dial.tolerance)
-        self.budget = {name: budget_of(name, dial.tolerance[name]) for name in self.asked}
-        self.spent: Sizes = dict.fromkeys(self.asked, 0.0)
-        self.skipped: dict[str, float] = {}
-        self.finest = FIDELITIES["reference"] if finest is None else finest
-        self.knobs = self.finest if dial.knobs is None else dial.knobs
-        self.epochs = min(forecast.max_epochs, forecast.n_frames)
-        self.draw: Literal["sums", "frames"] = "frames"
-        self.full = forecast.full if "hole_region" in fixed else True
-        self.rows_spent, self.rows_budget = 0.0, max(dial.tolerance.values(), default=0.0)
+class _Chooser(Chosen):
+    """The decisions of one choice."""
 
     def made(self) -> Choice:
         """Everything."""
-        tier, reference = self.dial.fidelity, all(value == 0 for value in self.dial.tolerance.values())
-        if reference:
-            if self.dial.knobs is not None:
-                self.knobs = self.dial.knobs
-        else:
-            for name in ("wavelength_nodes", "pixel_nodes", "precision"):
-                sizes = self._knob_sizes(name, getattr(self.knobs, name))
+        self.budget = {name: budget_of(name, tolerance) for name, tolerance in self.dial.tolerance.items()}
+        self.rows_spent, tier = 0.0, self.dial.fidelity
+        if any(self.dial.tolerance.values()):
+            for name in SETTINGS:
+                sizes = self.knob_sizes(name, getattr(self.knobs, name))
                 if any(sizes[quantity] for quantity in self.asked):
                     self._spend(name, sizes)
             within = all(self.spent[name] <= self.budget[name] for name in self.asked)
@@ -168,66 +146,39 @@ class _Chooser:
                 self._leave_out(tier)
         return self._choice()
 
-    def _knob_sizes(self, name: str, value: Any) -> Sizes:
-        """Size of a setting against the finest one: at most the sum of what both are away from the reference."""
-        if name in ("wavelength_nodes", "pixel_nodes", "precision"):
-            start = getattr(self.finest, name)
-            if value == start or (not isinstance(value, str) and value > start):
-                return dict.fromkeys(self.asked, 0.0)
-            ours, theirs = (self._known(name, part) for part in (value, start))
-            return {quantity: ours[quantity] + theirs[quantity] for quantity in self.asked}
-        return self._known(name, value)
-
-    def _known(self, name: str, value: Any) -> Sizes:
-        known = self.forecast.knob_sizes[name]
-        if value in known:
-            return known[value]
-        return known[max(candidate for candidate in known if candidate < value)]
-
     def _spend(self, key: str, sizes: Sizes) -> None:
         for name in self.asked:
             self.spent[name] += sizes[name]
-        self.skipped[key] = self._size(sizes)
-        self.rows_spent += self._size(sizes)
-
-    def _size(self, sizes: Sizes) -> float:
-        return max((sizes[name] for name in self.asked), default=0.0)
+        self.rows_spent += self.size(sizes)
+        self.skipped[key] = self.skipped.get(key, 0.0) + self.size(sizes)
 
     def _leave_out(self, tier: str) -> None:
         if tier == "custom":
             self.knobs = self.knobs.model_copy(update={"pupil_samples": 64})
-        while True:
-            best, ratio = None, math.inf
-            for item in self._items(tier):
-                if any(self.spent[name] + item.sizes[name] > self.budget[name] for name in self.asked):
-                    continue
-                if self.rows_spent + self._size(item.sizes) > self.rows_budget:
-                    continue
-                share = max((item.sizes[name] / self.budget[name] for name in self.asked), default=0.0)
-                rank = share / max(item.saved_s, 1e-9)
-                if rank < ratio:
-                    best, ratio = item, rank
-            if best is None:
-                return
-            self._take(best)
+        while items := [item for item in self._items(tier) if self._fits(item.sizes)]:
+            self._take(min(items, key=self._rank))
+
+    def _fits(self, sizes: Sizes) -> bool:
+        within = all(self.spent[name] + sizes[name] <= self.budget[name] for name in self.asked)
+        return within and self.rows_spent + self.size(sizes) <= max(self.dial.tolerance.values(), default=0.0)
+
+    def _rank(self, item: _Item) -> float:
+        share = max((item.sizes[name] / self.budget[name] for name in self.asked), default=0.0)
+        return share / max(item.saved_s, 1e-9)
 
     def _take(self, item: _Item) -> None:
-        for name in self.asked:
-            self.spent[name] += item.sizes[name]
-        self.rows_spent += self._size(item.sizes)
-        self.skipped[item.key] = self.skipped.get(item.key, 0.0) + self._size(item.sizes)
-        if item.key in ("wavelength_nodes", "pixel_nodes", "precision"):
+        self._spend(item.key, item.sizes)
+        if item.key in SETTINGS:
             self.knobs = self.knobs.model_copy(update={item.key: item.value})
         elif item.key == "drift_epochs":
             self.epochs = item.value
         elif item.key == "hole_region":
             self.full = False
         elif item.key == "summed_frames":
-            self.draw = "sums"
-            self.epochs = min(self.epochs, SUM_EPOCHS)
+            self.draw, self.epochs = "sums", min(self.epochs, SUM_EPOCHS)
             for key in NOT_IN_SUMS:
                 if key in self.forecast.sizes:
-                    self.skipped.setdefault(key, self._size(self.forecast.sizes[key]))
+                    self.skipped.setdefault(key, self.size(self.forecast.sizes[key]))
 
     def _items(self, tier: str) -> Iterator[_Item]:
         yield from self._whole()
@@ -235,24 +186,21 @@ class _Chooser:
             return
         yield from self._settings(tier)
         frames = 1 if self.draw == "sums" else self.forecast.n_frames
-        pixels = FULL_PIXELS if self.full else 1.0
+        pixels = costs.FULL_PIXELS if self.full else 1.0
         for row in self.forecast.rows:
             key = row.key
             if row.decision != "kept" or key in self.skipped or key in self.fixed or key not in self.forecast.sizes:
                 continue
-            if any(need not in self.skipped and self._exists(need) for need in _NEEDS.get(key, ())):
+            if any(need not in self.skipped and self.exists(need) for need in _NEEDS.get(key, ())):
                 continue
-            if key in FRAME_S or key in SET_UP_S:
-                saved = FRAME_S.get(key, 0.0) * frames * pixels + SET_UP_S.get(key, 0.0) * pixels
+            if key in costs.FRAME_S or key in costs.SET_UP_S:
+                saved = costs.FRAME_S.get(key, 0.0) * frames * pixels + costs.SET_UP_S.get(key, 0.0) * pixels
                 yield _Item(key, False, self.forecast.sizes[key], saved)
         for name, kind in self.forecast.sources.items():
             key = f"{kind}:{name}"
             if key not in self.skipped and key not in self.fixed:
-                saved = {"planet": SOURCE_S, "star": FAR_SOURCE_S, "extended": EXTENDED_S}[kind]
+                saved = {"planet": costs.SOURCE_S, "star": costs.FAR_SOURCE_S, "extended": costs.EXTENDED_S}[kind]
                 yield _Item(key, name, self.forecast.sizes[key], saved * math.sqrt(pixels))
-
-    def _exists(self, key: str) -> bool:
-        return any(row.key == key and row.decision == "kept" for row in self.forecast.rows)
 
     def _whole(self) -> Iterator[_Item]:
         """Sums of frames, and the window alone."""
@@ -260,33 +208,24 @@ class _Chooser:
         if self.draw == "frames" and "summed_frames" not in self.fixed and self.forecast.sums.status is Status.OK:
             sizes = dict.fromkeys(self.asked, 0.0)
             for key in NOT_IN_SUMS:
-                if self._exists(key) and key not in self.skipped:
+                if self.exists(key) and key not in self.skipped:
                     for name in self.asked:
                         sizes[name] += self.forecast.sizes[key][name]
             if self.epochs > SUM_EPOCHS:
-                missing = self._change("drift_epochs", self.epochs, SUM_EPOCHS)
+                missing = self.fewer_epochs(self.epochs, SUM_EPOCHS)
                 sizes = {name: sizes[name] + missing[name] for name in self.asked}
-            yield _Item("summed_frames", "sums", sizes, frames * WHOLE_FRAME_S + 1.0)
+            yield _Item("summed_frames", "sums", sizes, frames * costs.WHOLE_FRAME_S + 1.0)
         if self.full and "hole_region" not in self.fixed:
-            yield _Item("hole_region", "hole", self.forecast.sizes["hole_region"], frames * WHOLE_FRAME_S * FULL_PIXELS)
-
-    def _change(self, name: str, now: Any, then: Any) -> Sizes:
-        known = self.forecast.knob_sizes[name]
-        usable = [n for n in known if n <= then]
-        before, after = self._known(name, now), known[max(usable)]
-        return {key: max(after[key] - before[key], 0.0) for key in self.asked}
+            saved = frames * costs.WHOLE_FRAME_S * costs.FULL_PIXELS
+            yield _Item("hole_region", "hole", self.forecast.sizes["hole_region"], saved)
 
     def _settings(self, tier: str) -> Iterator[_Item]:
         """Fewer epochs; where a tolerance chooses the knobs, fewer nodes and single precision."""
         each = stamp_s(self.knobs)
         for value in self.forecast.knob_sizes["drift_epochs"]:
             if value < self.epochs and "drift_epochs" not in self.fixed:
-                yield _Item(
-                    "drift_epochs",
-                    value,
-                    self._change("drift_epochs", self.epochs, value),
-                    each * (self.epochs - value),
-                )
+                sizes = self.fewer_epochs(self.epochs, value)
+                yield _Item("drift_epochs", value, sizes, each * (self.epochs - value))
         if tier != "custom":
             return
         stamps = self.epochs + 2
@@ -295,12 +234,12 @@ class _Chooser:
             for value in self.forecast.knob_sizes[name]:
                 if value < now and name not in self.fixed:
                     cheaper = stamp_s(self.knobs.model_copy(update={name: value}))
-                    before, after = self._knob_sizes(name, now), self._knob_sizes(name, value)
+                    before, after = self.knob_sizes(name, now), self.knob_sizes(name, value)
                     sizes = {key: max(after[key] - before[key], 0.0) for key in self.asked}
                     yield _Item(name, value, sizes, stamps * (each - cheaper))
         if self.knobs.precision == "double" and "precision" not in self.fixed:
             cheaper = stamp_s(self.knobs.model_copy(update={"precision": "single"}))
-            yield _Item("precision", "single", self._knob_sizes("precision", "single"), stamps * (each - cheaper))
+            yield _Item("precision", "single", self.knob_sizes("precision", "single"), stamps * (each - cheaper))
 
     def _choice(self) -> Choice:
         errors = {name: error_of(name, self.spent[name]) for name in self.asked}
@@ -309,43 +248,78 @@ class _Chooser:
         late = [name for name in self.asked if self.spent[name] > self.budget[name] and self.dial.tolerance[name] > 0]
         if late:
             name = max(late, key=lambda one: errors[one] / self.dial.tolerance[one])
-            outcome = Outcome.refuse(
-                Status.INVALID,
-                Reason.TIER_TOO_COARSE,
-                f"{self.dial.fidelity} misses its tolerance here: {WORDS[name]} to {errors[name]:.2g}, "
-                f"asked {self.dial.tolerance[name]:g}",
-            )
-        epochs = self.epochs
-        if all(value == 0 for value in self.dial.tolerance.values()):
-            epochs = min(self.forecast.n_frames, max(self.forecast.max_epochs, MAX_EPOCHS))
-        known = {*FRAME_S, *SET_UP_S} - {"sky"}
-        switches = {
-            row.key: False
-            for row in self.forecast.rows
-            if row.key in self.skipped and row.decision == "kept" and row.key in known
-        }
+            errs = f"{costs.WORDS[name]} to {errors[name]:.2g}, asked {self.dial.tolerance[name]:g}"
+            message = f"{self.dial.fidelity} misses its tolerance here: {errs}"
+            outcome = Outcome.refuse(Status.INVALID, Reason.TIER_TOO_COARSE, message)
+        if not any(self.dial.tolerance.values()):
+            self.epochs = min(self.forecast.n_frames, max(self.forecast.max_epochs, MAX_EPOCHS))
+        known = {*costs.FRAME_S, *costs.SET_UP_S} - {"sky"}
+        kept = [row.key for row in self.forecast.rows if row.decision == "kept"]
+        switches = {key: False for key in kept if key in self.skipped and key in known}
         left_out = tuple(name for name, kind in self.forecast.sources.items() if f"{kind}:{name}" in self.skipped)
-        chosen = Chosen(
-            asked=self.asked,
-            knobs=self.knobs,
-            finest=self.finest,
-            skipped=frozenset(self.skipped),
-            epochs=epochs,
-            sums=self.draw == "sums",
-            full=self.full,
-            given_region="hole_region" in self.fixed,
-            knob_sizes=self._knob_sizes,
-            fewer_epochs=self._change("drift_epochs", self.forecast.max_epochs, epochs),
-        )
-        return Choice(
-            rows=choice_rows(self.forecast, chosen),
-            knobs=self.knobs,
-            switches=switches,
-            left_out=left_out,
-            sky="sky" not in self.skipped,
-            epochs=epochs,
-            draw=self.draw,
-            region="full" if self.full else "hole",
-            predicted_error=errors,
-            outcome=outcome,
-        )
+        region: Literal["full", "hole"] = "full" if self.full else "hole"
+        what = (choice_rows(self), self.knobs, switches, left_out, "sky" not in self.skipped, self.epochs)
+        return Choice(*what, self.draw, region, errors, outcome)
+
+
+def checked_tolerance(tolerance: Any) -> float:
+    """A tolerance from 0 to 0.5.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    value = check_number("tolerance", tolerance)
+    if not 0.0 <= value <= MAX_TOLERANCE:
+        raise InputError("tolerance", tolerance, allowed=f"0 to {MAX_TOLERANCE:g}")
+    return value
+
+
+def checked_quantities(quantity: Quantity | Sequence[Quantity] | None, *, planets: bool) -> tuple[Quantity, ...]:
+    """Quantities that a tolerance holds for; by default the pixel map, and with planets all three.
+
+    Raises
+    ------
+    InputError
+        For a name that is no quantity, or that of a planet where there is none.
+    """
+    known: tuple[Quantity, ...] = get_args(Quantity)
+    possible = known if planets else tuple(name for name in known if name == "pixel_map")
+    if quantity is None:
+        return possible
+    names = (quantity,) if isinstance(quantity, str) else tuple(quantity)
+    for name in names:
+        if name not in possible:
+            hint = "" if planets or name not in known else "the scene has no planet"
+            raise InputError("quantity", name, allowed=", ".join(possible), hint=hint)
+    if not names:
+        raise InputError("quantity", quantity, allowed=f"at least one of {', '.join(possible)}")
+    return tuple(name for name in known if name in names)
+
+
+def observation_choice(
+    scene: Scene,
+    instrument: Instrument,
+    *,
+    tolerance: float,
+    quantity: Quantity | Sequence[Quantity] | None,
+    finest: Knobs,
+    full: bool,
+    **settings: Any,
+) -> Choice:
+    """What an observation leaves out; drawn frame by frame, on the window that was asked for.
+
+    Parameters
+    ----------
+    scene, instrument, full, **settings
+        As `simulator.ledger.forecast`.
+    tolerance, quantity
+        As `simulator.observing.observation.observe`.
+    finest : Knobs
+        Settings of the optics without a tolerance.
+    """
+    asked = checked_quantities(quantity, planets=bool(scene.planets))
+    dial = Dial(fidelity="custom", tolerance=dict.fromkeys(asked, tolerance), knobs=None)
+    predicted = forecast(scene, instrument, full=full, **settings)
+    return choose(predicted, dial, fixed=("summed_frames", "hole_region"), finest=finest)

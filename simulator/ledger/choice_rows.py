@@ -6,12 +6,11 @@ A choice in words: the row of every effect, source and setting.
 """
 
 import dataclasses
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Collection, Iterator
+from typing import Any, Literal
 
-from simulator.detectors import VISIBLE, rows_of
-from simulator.knobs import Knobs, Quantity
+from simulator.detectors import VISIBLE, Sizes, rows_of
+from simulator.knobs import FIDELITIES, Dial, Knobs, Quantity
 from simulator.ledger.inventory import EffectRow
 from simulator.ledger.prediction import Forecast
 
@@ -34,46 +33,74 @@ def stamp_s(knobs: Knobs) -> float:
     return products * (0.55 if knobs.precision == "single" else 1.0) * (1.0 if knobs.pupil_samples <= 128 else 2.0)
 
 
-Sizes = Mapping[Quantity, float]
 WORDS: dict[Quantity, str] = {"planet_flux": "planet flux", "snr": "SNR", "pixel_map": "pixel map"}
+SETTINGS = {"wavelength_nodes": "wavelengths a band", "pixel_nodes": "nodes a pixel"}
+SETTINGS |= {"precision": "precision of the field"}
 _SOURCES = {"star": "star", "planet": "planet", "extended": "extended source"}
 
 
-@dataclass(frozen=True)
 class Chosen:
-    """What was decided.
+    """The state of one choice: what is modelled so far, and what it cost.
 
-    Attributes
+    Parameters
     ----------
-    asked : tuple of str
-        Quantities.
-    knobs, finest : Knobs
-        Settings, and those without a tolerance.
-    skipped : collection of str
-        Keys of what is left out.
-    epochs : int
-    sums, full, given_region : bool
-        Sums instead of frames; whole frames; whether the caller named the region.
-    knob_sizes : callable
-        Sizes of a setting by name and value.
-    fewer_epochs : Mapping
-        Sizes of the epochs.
+    forecast : Forecast
+    dial : Dial
+    fixed : collection of str
+        Keys that are not to be decided.
+    finest : Knobs, optional
+        Settings without a tolerance; those of the reference by default.
     """
 
-    asked: tuple[Quantity, ...]
-    knobs: Knobs
-    finest: Knobs
-    skipped: Collection[str]
-    epochs: int
-    sums: bool
-    full: bool
-    given_region: bool
-    knob_sizes: Callable[[str, Any], Sizes]
-    fewer_epochs: Sizes
+    def __init__(self, forecast: Forecast, dial: Dial, fixed: Collection[str], finest: Knobs | None) -> None:
+        self.forecast, self.dial, self.fixed = forecast, dial, frozenset(fixed)
+        self.asked: tuple[Quantity, ...] = tuple(dial.tolerance)
+        self.spent = dict.fromkeys(self.asked, 0.0)
+        self.skipped: dict[str, float] = {}
+        self.finest = FIDELITIES["reference"] if finest is None else finest
+        self.knobs = self.finest if dial.knobs is None else dial.knobs
+        self.epochs = min(forecast.max_epochs, forecast.n_frames)
+        self.draw: Literal["sums", "frames"] = "frames"
+        self.full = forecast.full if "hole_region" in self.fixed else True
+
+    def knob_sizes(self, name: str, value: Any) -> Sizes:
+        """Size of a setting against the finest one: at most the sum of what both are away from the reference.
+
+        Parameters
+        ----------
+        name : str
+            Of the setting.
+        value : object
+        """
+        start = getattr(self.finest, name)
+        if value == start or (not isinstance(value, str) and value > start):
+            return dict.fromkeys(self.asked, 0.0)
+        ours, theirs = (self._known(name, part) for part in (value, start))
+        return {quantity: ours[quantity] + theirs[quantity] for quantity in self.asked}
+
+    def fewer_epochs(self, now: int, then: int) -> Sizes:
+        """Size of sampling the walk of the wavefront at fewer epochs.
+
+        Parameters
+        ----------
+        now, then : int
+            Epochs before and after.
+        """
+        known = self.forecast.knob_sizes["drift_epochs"]
+        before, after = self._known("drift_epochs", now), known[max(n for n in known if n <= then)]
+        return {key: max(after[key] - before[key], 0.0) for key in self.asked}
+
+    def _known(self, name: str, value: Any) -> Sizes:
+        known = self.forecast.knob_sizes[name]
+        return known[value if value in known else max(candidate for candidate in known if candidate < value)]
 
     def size(self, sizes: Sizes) -> float:
         """Largest size on what was asked for."""
         return max((sizes[name] for name in self.asked), default=0.0)
+
+    def exists(self, key: str) -> bool:
+        """Whether an effect is part of the observation."""
+        return any(row.key == key and row.decision == "kept" for row in self.forecast.rows)
 
     def reason(self, sizes: Sizes) -> str:
         """Why something is left out."""
@@ -83,15 +110,14 @@ class Chosen:
         return f"predicted to change the {WORDS[most]} by {sizes[most]:.2g}"
 
 
-def choice_rows(forecast: Forecast, chosen: Chosen) -> tuple[EffectRow, ...]:
+def choice_rows(chosen: Chosen) -> tuple[EffectRow, ...]:
     """Rows of what the configuration contains, of the sources one by one, and of the settings.
 
     Parameters
     ----------
-    forecast : Forecast
     chosen : Chosen
     """
-    rows = []
+    rows, forecast = [], chosen.forecast
     for row in forecast.rows:
         sizes = forecast.sizes.get(row.key)
         if sizes is None:
@@ -105,53 +131,41 @@ def choice_rows(forecast: Forecast, chosen: Chosen) -> tuple[EffectRow, ...]:
         key = f"{kind}:{name}"
         sizes, gone = forecast.sizes[key], key in chosen.skipped
         reason = chosen.reason(sizes) if gone else "light of its own"
-        rows.append(
-            EffectRow(f"{_SOURCES[kind]} {name}", "skipped" if gone else "kept", reason, key, chosen.size(sizes))
-        )
-    return (*rows, *_optics(chosen), *_drawing(forecast, chosen))
+        effect, decision = f"{_SOURCES[kind]} {name}", _decision(gone)
+        rows.append(EffectRow(effect, decision, reason, key, chosen.size(sizes)))
+    return (*rows, *_optics(chosen), *_drawing(chosen))
+
+
+def _decision(skipped: object) -> Literal["kept", "skipped"]:
+    return "skipped" if skipped else "kept"
 
 
 def _optics(chosen: Chosen) -> Iterator[EffectRow]:
-    for key, words in (
-        ("wavelength_nodes", "wavelengths a band"),
-        ("pixel_nodes", "nodes a pixel"),
-        ("precision", "precision of the field"),
-    ):
+    for key, words in SETTINGS.items():
         value, most = getattr(chosen.knobs, key), getattr(chosen.finest, key)
         size = chosen.size(chosen.knob_sizes(key, value))
         reason = f"{value}" if value == most else f"{value} instead of {most}"
-        yield EffectRow(words, "skipped" if size else "kept", reason, key, size)
+        yield EffectRow(words, _decision(size), reason, key, size)
     exact = "exact on the grid of steps and static wavefront"
     yield EffectRow("samples across the pupil", "kept", exact, "pupil_samples", 0.0)
 
 
-def _drawing(forecast: Forecast, chosen: Chosen) -> Iterator[EffectRow]:
-    fewer = chosen.epochs < forecast.max_epochs
-    reason = f"{chosen.epochs} instead of {forecast.max_epochs}" if fewer else f"{chosen.epochs}"
-    yield EffectRow(
-        "epochs of the wavefront",
-        "skipped" if fewer else "kept",
-        reason,
-        "drift_epochs",
-        chosen.size(chosen.fewer_epochs),
-    )
+def _drawing(chosen: Chosen) -> Iterator[EffectRow]:
+    forecast, epochs = chosen.forecast, chosen.epochs
+    fewer, size = epochs < forecast.max_epochs, chosen.size(chosen.fewer_epochs(forecast.max_epochs, epochs))
+    reason = f"{epochs} instead of {forecast.max_epochs}" if fewer else f"{epochs}"
+    yield EffectRow("epochs of the wavefront", _decision(fewer), reason, "drift_epochs", size)
     frames = "frames one by one"
-    if chosen.sums:
+    if chosen.draw == "sums":
         yield EffectRow(frames, "skipped", "one draw an epoch has the law of its frames", "summed_frames", 0.0)
     else:
         yield EffectRow(frames, "kept", forecast.sums.message or "frame by frame", "summed_frames")
     around, size = "pixels around the window of the hole", chosen.size(forecast.sizes["hole_region"])
     if chosen.full:
         yield EffectRow(around, "kept", "whole frames", "hole_region", size)
-    elif chosen.given_region:
+    elif "hole_region" in chosen.fixed:
         yield EffectRow(around, "kept", "none beyond the window that was asked for", "hole_region")
     else:
         yield EffectRow(around, "skipped", chosen.reason(forecast.sizes["hole_region"]), "hole_region", size)
-    place = "place of every source behind the mask"
-    yield EffectRow(
-        place,
-        "kept",
-        "exact costs no more than one image for all",
-        "off_mask_psf",
-        chosen.size(forecast.sizes["off_mask_psf"]),
-    )
+    reason, size = "exact costs no more than one image for all", chosen.size(forecast.sizes["off_mask_psf"])
+    yield EffectRow("place of every source behind the mask", "kept", reason, "off_mask_psf", size)

@@ -3,14 +3,13 @@
 What a configuration contains and what it lacks, row by row, with the reason; no sizes.
 """
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cpic_core import FloatArray
 from simulator.config import Instrument, Scene
 from simulator.detectors import Effect, Setting, rows_of
 from simulator.effects import SOLAR_AVOIDANCE, SkyLevel, cosmic_ray_rate, extra_lights
@@ -112,7 +111,7 @@ def sky_ledger(
     *,
     band: str = "",
     sky: SkyLevel | None = None,
-    stray: Mapping[str, NDArray[np.float64]] | None = None,
+    stray: Mapping[str, FloatArray] | None = None,
 ) -> tuple[EffectRow, ...]:
     """Ledger of the sky, earthshine and stray light.
 
@@ -133,16 +132,13 @@ def sky_ledger(
 
     if config.model == "uniform":
         words = f"uniform over the frame, {config.brightness_v_mag_arcsec2:g} mag/arcsec2 in V, solar colour"
-        rows = [
-            EffectRow("sky", "kept", words + size("uniform"), "sky"),
-            EffectRow(_ZODIACAL, "skipped", "the uniform sky is brighter than most of the sky", "zodiacal"),
-        ]
+        words += size("uniform")
+        zodiacal = EffectRow(_ZODIACAL, "skipped", "the uniform sky is brighter than most of the sky", "zodiacal")
     else:
         near = " (a lower limit so close to the Sun)" if sky is not None and SOLAR_AVOIDANCE in sky.flags else ""
-        rows = [
-            EffectRow("sky", "kept", f"zodiacal light alone, uniform over the frame{size('zodiacal')}{near}", "sky"),
-            EffectRow(_ZODIACAL, "kept", "by ecliptic position and date", "zodiacal"),
-        ]
+        words = f"zodiacal light alone, uniform over the frame{size('zodiacal')}{near}"
+        zodiacal = EffectRow(_ZODIACAL, "kept", "by ecliptic position and date", "zodiacal")
+    rows = [EffectRow("sky", "kept", words, "sky"), zodiacal]
     for name, light in extra_lights(instrument).items():
         effect = name.replace("_", " ")
         path = light.map_file.get(band) if isinstance(light.map_file, dict) else light.map_file
@@ -171,7 +167,7 @@ def effect_ledger(
     scene_model: str = "exact",
     hole_state: str = "reached",
     sky: SkyLevel | None = None,
-    stray: Mapping[str, NDArray[np.float64]] | None = None,
+    stray: Mapping[str, FloatArray] | None = None,
     start_utc: str | None = None,
 ) -> tuple[EffectRow, ...]:
     """Ledger of one observation.
@@ -195,38 +191,32 @@ def effect_ledger(
     -------
     tuple of EffectRow
     """
-    keys = {row[0]: row[2] for row in _KEPT}
-    rows = {row[0]: EffectRow(row[0], "kept", row[1], row[2]) for row in _KEPT}
+    rows = {effect: EffectRow(effect, "kept", reason, key) for effect, reason, key in _KEPT}
 
-    def skip(effect: str, reason: str) -> None:
-        rows[effect] = EffectRow(effect, "skipped", reason, keys[effect])
+    def say(effect: str, reason: str, decision: Literal["kept", "skipped"] = "skipped") -> None:
+        rows[effect] = dataclasses.replace(rows[effect], decision=decision, reason=reason)
 
     wavefront, hole = instrument.wavefront, instrument.dark_hole
     if instrument.drift.visit_nm == 0 and instrument.drift.walk_nm_per_sqrt_hour == 0:
-        skip("wavefront drift", "both rms are zero")
+        say("wavefront drift", "both rms are zero")
     if hole.control == "single_jacobian":
-        reason = "one dark hole per band, set with one Jacobian of the design"
-        rows[_STATIC] = EffectRow(_STATIC, "kept", reason, "static")
+        say(_STATIC, "one dark hole per band, set with one Jacobian of the design", "kept")
     elif hole.control == "surface":
-        rows[_STATIC] = EffectRow(_STATIC, "kept", "the mirror's surface is loaded from a file", "static")
+        say(_STATIC, "the mirror's surface is loaded from a file", "kept")
     elif hole.control == "off" and wavefront.perfect:
-        skip(_STATIC, "no aberrations, flat mirror")
+        say(_STATIC, "no aberrations, flat mirror")
     elif hole.control == "off":
-        rows[_STATIC] = EffectRow(_STATIC, "kept", "aberrations with a flat mirror: no dark hole", "static")
+        say(_STATIC, "aberrations with a flat mirror: no dark hole", "kept")
     if wavefront.jitter_mas == 0:
-        skip("pointing jitter", "rms is zero")
+        say("pointing jitter", "rms is zero")
     if hole_state == "not_reached":
-        rows[_STATIC] = EffectRow(_STATIC, "kept", "the dark hole is brighter than asked of the instrument", "static")
+        say(_STATIC, "the dark hole is brighter than asked of the instrument", "kept")
     if hole_state == "external":
         for effect in (_OPTICS, _STATIC, "wavefront drift", "pointing jitter"):
-            skip(effect, "the point-spread functions come from a file")
+            say(effect, "the point-spread functions come from a file")
     if scene_model == "paper":
-        rows["source positions"] = EffectRow(
-            "source positions",
-            "skipped",
-            "nearest of 4 x 4 cells a pixel, no mask in front of off-axis sources",
-            "source_positions",
-        )
+        reason = "nearest of 4 x 4 cells a pixel, no mask in front of off-axis sources"
+        rows["source positions"] = EffectRow("source positions", "skipped", reason, "source_positions")
     if any(star.companion for star in scene.stars):
         on = scene.companions == "on"
         rows["light of companions"] = EffectRow(
@@ -236,9 +226,5 @@ def effect_ledger(
         how = "a grid of half pixels through the PSF"
         rows["extended sources"] = EffectRow("extended sources", "kept", how, "extended")
     camera = instrument.band(band).camera if band else "VIS"
-    return (
-        *rows.values(),
-        *sky_ledger(instrument, band=band, sky=sky, stray=stray),
-        _dust(instrument, scene),
-        *camera_ledger(instrument, camera, start_utc=start_utc),
-    )
+    front = (*sky_ledger(instrument, band=band, sky=sky, stray=stray), _dust(instrument, scene))
+    return (*rows.values(), *front, *camera_ledger(instrument, camera, start_utc=start_utc))

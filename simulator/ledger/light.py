@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from simulator.config import Instrument
 from simulator.detectors import aperture_noise_pixels
 from simulator.imaging import PsfMetrics, centred_axis, overlap_weights, pixel_axis
@@ -107,7 +106,7 @@ class PlanetPlace:
 
 
 @dataclass(frozen=True, eq=False)
-class Sketch:
+class SceneLight:
     """Light on a window; electrons per second and pixel, before the camera.
 
     Attributes
@@ -154,7 +153,7 @@ class Sketch:
     surroundings: Surroundings
 
 
-def sketch_of(
+def scene_light(
     instrument: Instrument,
     band: str,
     metrics: PsfMetrics,
@@ -166,7 +165,7 @@ def sketch_of(
     sky_e_s_arcsec2: float,
     stray_e_s: float,
     drift_nm: float,
-) -> Sketch:
+) -> SceneLight:
     """Return the light of a scene.
 
     Parameters
@@ -228,53 +227,38 @@ def sketch_of(
         (x, y), place, weights = places[i], aperture.place, aperture.weights
         core = float(metrics.core_throughput(x, y))
         elsewhere = [light for j, light in enumerate(lights) if j != i - 1]
+        whole_e_s, open_pixels = sources[i].rate_e_s, metrics.aperture_pixels
+        if weights.size:
+            open_pixels = float((weights * open_map[place]).sum())
+        inside = metrics.zone.covers(np.array([y]), np.array([x]), -metrics.aperture_radius_arcsec)[0, 0]
         planets.append(
             PlanetPlace(
-                name=sources[i].name,
-                x_arcsec=x,
-                y_arcsec=y,
-                signal_e_s=sources[i].rate_e_s * core,
-                peak_e_s=min(sources[i].rate_e_s * metrics.peak_off_axis, lights[i - 1].peak_e_s),
+                *(sources[i].name, x, y, whole_e_s * core),
+                peak_e_s=min(whole_e_s * metrics.peak_off_axis, lights[i - 1].peak_e_s),
                 core=min(core / metrics.core_open, 1.0) if metrics.core_open > 0 else 1.0,
                 halo_e_s=aperture.light_e_s(metrics, star_map, star.rate_e_s, *places[0]),
                 other_e_s=sum(float(light.least_e_s[index]) for light in elsewhere),
                 other_most_e_s=sum(float(light.aperture_e_s[index]) for light in elsewhere),
-                sky_e_s=sky * (float((weights * open_map[place]).sum()) if weights.size else metrics.aperture_pixels),
+                sky_e_s=sky * open_pixels,
                 scattered_e_s=float((weights * scattered[place]).sum()),
                 column_e_s=columns_e_s(x, i),
-                inside=bool(metrics.zone.covers(np.array([y]), np.array([x]), -metrics.aperture_radius_arcsec)[0, 0]),
+                inside=bool(inside),
                 place=place,
                 weights=weights,
             )
         )
     stars = [(*place, source.rate_e_s) for place, source in zip(places[1:], sources[1:], strict=True)]
-    around = Surroundings(
-        metrics=metrics,
-        star_e_s=0.0 if moved else star.rate_e_s,
-        stars=tuple(stars) + (((*places[0], star.rate_e_s),) if moved else ()),
-        half_arcsec=half,
-        frame_arcsec=frame,
-        sky_e_s=sky,
-    )
+    shining = (*stars, (*places[0], star.rate_e_s)) if moved else tuple(stars)
+    around = Surroundings(metrics, 0.0 if moved else star.rate_e_s, shining, half, frame, sky)
     outside, columns, crossing = beyond(metrics, star.rate_e_s, half, frame, sky, stars)
     even = star_map + sky * open_map
-    total = even + others
-    return Sketch(
-        star_e_s=star_map,
-        scattered_e_s=scattered,
-        total_e_s=total,
-        least_e_s=even + _LEAST * others,
-        most_e_s=even + others_most,
-        outside_e_s=outside if full else np.zeros(0),
-        column_e_s=float(total.sum(axis=0).max()) + columns,
-        beyond_peaks_e_s=(0.0, 0.0) if full else crossing,
-        sky_e_s=sky,
-        radius_arcsec=radius,
-        sources=tuple(lights),
-        planets=tuple(planets),
-        aperture_pixels=metrics.aperture_pixels,
-        noise_pixels=float(aperture_noise_pixels(metrics.aperture_radius_arcsec / pixel)),
-        surroundings=around,
+    total, beyond_e_s = even + others, outside if full else np.zeros(0)
+    stamp = (star_map, scattered, total, even + _LEAST * others, even + others_most)
+    column_e_s, peaks_e_s = float(total.sum(axis=0).max()) + columns, (0.0, 0.0) if full else crossing
+    area, noise_pixels = metrics.aperture_pixels, float(aperture_noise_pixels(metrics.aperture_radius_arcsec / pixel))
+    seen, measured_places = tuple(lights), tuple(planets)
+    return SceneLight(
+        *stamp, beyond_e_s, column_e_s, peaks_e_s, sky, radius, seen, measured_places, area, noise_pixels, around
     )
 
 
@@ -326,9 +310,8 @@ def _other_lights(
     along, cell = np.linspace(-half, half, _FAR_POINTS), np.rint(np.linspace(0, _FAR_POINTS - 1, n)).astype(np.intp)
     cells = wing(metrics, along - x[far, None, None], along[:, None] - y[far, None, None]) * rates[far, None, None]
     peaks, inside = np.zeros(len(sources)), np.zeros((len(sources), len(apertures)))
-    peaks[far] = cells.max(axis=(1, 2), initial=0.0) * np.where(
-        _off_map(metrics, x[far], y[far], half), MOST_BEYOND, MOST
-    )
+    most_there = np.where(_off_map(metrics, x[far], y[far], half), MOST_BEYOND, MOST)
+    peaks[far] = cells.max(axis=(1, 2), initial=0.0) * most_there
     for j, aperture in enumerate(apertures):
         if aperture.weights.size:
             rows, columns = (cell[part] for part in aperture.place)
@@ -350,7 +333,7 @@ def _other_lights(
     return peaks, inside, total, most
 
 
-def _off_map(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float, half: float) -> NDArray[np.bool_]:
+def _off_map(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float, half: float) -> BoolArray:
     """Whether a source is so far from the stamp that the wing map does not reach it."""
     reach = len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
     return np.asarray(np.maximum(np.abs(x), np.abs(y)) - half > reach)

@@ -16,26 +16,23 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cpic_core import FloatArray
 from simulator.config import Drift
+from simulator.detectors import Sizes, sizes
 from simulator.imaging import PsfMetrics
-from simulator.knobs import Quantity
 from simulator.ledger.case import CameraCase, largest_speckles
 from simulator.ledger.light import PlanetPlace, SourceLight
 from simulator.signal import drift_halo
 
-Sizes = dict[Quantity, float]
 _PIXEL_REACH, _WAVE_REACH = 3, 2
 # Sources off the axis in single precision: of their light on a pixel, and of their peak anywhere.
 _OTHERS_RELATIVE, _OTHERS_NOISE = 4e-6, 4e-8
 # What a planet behind the edge of the mask adds to the error of its colour, for as much as the mask hides of it.
 _HIDDEN = 0.5
-_NOTHING: Sizes = {"planet_flux": 0.0, "snr": 0.0, "pixel_map": 0.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,50 +76,49 @@ class OpticsCase:
     @functools.cached_property
     def _around_mean(self) -> FloatArray:
         """Starlight of a pixel, or the mean around it where that is brighter."""
-        star = self.camera.sketch.star_e_s
+        star = self.camera.light.star_e_s
         return np.maximum(star, _box(star, _WAVE_REACH, largest=False))
 
     @functools.cached_property
     def _around_most(self) -> FloatArray:
         """Brightest starlight around a pixel."""
-        return _box(self.camera.sketch.star_e_s, _PIXEL_REACH, largest=True)
+        return _box(self.camera.light.star_e_s, _PIXEL_REACH, largest=True)
 
     def _around(self, planet: PlanetPlace) -> float:
         """Starlight around the pixels of an aperture over their own: what is misplaced comes from there."""
         if not planet.weights.size:
             return 1.0
         around = float((planet.weights * self._around_mean[planet.place]).sum())
-        own = float((planet.weights * self.camera.sketch.star_e_s[planet.place]).sum())
+        own = float((planet.weights * self.camera.light.star_e_s[planet.place]).sum())
         return around / own if own > 0 else 1.0
 
     def wavelength_nodes(self, n_nodes: int) -> Sizes:
         """Of so many wavelengths a band."""
         case, t = self.camera, self.camera.exposure_s
-        change = self.optics.wavelength_error(n_nodes, case.sketch.radius_arcsec) * self._around_mean * t
+        change = self.optics.wavelength_error(n_nodes, case.light.radius_arcsec) * self._around_mean * t
         peak = self.optics.wavelength_peak_error(n_nodes)
-        for source in case.sketch.sources:
+        for source in case.light.sources:
             # With one wavelength the wings of a star are another pattern; with more it has as many as it needs.
             wings = float(self.optics.wavelength_error(1, 1.0 + source.distance_arcsec)) if n_nodes == 1 else 0.0
             level = source.peak_e_s * (min(wings, 1.0) if source.distance_arcsec > 1.0 else peak + 1e-3 * wings)
             change = change + (level if source.kind == "star" else source.peak_e_s * peak) * t
         halos, speckles = [], []
-        for planet in case.sketch.planets:
+        for planet in case.light.planets:
             separation = math.hypot(planet.x_arcsec, planet.y_arcsec)
             halos.append(self.optics.wavelength_halo_error(n_nodes, separation, planet.inside) * self._around(planet))
             speckles.append(self.optics.wavelength_speckle_error(n_nodes, separation, planet.inside))
         hidden = case.over_planets(lambda planet: planet.hidden)
-        sizes = self._of(change, self.optics.wavelength_flux_error(n_nodes) * (1.0 + _HIDDEN * hidden), halos, speckles)
+        found = self._of(change, self.optics.wavelength_flux_error(n_nodes) * (1.0 + _HIDDEN * hidden), halos, speckles)
         if n_nodes == 1:
-            others = np.zeros(len(case.variances))
-            for source in case.sketch.sources:
-                others += source.aperture_e_s * (source.kind == "star")
-            sizes["snr"] += case.snr_added(self._white(others))
-        return sizes
+            stars = [source.aperture_e_s for source in case.light.sources if source.kind == "star"]
+            others = sum(stars, np.zeros(len(case.variances)))
+            found["snr"] += case.snr_added(self._white(others))
+        return found
 
     def pixel_nodes(self, n_nodes: int) -> Sizes:
         """Of so many nodes a pixel and axis; sources other than the star are integrated in closed form."""
         case = self.camera
-        planets = case.sketch.planets
+        planets = case.light.planets
         halos = [self.optics.pixel_halo_error(n_nodes, planet.inside) * self._around(planet) for planet in planets]
         error = min(self.optics.pixel_error(n_nodes), LARGEST)
         speckles = [self.optics.pixel_speckle_error(n_nodes)] * len(planets)
@@ -132,14 +128,12 @@ class OpticsCase:
         """Of fields in single precision."""
         case = self.camera
         peak = self.star_e_s * self.metrics.peak_off_axis
-        change = precision_error_e_s(case.sketch.star_e_s, peak) + _OTHERS_RELATIVE * case.sketch.total_e_s
-        change = change + _OTHERS_NOISE * sum(source.peak_e_s for source in case.sketch.sources)
-        halos = [
-            float(precision_error_e_s(planet.halo_e_s / case.sketch.aperture_pixels, peak))
-            * case.sketch.aperture_pixels
-            / max(planet.halo_e_s, 1e-300)
-            for planet in case.sketch.planets
-        ]
+        change = precision_error_e_s(case.light.star_e_s, peak) + _OTHERS_RELATIVE * case.light.total_e_s
+        change = change + _OTHERS_NOISE * sum(source.peak_e_s for source in case.light.sources)
+        halos, pixels = [], case.light.aperture_pixels
+        for planet in case.light.planets:
+            error = float(precision_error_e_s(planet.halo_e_s / pixels, peak))
+            halos.append(error * pixels / max(planet.halo_e_s, 1e-300))
         return self._of(change * case.exposure_s, 1e-7, halos, halos)
 
     def epochs(self, n_epochs: int) -> Sizes:
@@ -149,28 +143,26 @@ class OpticsCase:
         intervals (its covariance is ``min(s, s')``), and a frame is at most half an interval away from its epoch.
         """
         if n_epochs >= self.n_epochs:
-            return dict(_NOTHING)
+            return sizes(0.0)
         fewer = 1.0 / n_epochs - 1.0 / self.n_epochs
         away = self.drift.walk_nm_per_sqrt_hour * math.sqrt(self.visit_s / 3600.0 * 0.5 * fewer)
         more = 0.5 * (1.0 / n_epochs**2 - 1.0 / self.n_epochs**2)
         snr = max((0.5 * share * more for share in self.walk_share), default=0.0)
-        return {"planet_flux": 0.0, "snr": snr, "pixel_map": self._speckles(away)}
+        return sizes(self._speckles(away), snr=snr)
 
     def no_drift(self) -> Sizes:
         """Of a wavefront that stands still."""
         rms = math.hypot(self.drift.visit_nm, self.drift.walk_nm_per_sqrt_hour * math.sqrt(self.visit_s / 3600.0))
-        return {"planet_flux": 0.0, "snr": max(self.speckle_share, default=0.0), "pixel_map": self._speckles(rms)}
+        return sizes(self._speckles(rms), snr=max(self.speckle_share, default=0.0))
 
     def _speckles(self, rms_nm: float) -> float:
         """Largest change of a pixel by a wavefront error."""
         case, t = self.camera, self.camera.exposure_s
         peak = self.star_e_s * self.metrics.peak_off_axis
-        halo = drift_halo(self.metrics, case.sketch.radius_arcsec, rms_nm, self.drift.psd_slope, self.wavelength_nm) * (
-            case.sketch.total_e_s > 0
-        )
-        if self.moved:
-            halo = np.zeros_like(halo)
-        change = largest_speckles(case.sketch.star_e_s * t, halo * peak * t)
+        radius, slope = case.light.radius_arcsec, self.drift.psd_slope
+        lit = (case.light.total_e_s > 0) & (not self.moved)
+        halo = drift_halo(self.metrics, radius, rms_nm, slope, self.wavelength_nm) * lit
+        change = largest_speckles(case.light.star_e_s * t, halo * peak * t)
         return case.mean_change(self._padded(change))
 
     def source(self, source: SourceLight, *, measured: bool) -> Sizes:
@@ -185,8 +177,8 @@ class OpticsCase:
         case = self.camera
         pixel = case.mean_change(source.peak_e_s * case.exposure_s)
         if measured:
-            return {"planet_flux": 1.0, "snr": 1.0, "pixel_map": pixel}
-        return {"planet_flux": 0.0, "snr": case.snr_added(self._white(source.aperture_e_s)), "pixel_map": pixel}
+            return sizes(pixel, 1.0)
+        return sizes(pixel, snr=case.snr_added(self._white(source.aperture_e_s)))
 
     def spread_light(self, pixel_e_s: float, aperture_e_s: float) -> Sizes:
         """Return the size of light spread over many pixels.
@@ -198,34 +190,22 @@ class OpticsCase:
         """
         case = self.camera
         added = self._white(np.full(len(case.variances), aperture_e_s))
-        return {
-            "planet_flux": 0.0,
-            "snr": case.snr_added(added),
-            "pixel_map": case.mean_change(pixel_e_s * case.exposure_s),
-        }
+        return sizes(case.mean_change(pixel_e_s * case.exposure_s), snr=case.snr_added(added))
 
     def _white(self, aperture_e_s: FloatArray) -> list[float]:
         return [self.camera.light_variance_e2(float(light)) for light in aperture_e_s]
 
     def _padded(self, change: FloatArray) -> FloatArray:
         """A change on the stamp, nothing on the pixels around it."""
-        return np.concatenate([change.ravel(), np.zeros(self.camera.sketch.outside_e_s.size)])
+        return np.concatenate([change.ravel(), np.zeros(self.camera.light.outside_e_s.size)])
 
-    def _of(
-        self, change_e: FloatArray, flux: float, halo_errors: Sequence[float], speckle_errors: Sequence[float]
-    ) -> Sizes:
+    def _of(self, change_e: FloatArray, flux: float, halo_errors: list[float], speckle_errors: list[float]) -> Sizes:
         """From the change of the star's pixels, of the planet, and relative errors of the light and speckles there."""
-        parts = []
-        for halo, speckle, variances, share in zip(
-            halo_errors, speckle_errors, self.camera.variances, self.speckle_share, strict=True
-        ):
+        parts, shares = [], zip(self.camera.variances, self.speckle_share, strict=True)
+        for halo, speckle, (variances, share) in zip(halo_errors, speckle_errors, shares, strict=True):
             part = 0.5 * variances["halo"] / max(sum(variances.values()), 1e-300)
             parts.append(min(halo, LARGEST) * part + min(speckle, LARGEST) * share)
-        return {
-            "planet_flux": flux,
-            "snr": flux + max(parts, default=0.0),
-            "pixel_map": self.camera.mean_change(self._padded(change_e)),
-        }
+        return sizes(self.camera.mean_change(self._padded(change_e)), flux, flux + max(parts, default=0.0))
 
 
 def _box(image: FloatArray, reach: int, *, largest: bool) -> FloatArray:

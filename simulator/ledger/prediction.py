@@ -4,18 +4,17 @@ Predicted sizes of everything that an observation may leave out, from closed for
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from cpic_core import Outcome
 from simulator.config import Instrument, Scene
-from simulator.detectors import VISIBLE, rows_of
+from simulator.detectors import VISIBLE, Sizes, rows_of, sizes as sizes_of
 from simulator.imaging import PsfMetrics
-from simulator.knobs import QUANTITIES, Knobs, Quantity
+from simulator.knobs import Knobs
 from simulator.ledger.case import CameraCase, sums_possible
 from simulator.ledger.inventory import EffectRow, effect_ledger
-from simulator.ledger.light import Sketch
+from simulator.ledger.light import SceneLight
 from simulator.ledger.optics_sizes import OpticsCase
 from simulator.ledger.visit import visit_of
 from simulator.ledger.wings import Spill
@@ -23,7 +22,7 @@ from simulator.signal import overflow, sky_pixel_e_s
 from simulator.target import extended_rates
 
 
-def camera_sizes(case: CameraCase) -> dict[str, dict[Quantity, float]]:
+def camera_sizes(case: CameraCase) -> dict[str, Sizes]:
     """Return the size of every effect of the camera on every quantity, by the name of its switch.
 
     Of a change of the mean ``d`` of a pixel the size is ``|d| / sigma``, or that of the variance that goes with it; of
@@ -34,9 +33,6 @@ def camera_sizes(case: CameraCase) -> dict[str, dict[Quantity, float]]:
     return {key: size for key, size in found.items() if size is not None}
 
 
-Sizes = dict[Quantity, float]
-MAX_EPOCHS = 12
-"""Epochs of a visit without a ledger."""
 WAVELENGTHS, PIXEL_NODES = (1, 2, 3, 4, 5, 6, 7), (1, 2, 3, 4, 5)
 EPOCHS = (1, 2, 3, 4, 6, 8, 12)
 
@@ -82,18 +78,10 @@ def forecast(
     instrument: Instrument,
     *,
     band: str,
-    exposure_s: float,
     n_frames: int,
-    em_gain: float,
-    roll_deg: float = 0.0,
-    star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
     scene_model: str = "exact",
-    start_utc: str | None = None,
-    switches: Mapping[str, bool] | None = None,
-    planets: Sequence[str] | None = None,
-    reduced: bool = False,
     full: bool = False,
-    max_epochs: int = MAX_EPOCHS,
+    **settings: Any,
 ) -> Forecast:
     """Predict how much each effect changes what is asked of an observation.
 
@@ -102,19 +90,18 @@ def forecast(
     scene : Scene
     instrument : Instrument
     band : str
-    exposure_s, n_frames, em_gain
-        Of the sequence.
-    roll_deg, star_offset_arcsec, scene_model, start_utc, switches
+    n_frames : int
+        Frames of the sequence.
+    scene_model : {"exact", "paper"}
         As `simulator.observing.observation.observe`.
-    planets : sequence of str, optional
-        Names of the planets that are measured; all of the scene by default.
-    reduced : bool
-        Sizes after a full reduction: flat, bias structure and flaws calibrated out, non-linearity and smear undone,
-        particles rejected.
     full : bool
         Whole frames, or the window around the hole.
-    max_epochs : int
-        Epochs of the visit without a ledger.
+    **settings
+        ``exposure_s`` and ``em_gain`` of the sequence; and, where they are given, ``roll_deg``, ``star_offset_arcsec``,
+        ``start_utc`` and ``switches``, as `simulator.observing.observation.observe`; ``planets``, names of the planets
+        that are measured (all of the scene by default); ``reduced``, for sizes after a full reduction (flat, bias
+        structure and flaws calibrated out, non-linearity and smear undone, particles rejected); ``max_epochs``, epochs
+        of the visit without a ledger (12 by default).
 
     Returns
     -------
@@ -131,67 +118,31 @@ def forecast(
     noise of the aperture sum over the visit, ``pixel_map`` the largest change of the mean or standard deviation of a
     pixel over its standard deviation in one frame. Nothing is propagated or drawn (but 1500 tracks of particles, once).
     """
-    visit = visit_of(
-        scene,
-        instrument,
-        band=band,
-        exposure_s=exposure_s,
-        n_frames=n_frames,
-        em_gain=em_gain,
-        roll_deg=roll_deg,
-        star_offset_arcsec=star_offset_arcsec,
-        start_utc=start_utc,
-        switches=switches,
-        planets=planets,
-        reduced=reduced,
-        full=full,
-        max_epochs=max_epochs,
-    )
+    visit = visit_of(scene, instrument, band=band, n_frames=n_frames, full=full, **settings)
     case, optics, figures = visit.camera, visit.optics, visit.metrics
     visible = instrument.channel_of(band).multiplies
     sizes: dict[str, Sizes] = camera_sizes(case) if visible else {}
-    sizes |= _light_sizes(optics, case.sketch, visit.sky.rate_e_s_arcsec2, visit.stray_e_s, figures)
+    sizes |= _light_sizes(optics, case.light, visit.sky.rate_e_s_arcsec2, visit.stray_e_s, figures)
     for item in extended_rates(scene, instrument, band):
-        sizes[f"extended:{item.source.name}"] = optics.spread_light(
-            item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
-        )
+        spread = item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
+        sizes[f"extended:{item.source.name}"] = optics.spread_light(*spread)
     knobs = _knob_sizes(optics, optics.n_epochs)
-    sizes |= {"off_mask_psf": _off_mask(case.sketch), "drift": optics.no_drift(), "pupil_samples": _nothing()}
+    sizes |= {"off_mask_psf": _off_mask(case.light), "drift": optics.no_drift(), "pupil_samples": sizes_of(0.0)}
     sizes |= {name: knobs[name][getattr(Knobs(), name)] for name in ("wavelength_nodes", "pixel_nodes")}
     sizes |= {"precision": knobs["precision"]["single"], "drift_epochs": knobs["drift_epochs"][1]}
     sizes["hole_region"] = _hole_region(case)
-    rows = effect_ledger(
-        scene,
-        visit.switched,
-        band=band,
-        scene_model=scene_model,
-        hole_state=figures.hole_state,
-        sky=visit.sky,
-        stray=visit.stray,
-        start_utc=visit.start_utc,
-    )
+    said: dict[str, Any] = {"hole_state": figures.hole_state, "sky": visit.sky, "stray": visit.stray}
+    said |= {"band": band, "scene_model": scene_model, "start_utc": visit.start_utc}
+    rows = effect_ledger(scene, visit.switched, **said)
     for row in rows:  # what does not exist has no size
         if row.decision == "skipped" and row.key in sizes and row.key != "source_positions":
-            sizes[row.key] = _nothing()
-    if max(sizes.get(key, _nothing())["planet_flux"] for key in ("blooming", "register_full_well")) >= 1.0:
+            sizes[row.key] = sizes_of(0.0)
+    if max(sizes.get(key, sizes_of(0.0))["planet_flux"] for key in ("blooming", "register_full_well")) >= 1.0:
         _forbid(sizes, knobs)
     kinds: dict[str, str] = {source.name: source.kind for source in visit.sources[1:]}
     kinds |= {source.name: "extended" for source in scene.extended}
-    return Forecast(
-        rows=rows,
-        sizes=sizes,
-        knob_sizes=knobs,
-        sources=kinds,
-        sums=sums_possible(case, figures, optics.star_e_s, visible=visible, moved=optics.moved, band=band),
-        n_frames=n_frames,
-        max_epochs=optics.n_epochs,
-        full=full,
-        measured=visit.measured,
-    )
-
-
-def _nothing() -> Sizes:
-    return dict.fromkeys(QUANTITIES, 0.0)
+    sums = sums_possible(case, figures, optics.star_e_s, visible=visible, moved=optics.moved, band=band)
+    return Forecast(rows, sizes, knobs, kinds, sums, n_frames, optics.n_epochs, full, visit.measured)
 
 
 def _forbid(sizes: dict[str, Sizes], knobs: dict[str, dict[Any, Sizes]]) -> None:
@@ -202,50 +153,47 @@ def _forbid(sizes: dict[str, Sizes], knobs: dict[str, dict[Any, Sizes]]) -> None
 
 
 def _light_sizes(
-    optics: OpticsCase, sketch: Sketch, sky_e_s_arcsec2: float, stray_e_s: float, metrics: PsfMetrics
+    optics: OpticsCase, light: SceneLight, sky_e_s_arcsec2: float, stray_e_s: float, metrics: PsfMetrics
 ) -> dict[str, Sizes]:
     front = float(sky_pixel_e_s(metrics, sky_e_s_arcsec2))
-    sizes = {
-        "sky": optics.spread_light(front, front * sketch.aperture_pixels),
-        "stray_light": optics.spread_light(stray_e_s, stray_e_s * sketch.aperture_pixels),
-    }
-    measured = {planet.name for planet in sketch.planets}
-    for source in sketch.sources:
+    spread = {"sky": front, "stray_light": stray_e_s}
+    sizes = {key: optics.spread_light(rate, rate * light.aperture_pixels) for key, rate in spread.items()}
+    measured = {planet.name for planet in light.planets}
+    for source in light.sources:
         sizes[f"{source.kind}:{source.name}"] = optics.source(source, measured=source.name in measured)
     return sizes
 
 
 def _knob_sizes(optics: OpticsCase, epochs: int) -> dict[str, dict[Any, Sizes]]:
+    none, steps = sizes_of(0.0), sorted({*(e for e in EPOCHS if e < epochs), epochs})
     return {
-        "wavelength_nodes": {n: optics.wavelength_nodes(n) for n in WAVELENGTHS[:-1]} | {WAVELENGTHS[-1]: _nothing()},
-        "pixel_nodes": {n: optics.pixel_nodes(n) for n in PIXEL_NODES[:-1]} | {PIXEL_NODES[-1]: _nothing()},
-        "precision": {"single": optics.precision(), "double": _nothing()},
-        "drift_epochs": {n: optics.epochs(n) for n in sorted({*(e for e in EPOCHS if e < epochs), epochs})},
+        "wavelength_nodes": {n: optics.wavelength_nodes(n) for n in WAVELENGTHS[:-1]} | {WAVELENGTHS[-1]: none},
+        "pixel_nodes": {n: optics.pixel_nodes(n) for n in PIXEL_NODES[:-1]} | {PIXEL_NODES[-1]: none},
+        "precision": {"single": optics.precision(), "double": none},
+        "drift_epochs": {n: optics.epochs(n) for n in steps},
     }
 
 
-def _off_mask(sketch: Sketch) -> Sizes:
+def _off_mask(light: SceneLight) -> Sizes:
     """Of one unmasked image for every source: what mask and cross take away, and the nearest of 4 x 4 cells.
 
     The cells cost 0.55 % of an aperture sum at most, 4.5 % of a peak pixel (measured at 520 nm).
     """
-    flux = max((1.0 / max(planet.core, 1e-3) - 1.0 + 0.0055 for planet in sketch.planets), default=0.0)
-    return {"planet_flux": flux, "snr": flux, "pixel_map": 0.0}
+    flux = max((1.0 / max(planet.core, 1e-3) - 1.0 + 0.0055 for planet in light.planets), default=0.0)
+    return sizes_of(0.0, flux)
 
 
 def _hole_region(case: CameraCase) -> Sizes:
     """Of reading a window alone: the overflow that would have come in; what smears into it is known."""
-    detector, sketch, noise = case.detector, case.sketch, case.noise
-    in_columns, in_rows = (peak * case.exposure_s for peak in sketch.beyond_peaks_e_s)
+    detector, light, noise = case.detector, case.light, case.noise
+    in_columns, in_rows = (peak * case.exposure_s for peak in light.beyond_peaks_e_s)
     enters = float(overflow(in_columns, detector.full_well_e, 1.0)) * detector.switches.blooming
     register = detector.register_full_well_e / case.em_gain
     enters += float(overflow(in_rows, register, noise.factor2)) * detector.switches.register_full_well
-    limit, reached = (1.0 if enters > 1e-6 else 0.0), 0.0
-    if limit:
-        spill = Spill(dataclasses.replace(case, full=True))
-        reached = case.over_planets(
-            lambda planet: float(
-                not planet.weights.size or spill.blooms_into(*planet.place) or spill.trails_into(*planet.place)
-            )
-        )
-    return {"planet_flux": reached, "snr": reached, "pixel_map": limit}
+    if enters <= 1e-6:
+        return sizes_of(0.0)
+    spill = Spill(dataclasses.replace(case, full=True))
+    hit = (
+        not one.weights.size or spill.blooms_into(*one.place) or spill.trails_into(*one.place) for one in light.planets
+    )
+    return sizes_of(1.0, float(any(hit)))

@@ -3,6 +3,7 @@
 An observation as the ledger sees it: its light, its noise and its optics, from known tables alone.
 """
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from simulator.detectors import FrameTerm
 from simulator.effects import SkyLevel, cosmic_ray_rate, sky_rate_e_s_arcsec2, stray_light_parts
 from simulator.imaging import PsfMetrics, psf_metrics
 from simulator.ledger.case import CameraCase, pixel_hits, stamp_flaws
-from simulator.ledger.light import PlanetPlace, Sketch, sketch_of
+from simulator.ledger.light import PlanetPlace, SceneLight, scene_light
 from simulator.ledger.optics_sizes import Optics, OpticsCase
 from simulator.passbands import Passbands
 from simulator.target import Source, scene_sources
@@ -25,7 +26,7 @@ from simulator.target import Source, scene_sources
 
 def visit_variance_e2(
     planet: PlanetPlace,
-    sketch: Sketch,
+    light: SceneLight,
     noise: FrameNoise,
     *,
     source_noise_fraction: float,
@@ -40,7 +41,7 @@ def visit_variance_e2(
     Parameters
     ----------
     planet : PlanetPlace
-    sketch : Sketch
+    light : SceneLight
         Light around it.
     noise : FrameNoise
     source_noise_fraction : float
@@ -60,8 +61,8 @@ def visit_variance_e2(
     ``N (F^2 w (light t + charge) + n (read^2 + rounding)) + (N t speckle)^2``: w the mean squared weight of the pixels
     of the aperture, n the sum of squared weights (`simulator.detectors.variance.aperture_noise_pixels`).
     """
-    pixels = sketch.noise_pixels
-    fraction = pixels / sketch.aperture_pixels
+    pixels = light.noise_pixels
+    fraction = pixels / light.aperture_pixels
     bright = float((planet.weights**2).sum()) / max(float(planet.weights.sum()), 1e-300) if planet.weights.size else 1.0
     counted = {
         "planet": FrameTerm(rate_e_s=source_noise_fraction * planet.signal_e_s),
@@ -81,11 +82,12 @@ def visit_variance_e2(
     # The variances of the frame's noise are those at the register input already.
     found = {name: counts * term.variance_e2(exposure_s, noise.factor2, 1.0) for name, term in counted.items()}
     found |= {name: n_frames * term.variance_e2(exposure_s, noise.factor2, 1.0) for name, term in electronic.items()}
-    return {name: float(value) for name, value in found.items()} | {
-        "speckle": (n_frames * exposure_s * speckle_e_s) ** 2
-    }
+    speckle = (n_frames * exposure_s * speckle_e_s) ** 2
+    return {name: float(value) for name, value in found.items()} | {"speckle": speckle}
 
 
+MAX_EPOCHS = 12
+"""Epochs of a visit without a ledger."""
 _CM_PER_UM = 1e-4
 # A single place in the hole against the rms of its separation.
 _FLOOR_LEAST, _FLOOR_MOST = 0.5, 2.0
@@ -137,14 +139,14 @@ def visit_of(
     exposure_s: float,
     n_frames: int,
     em_gain: float,
-    roll_deg: float,
-    star_offset_arcsec: tuple[float, float],
-    start_utc: str | None,
-    switches: Mapping[str, bool] | None,
-    planets: Sequence[str] | None,
-    reduced: bool,
-    full: bool,
-    max_epochs: int,
+    roll_deg: float = 0.0,
+    star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
+    start_utc: str | None = None,
+    switches: Mapping[str, bool] | None = None,
+    planets: Sequence[str] | None = None,
+    reduced: bool = False,
+    full: bool = False,
+    max_epochs: int = MAX_EPOCHS,
 ) -> Visit:
     """Light, noise and optics of an observation; parameters and errors as `simulator.ledger.forecast`."""
     switched = instrument.switched(switches, camera=instrument.band(band).camera)
@@ -153,92 +155,51 @@ def visit_of(
     measured = _measured(sources, planets)
     figures = psf_metrics(instrument, band)
     detector = switched.detector_of(band)
-    sky = sky_rate_e_s_arcsec2(
-        instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
-    )
+    star = scene.cstar
+    sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=star.ra_deg, dec_deg=star.dec_deg, start_utc=start)
     side = len(figures.raw_contrast)
     corner = (detector.star_row - side // 2, detector.star_column - side // 2)
-    stray = stray_light_parts(
-        instrument, band, (detector.n_rows, detector.n_columns), first_pixel=corner, window=(side, side)
-    )
-    visit_s = n_frames * (exposure_s + detector.readout_s)
+    stray = stray_light_parts(instrument, band, detector.shape, first_pixel=corner, window=(side, side))
+    visit_s, on_source_s = n_frames * (exposure_s + detector.readout_s), n_frames * exposure_s
     drift = instrument.drift
-    rms_nm = math.hypot(drift.visit_nm, drift.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0))
-    sketch = sketch_of(
-        instrument,
-        band,
-        figures,
-        sources,
-        measured=measured,
-        full=full,
-        star_offset_arcsec=star_offset_arcsec,
-        sky_e_s_arcsec2=sky.rate_e_s_arcsec2,
-        stray_e_s=_mean_stray(stray),
-        drift_nm=rms_nm,
-    )
+    place: dict[str, Any] = {"measured": measured, "full": full, "star_offset_arcsec": star_offset_arcsec}
+    even: dict[str, Any] = {"sky_e_s_arcsec2": sky.rate_e_s_arcsec2, "stray_e_s": _mean_stray(stray)}
+    even["drift_nm"] = math.hypot(drift.visit_nm, drift.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0))
+    light = scene_light(instrument, band, figures, sources, **place, **even)
     noise = FrameNoise.of(detector, em_gain, exposure_s)
-    line_shift_s = detector.line_shift_s if exposure_s > 0 else 0.0
     star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
-    speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in sketch.planets]
-    variances = tuple(
-        visit_variance_e2(
-            planet,
-            sketch,
-            noise,
-            source_noise_fraction=figures.source_noise_fraction,
-            exposure_s=exposure_s,
-            n_frames=n_frames,
-            speckle_e_s=speckle[0],
-            line_shift_s=line_shift_s,
-            flaws_e=0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s,
-        )
-        for planet, speckle in zip(sketch.planets, speckles, strict=True)
-    )
-    shares = [
-        _shares(variance, speckle, n_frames * exposure_s) for variance, speckle in zip(variances, speckles, strict=True)
-    ]
-    rays = instrument.cosmic_rays
+    speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in light.planets]
+    frames: dict[str, Any] = {"exposure_s": exposure_s, "n_frames": n_frames}
+    frames |= {"line_shift_s": detector.line_shift_s if exposure_s > 0 else 0.0}
+    frames |= {"source_noise_fraction": figures.source_noise_fraction}
+    variances = []
+    for planet, (least, *_) in zip(light.planets, speckles, strict=True):
+        flaws_e = 0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s
+        variances.append(visit_variance_e2(planet, light, noise, speckle_e_s=least, flaws_e=flaws_e, **frames))
+    shares = [_shares(variance, speckle, on_source_s) for variance, speckle in zip(variances, speckles, strict=True)]
+    rays, pixel, width = instrument.cosmic_rays, figures.pixel_scale_arcsec, figures.lambda_d_arcsec
     rate = cosmic_ray_rate(rays, start) if detector.switches.cosmic_rays else 0.0
+    radius, peak_e_s = figures.aperture_radius_arcsec, _column_peak(figures, light, star_e_s, moved=moved)
+    edge = figures.mask_half_width_arcsec + radius + pixel
     case = CameraCase(
-        detector=detector if isinstance(detector, Detector) else instrument.detector,
-        sketch=sketch,
-        noise=noise,
-        exposure_s=exposure_s,
-        n_frames=n_frames,
-        em_gain=em_gain,
-        reduced=reduced,
-        first_pixel=corner,
-        full=full,
+        detector if isinstance(detector, Detector) else instrument.detector,
+        *(light, noise, exposure_s, n_frames, em_gain, reduced, corner, full),
         hits_per_s=rate * (detector.pixel_um * _CM_PER_UM) ** 2,
         hits=pixel_hits(rays, detector.pixel_um),
         lost_per_s=aperture_loss_per_s(switched, band, start_utc=start),
-        variances=variances,
-        column_peak_e_s=_column_peak(figures, sketch, star_e_s, moved=moved),
-        radius_pixels=figures.aperture_radius_arcsec / figures.pixel_scale_arcsec,
-        lambda_d_pixels=figures.lambda_d_arcsec / figures.pixel_scale_arcsec,
-        pixel_arcsec=figures.pixel_scale_arcsec,
-        edge_arcsec=figures.mask_half_width_arcsec + figures.aperture_radius_arcsec + figures.pixel_scale_arcsec,
+        variances=tuple(variances),
+        column_peak_e_s=peak_e_s,
+        radius_pixels=radius / pixel,
+        lambda_d_pixels=width / pixel,
+        pixel_arcsec=pixel,
+        edge_arcsec=edge,
     )
     passbands = Passbands.from_instrument(instrument)
     low, high = passbands.bands[passbands.index(band)].support_nm
-    optics = OpticsCase(
-        camera=case,
-        metrics=figures,
-        optics=Optics(
-            (high - low) / (0.5 * (high + low)),
-            figures.lambda_d_arcsec,
-            figures.pixel_scale_arcsec,
-            instrument.wavefront.jitter_mas * 1e-3,
-        ),
-        drift=drift,
-        star_e_s=star_e_s,
-        wavelength_nm=instrument.band(band).center_nm,
-        visit_s=visit_s,
-        n_epochs=min(n_frames, max_epochs),
-        speckle_share=tuple(part[0] for part in shares),
-        walk_share=tuple(part[1] for part in shares),
-        moved=moved,
-    )
+    quadrature = Optics((high - low) / (0.5 * (high + low)), width, pixel, instrument.wavefront.jitter_mas * 1e-3)
+    lengths = (star_e_s, instrument.band(band).center_nm, visit_s, min(n_frames, max_epochs))
+    speckle_share, walk_share = (tuple(share[i] for share in shares) for i in (0, 1))
+    optics = OpticsCase(case, figures, quadrature, drift, *lengths, speckle_share, walk_share, moved)
     return Visit(tuple(sources), measured, figures, switched, start, sky, stray, case, optics)
 
 
@@ -246,9 +207,10 @@ def _mean_stray(stray: Mapping[str, NDArray[Any]]) -> float:
     return sum(float(part.mean()) for part in stray.values())
 
 
-def _shares(
-    variances: Mapping[str, float], speckle_e_s: tuple[float, float, float], integration_s: float
-) -> tuple[float, float]:
+Speckles = tuple[float, float, float]
+
+
+def _shares(variances: Mapping[str, float], speckle_e_s: Speckles, integration_s: float) -> tuple[float, float]:
     """Largest part of the variance of an aperture sum that speckles make, and the walk alone."""
     least, every, walk = ((integration_s * part) ** 2 for part in speckle_e_s)
     white = sum(variances.values()) - variances["speckle"]
@@ -257,7 +219,7 @@ def _shares(
 
 def _speckles(
     metrics: PsfMetrics, drift: Drift, planet: PlanetPlace, star_e_s: float, visit_s: float, *, still: bool
-) -> tuple[float, float, float]:
+) -> Speckles:
     """Rms of aperture sums that a reference visit leaves: at least, at most, and the part of the walk in that.
 
     Inside the hole that is the measured floor, within a factor; an aperture that reaches beyond it sees the beat of the
@@ -265,16 +227,10 @@ def _speckles(
     """
     if still:
         return 0.0, 0.0, 0.0
-    where = math.hypot(planet.x_arcsec, planet.y_arcsec)
-    floor, frozen = (
-        star_e_s
-        * float(
-            metrics.rdi_floor(
-                drift.visit_nm, walk_nm_per_sqrt_hour=walk, visit_hours=visit_s / 3600.0, separation_arcsec=where
-            )
-        )
-        for walk in (drift.walk_nm_per_sqrt_hour, 0.0)
-    )
+    hours, where = visit_s / 3600.0, math.hypot(planet.x_arcsec, planet.y_arcsec)
+    rdi_floor = functools.partial(metrics.rdi_floor, drift.visit_nm, visit_hours=hours, separation_arcsec=where)
+    walks = (drift.walk_nm_per_sqrt_hour, 0.0)
+    floor, frozen = (star_e_s * float(rdi_floor(walk_nm_per_sqrt_hour=walk)) for walk in walks)
     walk = math.sqrt(max(floor**2 - frozen**2, 0.0))
     if planet.inside:
         return _FLOOR_LEAST * floor, _FLOOR_MOST * floor, _FLOOR_MOST * walk
@@ -304,7 +260,7 @@ def _measured(sources: Sequence[Source], planets: Sequence[str] | None) -> tuple
     return tuple(planets)
 
 
-def _column_peak(metrics: PsfMetrics, sketch: Sketch, star_e_s: float, *, moved: bool) -> float:
+def _column_peak(metrics: PsfMetrics, light: SceneLight, star_e_s: float, *, moved: bool) -> float:
     """Brightest pixel whose overflow may reach the hole along its column or row."""
     star = metrics.peak_off_axis if moved else metrics.peak_on_axis_columns
-    return max([star_e_s * star, *(source.peak_e_s for source in sketch.sources if source.kind == "star")])
+    return max([star_e_s * star, *(source.peak_e_s for source in light.sources if source.kind == "star")])

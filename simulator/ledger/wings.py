@@ -4,7 +4,7 @@ A pixel above its full well passes the excess on along its column, the register 
 read next. Nothing arrives at a place exactly if every run of pixels that ends there holds less than its wells do: the
 light of a run is compared with them, five sigma of noise included, however far away it begins.
 
-Light of sources off the axis where a sketch has no map: wings, the frame around the stamp, and lines across it.
+Light of sources off the axis where there is no map: wings, the frame around the stamp, and lines across it.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from simulator.config import Instrument
 from simulator.imaging import PsfMetrics, centred_axis
 from simulator.signal import wing
@@ -103,7 +102,7 @@ class Spill:
         top = float(self._charge_e[rows, columns].max(initial=0.0))
         return top + _SIGMA * math.sqrt(factor2 * top) > well_e
 
-    def _blooming_columns(self, rows: slice) -> NDArray[np.bool_]:
+    def _blooming_columns(self, rows: slice) -> BoolArray:
         """Columns of the stamp along which charge arrives at some rows."""
         charge, found = self._charge_e.T, np.zeros(len(self._charge_e), dtype=np.bool_)
         # Half of the excess goes up, first; the other half down, where the first may have taken its room.
@@ -118,15 +117,13 @@ class Spill:
         """Charge beyond the stamp along all its rows or columns, and the pixels of a box."""
         if (axis, sign) not in self._known:
             case = self.case
-            places = centred_axis(len(case.sketch.star_e_s), case.pixel_arcsec)
-            light, pixels = case.sketch.surroundings.lanes(places, axis, sign)
+            places = centred_axis(len(case.light.star_e_s), case.pixel_arcsec)
+            light, pixels = case.light.surroundings.lanes(places, axis, sign)
             self._known[axis, sign] = light * case.exposure_s + case.noise.dark_e + case.noise.clock_e, pixels
         return self._known[axis, sign]
 
 
-def _arrives(
-    parts: Sequence[tuple[FloatArray, float]], well_e: float, factor2: float, share: float = 1.0
-) -> NDArray[np.bool_]:
+def _arrives(parts: Sequence[tuple[FloatArray, float]], well_e: float, factor2: float, share: float = 1.0) -> BoolArray:
     """Whether any run of each line, nearest pixel first, holds more than its wells; shape (lines,).
 
     ``share`` of what is above the well of a pixel goes this way.
@@ -161,11 +158,8 @@ def frame_reach(instrument: Instrument, band: str, pixel: float) -> tuple[float,
         Scale, arcsec.
     """
     detector = instrument.detector_of(band)
-    x, y = (
-        max(star, size - 1 - star)
-        for star, size in ((detector.star_column, detector.n_columns), (detector.star_row, detector.n_rows))
-    )
-    return x * pixel, y * pixel
+    column, row = detector.star_column, detector.star_row
+    return max(column, detector.n_columns - 1 - column) * pixel, max(row, detector.n_rows - 1 - row) * pixel
 
 
 def beyond(
@@ -206,16 +200,13 @@ def beyond(
     brightest = rate_e_s * metrics.peak_on_axis_frame
     in_columns, in_rows = rate_e_s * metrics.peak_on_axis_columns, rate_e_s * metrics.register_tail
     for at_x, at_y, rate in stars:
-        seen = abs(at_x) <= frame[0] and abs(at_y) <= frame[1]
-        peak = rate * metrics.peak_off_axis
+        seen, peak = abs(at_x) <= frame[0] and abs(at_y) <= frame[1], rate * metrics.peak_off_axis
         if seen:
             brightest = max(brightest, peak)
-        if seen and abs(at_x) <= half:
-            in_columns = max(in_columns, peak)
         if seen and abs(at_y) <= half:
             in_rows = max(in_rows, peak)
         if seen and abs(at_x) <= half:
-            column += 8.0 * peak
+            in_columns, column = max(in_columns, peak), column + 8.0 * peak
         else:
             column += 10.0 * MOST * rate * float(wing(metrics, max(abs(at_x) - half, pixel), 0.0))
     levels = light[outside] * MOST + sky_e_s
@@ -270,9 +261,7 @@ class Surroundings:
         figures, across = self.metrics, np.asarray(places_arcsec, dtype=np.float64)[:, None]
         step, edge = figures.wing_map_step_arcsec, self.frame_arcsec[axis == "y"]
         n = max(int(np.ceil((edge - self.half_arcsec) / step)), 0)
-        along: FloatArray = np.asarray(sign * (self.half_arcsec + step * (np.arange(n) + 0.5)), dtype=np.float64)[
-            None, :
-        ]
+        along = np.asarray(sign * (self.half_arcsec + step * (np.arange(n) + 0.5)), float)[None, :]
         pixel, open_lane = figures.pixel_scale_arcsec, np.abs(across) > figures.mask_half_width_arcsec
         light = np.full((len(across), n), self.sky_e_s)
         if self.star_e_s > 0:

@@ -11,20 +11,19 @@ epochs.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, Outcome, PathPart, Reason, Status, check_whole, stream
-from simulator.camera import VisibleCamera, stack_electrons, stackable
+from cpic_core import FloatArray, InputError, Outcome, PathPart, Reason, Status, check_whole
+from simulator.camera import stack_electrons, stackable
 from simulator.detectors import Blooming, Exposure, excess_noise_factor2
-from simulator.imaging import ExternalPsf, FocalGrid, centred_axis, visit_frames
+from simulator.imaging import ExternalPsf, FocalGrid, centred_axis
 from simulator.ledger import SUM_EPOCHS
 from simulator.observing.observation import Observation
-from simulator.observing.sequence import MAX_REALISATION
+from simulator.observing.sequence import MAX_REALISATION, visit_stamps
 
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.
 _MARGIN_SIGMA = 5.0
@@ -68,8 +67,7 @@ class HoleStacks:
         """Mean electrons per second and pixel in every epoch of one visit, shape (epochs, n, n); 0 beyond the hole."""
         path = self._path(realisation)
         star = self.observation.truth.sources[0].rate_e_s * self._stamps(path)
-        rates = np.zeros((self.epochs, *self.region.shape))
-        place = np.ix_(self._rows, self._columns)
+        rates, place = np.zeros((self.epochs, *self.region.shape)), np.ix_(self._rows, self._columns)
         for epoch, stamp in enumerate(star):
             rates[epoch][place] = stamp + self.static_e_s[place]
         return rates
@@ -95,7 +93,7 @@ class HoleStacks:
         for epoch, count in enumerate(self.frames):
             whole = sequence.mean_rate_map.copy()
             whole[place] = stamps[epoch] + self.static_e_s[place]
-            exposure = self._cropped(_prepared(sequence, camera, whole))
+            exposure = self._cropped(sequence.prepared(whole))
             drawn = stack_electrons(camera, exposure, int(count), seed=sequence.seed, path=(*path, "stack", epoch))
             sums[epoch][place] = drawn - count * sequence.smear_e[place]
         sums[:, ~self.region] = 0.0
@@ -104,20 +102,14 @@ class HoleStacks:
     def _path(self, realisation: int) -> tuple[PathPart, ...]:
         return (*self.observation.path[:-1], check_whole("realisation", realisation, 0, MAX_REALISATION))
 
-    def _stamps(self, path: Sequence[PathPart]) -> FloatArray:
+    def _stamps(self, path: tuple[PathPart, ...]) -> FloatArray:
         """The unit star on rows and columns of the hole at every epoch."""
         sequence = self.observation
         if self._grid is None:
             fixed = sequence.psf.on_axis[np.ix_(self._rows, self._columns)]
             return np.broadcast_to(fixed, (self.epochs, *fixed.shape))
-        return visit_frames(
-            self._grid,
-            sequence.instrument.drift,
-            self.epochs,
-            (sequence.exposure_s + sequence.readout_s) * sequence.n_frames / self.epochs,
-            stream(sequence.seed, *path, "visit"),
-            stream(sequence.seed, *path, "walk"),
-        )
+        visit_s = (sequence.exposure_s + sequence.readout_s) * sequence.n_frames
+        return visit_stamps(self._grid, sequence.instrument.drift, self.epochs, visit_s, sequence.seed, path)
 
     def _cropped(self, exposure: Exposure) -> Exposure:
         place = np.ix_(self._rows, self._columns)
@@ -150,13 +142,8 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleSt
         raise InputError("window", observation.window, allowed="hole, with the star behind the mask")
     answer = hole_stackable(observation)
     if answer.status is not Status.OK:
-        raise InputError(
-            "exposure_s",
-            observation.exposure_s,
-            unit="s",
-            allowed="frames that add up over the hole",
-            hint=answer.message,
-        )
+        time, allowed = observation.exposure_s, "frames that add up over the hole"
+        raise InputError("exposure_s", time, unit="s", allowed=allowed, hint=answer.message)
     region = observation.psf.geometry.hole
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
     grid = None
@@ -164,15 +151,8 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleSt
         imager = observation.psf.imager
         offset = centred_axis(len(region), imager.pixel_scale_arcsec)
         grid = imager.focal_grid(imager.axis(offset[rows], masked=True), imager.axis(offset[columns], masked=True))
-    return HoleStacks(
-        observation=observation,
-        static_e_s=observation.light.static_e_s,
-        region=region,
-        epochs=min(epochs, observation.n_frames),
-        _grid=grid,
-        _rows=rows,
-        _columns=columns,
-    )
+    draws = min(epochs, observation.n_frames)
+    return HoleStacks(observation, observation.light.static_e_s, region, draws, grid, rows, columns)
 
 
 def hole_stackable(observation: Observation) -> Outcome[float]:
@@ -188,13 +168,12 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
     if not observation.channel.multiplies:
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, f"{observation.band} is read by the infrared camera")
     camera = observation.visible_camera
-    for effect in camera.charge:
-        # An image of the hole alone cannot hold what other pixels leave behind.
-        if effect.in_sums == "moves_charge":
-            return Outcome.refuse(
-                Status.INVALID, Reason.NOT_ADDITIVE, f"{effect.switch} moves charge between pixels: switch it off"
-            )
-    exposure = _prepared(observation, camera, observation.mean_rate_map)
+    # An image of the hole alone cannot hold what other pixels leave behind.
+    moving = next((effect.switch for effect in camera.charge if effect.in_sums == "moves_charge"), None)
+    if moving:
+        message = f"{moving} moves charge between pixels: switch it off"
+        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, message)
+    exposure = observation.prepared(observation.mean_rate_map)
     region = observation.psf.geometry.hole
     inside = dataclasses.replace(exposure, mean_e=np.where(region, exposure.mean_e, 0.0))
     answer = stackable(camera, inside)
@@ -212,16 +191,6 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
     if switches.register_full_well and _tail_enters(np.minimum(exposure.mean_e, charge), region, exposure):
         return Outcome.refuse(Status.SATURATED, Reason.REGISTER_FULL_WELL, "tails of the register enter the hole")
     return answer
-
-
-def _prepared(observation: Observation, camera: VisibleCamera, rates: FloatArray) -> Exposure:
-    return camera.prepare(
-        rates,
-        observation.exposure_s,
-        observation.em_gain,
-        first_pixel=observation.first_pixel,
-        beyond_e_s=observation.light.beyond_e_s,
-    )
 
 
 def _tail_enters(mean_e: FloatArray, region: NDArray[np.bool_], exposure: Exposure) -> bool:

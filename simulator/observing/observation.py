@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from cpic_core import FloatArray, InputError, PathPart, check_number, check_pair, check_whole, numeric_context, stream
+from cpic_core import InputError, check_number, check_pair, check_whole, numeric_context
 from simulator.config import Instrument, Scene, checked_utc, load_instrument, load_scene
 from simulator.effects import sky_rate_e_s_arcsec2
 from simulator.imaging import (
@@ -17,7 +17,6 @@ from simulator.imaging import (
     Window,
     psf_metrics,
     single_band_psf,
-    visit_frames,
     window_of,
 )
 from simulator.knobs import Knobs, Quantity, resolve_knobs
@@ -31,22 +30,22 @@ from simulator.ledger import (
     observation_choice,
 )
 from simulator.observing.scene_light import static_light
-from simulator.observing.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps, checked_exposure
-from simulator.target import Source, extended_rates, scene_sources, wcs_keywords
+from simulator.observing.sequence import (
+    MAX_FRAMES,
+    MAX_REALISATION,
+    Light,
+    Sequence,
+    Stamps,
+    checked_exposure,
+    visit_stamps,
+)
+from simulator.products import Truth
+from simulator.target import extended_rates, scene_sources, wcs_keywords
 
 WindowName = Literal["full", "hole"]
 Role = Literal["science", "reference", "calibration"]
 SkyKind = Literal["SCI", "DSF", "CALS"]
 MAX_OFFSET_ARCSEC = 8.0
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What is really there: sources with pixel positions (column, row) in the frame."""
-
-    sources: tuple[Source, ...]
-    x_pixel: tuple[float, ...]
-    y_pixel: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,76 +218,50 @@ def observe(
     if quantity is not None:
         checked_quantities(quantity, planets=bool(scene.planets))
     epochs, knobs = check_whole("max_epochs", max_epochs, 1, 1000), resolve_knobs(fidelity)
-    choice = None
+    full, choice, cstar = window == "full", None, scene.cstar
+    shared: dict[str, Any] = {"band": band, "scene_model": scene_model, "start_utc": start}
     if tolerance > 0:
-        choice = observation_choice(
-            scene,
-            instrument,
-            tolerance=tolerance,
-            quantity=quantity,
-            finest=knobs,
-            full=window == "full",
-            band=band,
-            exposure_s=exposure,
-            n_frames=frames,
-            em_gain=float(em_gain),
-            roll_deg=roll_deg,
-            star_offset_arcsec=star,
-            scene_model=scene_model,
-            start_utc=start,
-            switches=switches,
-            max_epochs=epochs,
-        )
+        settings: dict[str, Any] = {"exposure_s": exposure, "n_frames": frames, "em_gain": float(em_gain)}
+        settings |= {"roll_deg": roll_deg, "star_offset_arcsec": star, "switches": switches, "max_epochs": epochs}
+        settings |= {"tolerance": tolerance, "quantity": quantity, "finest": knobs, "full": full}
+        choice = observation_choice(scene, instrument, **shared, **settings)
         switches = {**(switches or {}), **choice.switches}
         epochs, knobs = min(epochs, choice.epochs), choice.knobs
     left_out = () if choice is None else choice.left_out
     switched = instrument.switched(switches, camera=channel.name)
     optics = psf or single_band_psf(band, fidelity=knobs, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
-    area = window_of(optics, instrument, full=window == "full")
-    path = (scene.name, kind, role, band, number)
-    detector = channel.detector
+    area = window_of(optics, instrument, full=full)
+    path, detector = (scene.name, kind, role, band, number), channel.detector
     corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
-    stamps = _star_stamps(optics, instrument, exposure, detector.readout_s, frames, star, seed, path, epochs)
-    sky = sky_rate_e_s_arcsec2(
-        instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
-    )
-    still = static_light(
-        optics,
-        switched,
-        band,
-        area,
-        [sources[0], *(source for source in sources[1:] if source.name not in left_out)],
-        [item for item in extended_rates(scene, instrument, band) if item.source.name not in left_out],
-        full=window == "full",
-        sky_e_s_arcsec2=0.0 if choice is not None and not choice.sky else sky.rate_e_s_arcsec2,
-        roll_deg=roll_deg,
-        star_arcsec=star,
-        model=scene_model,
-    )
-    pixel = optics.pixel_scale_arcsec
-    truth = Truth(
-        sources,
-        tuple(area.centre[1] + (source.x_arcsec + star[0]) / pixel for source in sources),
-        tuple(area.centre[0] + (source.y_arcsec + star[1]) / pixel for source in sources),
-    )
+    if isinstance(optics, ExternalPsf):
+        stamps = (optics.at(*star) if any(star) else optics.on_axis)[None]
+    else:
+        visit_s, epochs = (exposure + detector.readout_s) * frames, min(frames, epochs)
+        stamps = visit_stamps(optics.imager, instrument.drift, epochs, visit_s, seed, path, star_arcsec=star)
+    sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=cstar.ra_deg, dec_deg=cstar.dec_deg, start_utc=start)
+    level = 0.0 if choice is not None and not choice.sky else sky.rate_e_s_arcsec2
+    shown = [sources[0], *(source for source in sources[1:] if source.name not in left_out)]
+    extended = [item for item in extended_rates(scene, instrument, band) if item.source.name not in left_out]
+    turned: dict[str, Any] = {"star_arcsec": star, "roll_deg": roll_deg, "model": scene_model}
+    still = static_light(optics, switched, band, area, shown, extended, full=full, sky_e_s_arcsec2=level, **turned)
+    pixel, places = optics.pixel_scale_arcsec, [(one.x_arcsec + star[0], one.y_arcsec + star[1]) for one in sources]
+    x_pixel, y_pixel = (tuple(area.centre[1 - i] + place[i] / pixel for place in places) for i in (0, 1))
     rows, columns, part = area.stamp(stamps.shape[1])
+    light = Light(still.static_e_s, Stamps(sources[0].rate_e_s * stamps, rows, columns, part), still.beyond_e_s)
+    if choice is None:
+        said: dict[str, Any] = {"hole_state": optics.hole_state, "sky": sky, "stray": still.stray_e_s}
+        ledger = effect_ledger(scene, switched, **shared, **said)
+    what = (kind, scene.name, switched, channel.name, band, exposure, frames, float(em_gain), seed, path, start, light)
+    keywords: dict[str, Any] = {"OBJECT": scene.name, "ROLE": role, "ROLL": roll_deg, "STAROFFX": star[0]}
+    keywords |= {"STAROFFY": star[1], **_optics_keywords(instrument, band, optics), "SCENEMOD": scene_model}
+    keywords["TOLERANC"] = float(tolerance)
+    coordinates, parity = (cstar.ra_deg, cstar.dec_deg), instrument.detector.parity
+    keywords |= wcs_keywords(pixel, (x_pixel[0], y_pixel[0]), coordinates, roll_deg=roll_deg, parity=parity)
     return Observation(
-        kind=kind,
-        name=scene.name,
-        instrument=switched,
-        camera=channel.name,
-        band=band,
-        exposure_s=exposure,
-        n_frames=frames,
-        em_gain=float(em_gain),
-        seed=seed,
-        path=path,
-        start_utc=start,
-        light=Light(still.static_e_s, Stamps(sources[0].rate_e_s * stamps, rows, columns, part), still.beyond_e_s),
-        first_pixel=None if window == "full" else corner,
-        keywords=_keywords(scene, instrument, band, optics, truth, role, roll_deg, star, scene_model)
-        | {"TOLERANC": float(tolerance)},
+        *what,
+        first_pixel=None if full else corner,
+        keywords=keywords,
         scene=scene,
         role=role,
         realisation=number,
@@ -298,87 +271,22 @@ def observe(
         scene_model=scene_model,
         psf=optics,
         area=area,
-        truth=truth,
-        ledger=choice.rows
-        if choice is not None
-        else effect_ledger(
-            scene,
-            switched,
-            band=band,
-            scene_model=scene_model,
-            hole_state=optics.hole_state,
-            sky=sky,
-            stray=still.stray_e_s,
-            start_utc=start,
-        ),
+        truth=Truth(sources, x_pixel, y_pixel),
+        ledger=ledger if choice is None else choice.rows,
         tolerance=float(tolerance),
         choice=choice,
     )
 
 
-def _keywords(
-    scene: Scene,
-    instrument: Instrument,
-    band: str,
-    optics: AnyPsf,
-    truth: Truth,
-    role: str,
-    roll_deg: float,
-    star: tuple[float, float],
-    scene_model: str,
-) -> dict[str, Any]:
-    """Keywords of pointing, optics and world coordinates."""
-    values: dict[str, Any] = {
-        "OBJECT": scene.name,
-        "ROLE": role,
-        "ROLL": roll_deg,
-        "STAROFFX": star[0],
-        "STAROFFY": star[1],
-        "HOLEMODE": instrument.dark_hole.mode,
-        "HOLE": optics.hole_state,
-        "HOLEIN": instrument.hole_inner_arcsec(band) * math.sqrt(2.0),
+def _optics_keywords(instrument: Instrument, band: str, optics: AnyPsf) -> dict[str, Any]:
+    """Keywords of the optics."""
+    values: dict[str, Any] = {"HOLEMODE": instrument.dark_hole.mode, "HOLE": optics.hole_state}
+    values["HOLEIN"] = instrument.hole_inner_arcsec(band) * math.sqrt(2.0)
+    if not isinstance(optics, ExternalPsf):
         # That of the standard settings: the core table of others takes longer than their images.
-        "IWA": (optics.metrics if isinstance(optics, ExternalPsf) else psf_metrics(instrument, band)).iwa_arcsec,
-        "FIDELITY": "external" if isinstance(optics, ExternalPsf) else optics.knobs.tier,
-        "SCENEMOD": scene_model,
-    }
-    if isinstance(optics, ExternalPsf):
-        values["PSFHASH"] = optics.content_hash
-        if optics.file:
-            values["PSFFILE"] = optics.file
-    return values | wcs_keywords(
-        optics.pixel_scale_arcsec,
-        (truth.x_pixel[0], truth.y_pixel[0]),
-        (scene.cstar.ra_deg, scene.cstar.dec_deg),
-        roll_deg=roll_deg,
-        parity=instrument.detector.parity,
-    )
-
-
-def _star_stamps(
-    optics: AnyPsf,
-    instrument: Instrument,
-    exposure_s: float,
-    readout_s: float,
-    n_frames: int,
-    star_arcsec: tuple[float, float],
-    seed: int,
-    path: tuple[PathPart, ...],
-    max_epochs: int,
-) -> FloatArray:
-    """Stamps of the unit star at every epoch of the visit."""
-    if isinstance(optics, ExternalPsf):
-        return (optics.at(*star_arcsec) if any(star_arcsec) else optics.on_axis)[None]
-    epochs = min(n_frames, max_epochs)
-    return visit_frames(
-        optics.imager,
-        instrument.drift,
-        epochs,
-        (exposure_s + readout_s) * n_frames / epochs,
-        stream(seed, *path, "visit"),
-        stream(seed, *path, "walk"),
-        star_arcsec=star_arcsec,
-    )
+        return values | {"IWA": psf_metrics(instrument, band).iwa_arcsec, "FIDELITY": optics.knobs.tier}
+    values |= {"IWA": optics.metrics.iwa_arcsec, "FIDELITY": "external", "PSFHASH": optics.content_hash}
+    return values | ({"PSFFILE": optics.file} if optics.file else {})
 
 
 def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument, tolerance: float) -> None:

@@ -2,16 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from simulator.config import Instrument
 from simulator.effects import stray_light_parts
 from simulator.imaging import (
     AnyPsf,
-    SceneModel,
     Window,
     apodizer_energy,
     centred_axis,
@@ -54,9 +53,8 @@ def static_light(
     *,
     full: bool,
     sky_e_s_arcsec2: float,
-    roll_deg: float,
     star_arcsec: tuple[float, float],
-    model: SceneModel,
+    **placing: Any,
 ) -> StaticLight:
     """Everything on a window but the stamp of the star, and what smears into a window from beyond it.
 
@@ -74,30 +72,21 @@ def static_light(
         Whether the window is the whole frame.
     sky_e_s_arcsec2 : float
         Sky in front of the telescope.
-    roll_deg, star_arcsec, model
+    star_arcsec, **placing
         As `simulator.imaging.frame.off_axis_light`.
     """
     detector = instrument.detector_of(band)
     seen, inside, beyond = area, slice(None), None
-    if not full and _smears(instrument, band):
+    if not full and detector.line_shift_s > 0:
         seen, inside, beyond = _columns_of(instrument, band, area)
-    stray = stray_light_parts(
-        instrument,
-        band,
-        (detector.n_rows, detector.n_columns),
-        first_pixel=(detector.star_row - seen.centre[0], detector.star_column - seen.centre[1]),
-        window=seen.shape,
-    )
+    frame, corner = detector.shape, (detector.star_row - seen.centre[0], detector.star_column - seen.centre[1])
+    stray = stray_light_parts(instrument, band, frame, first_pixel=corner, window=seen.shape)
     sky = sky_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * apodizer_energy(psf)
     whole = np.asarray(sky * sky_transmission(psf, seen) + sum(stray.values()))
     bright = bool(extended) or any(source.kind == "star" for source in sources[1:])
-    others = off_axis_light(
-        psf, seen if bright else area, sources[1:], extended, roll_deg=roll_deg, star_arcsec=star_arcsec, model=model
-    )
-    if bright or full:
-        whole += others
-    else:
-        whole[inside] += others
+    on = seen if bright else area
+    others = off_axis_light(psf, on, sources[1:], extended, star_arcsec=star_arcsec, **placing)
+    whole[slice(None) if bright or full else inside] += others
     if full:
         whole += sources[0].rate_e_s * full_star_map(psf, area, star_arcsec)
     columns = None
@@ -107,11 +96,7 @@ def static_light(
     return StaticLight(whole[inside].copy(), columns, {name: part[inside] for name, part in stray.items()})
 
 
-def _smears(instrument: Instrument, band: str) -> bool:
-    return instrument.detector_of(band).line_shift_s > 0
-
-
-def _columns_of(instrument: Instrument, band: str, area: Window) -> tuple[Window, slice, NDArray[np.bool_]]:
+def _columns_of(instrument: Instrument, band: str, area: Window) -> tuple[Window, slice, BoolArray]:
     """The columns of a window over all active rows, where the window lies in them, and the active rows beyond it."""
     detector = instrument.detector_of(band)
     active = detector.sections["active"][0]

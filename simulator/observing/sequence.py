@@ -8,19 +8,12 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, PathPart, check_number, check_whole, numeric_context
-from simulator.camera import (
-    Frame,
-    InfraredCamera,
-    VisibleCamera,
-    bias_level_adu,
-    earlier_frames,
-    em_voltage_of,
-    stack_electrons,
-)
-from simulator.config import CameraName, Channel, Detector, Instrument, Section
+from cpic_core import FloatArray, InputError, PathPart, check_number, check_whole, numeric_context, stream
+from simulator.camera import Frame, InfraredCamera, VisibleCamera, camera_keywords, earlier_frames, stack_electrons
+from simulator.config import CameraName, Channel, Detector, Drift, Instrument, Section
 from simulator.detectors import Exposure, PastExposure
 from simulator.effects import cosmic_ray_rate, effect_files
+from simulator.imaging import visit_frames
 
 Kind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
 Camera: TypeAlias = VisibleCamera | InfraredCamera
@@ -34,6 +27,28 @@ def checked_exposure(exposure_s: float) -> float:
     if not 1e-6 <= check_number("exposure_s", exposure_s, "s") <= 1e6:
         raise InputError("exposure_s", exposure_s, unit="s", allowed="1e-06 to 1e+06")
     return float(exposure_s)
+
+
+def visit_stamps(
+    imager: Any, drift: Drift, epochs: int, visit_s: float, seed: int, path: tuple[PathPart, ...], **place: Any
+) -> FloatArray:
+    """Return the images of the unit star at every epoch of a visit.
+
+    Parameters
+    ----------
+    imager : object
+        What `simulator.imaging.visit_frames` takes.
+    drift : Drift
+    epochs : int
+    visit_s : float
+        Length of the visit.
+    seed, path
+        Of the sequence; the offset and the walk of the visit have streams of their own.
+    **place
+        As of `simulator.imaging.visit_frames`.
+    """
+    offset, walk = (stream(seed, *path, name) for name in ("visit", "walk"))
+    return visit_frames(imager, drift, epochs, visit_s / epochs, offset, walk, **place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,30 +171,11 @@ class Sequence:
     @property
     def camera_keywords(self) -> dict[str, Any]:
         """Header keywords of camera and sequence."""
-        detector = self.channel.detector
-        keywords: dict[str, Any] = {
-            "TELESCOP": "CSST",
-            "INSTRUME": "CPIC",
-            "CAMERA": self.camera,
-            "OBSTYPE": self.kind,
-            "OBJECT": self.name,
-            "FILTER": self.band,
-            "EXPTIME": self.exposure_s,
-            "NFRAME": self.n_frames,
-            "EMGAIN": self.em_gain,
-            "GAIN": detector.gain_e_adu,
-            "RDNOISE": detector.read_noise_e,
-            "BIASLEV": bias_level_adu(detector),
-            "FULLWELL": detector.full_well_e,
-            "PIXSCALE": self.pixel_scale_arcsec,
-            "SEED": self.seed,
-            "REALISAT": self.realisation,
-            "CONFHASH": self.instrument.content_hash,
-        }
-        if isinstance(detector, Detector):
-            keywords["CCDTEMP"] = detector.temperature_k
-            keywords["EMVOLT"] = float(em_voltage_of(self.em_gain, detector.temperature_k).voltage_v)
-        return keywords
+        what = {"TELESCOP": "CSST", "INSTRUME": "CPIC", "CAMERA": self.camera, "OBSTYPE": self.kind}
+        how = {"FILTER": self.band, "EXPTIME": self.exposure_s, "NFRAME": self.n_frames, "EMGAIN": self.em_gain}
+        run = {"SEED": self.seed, "REALISAT": self.realisation, "CONFHASH": self.instrument.content_hash}
+        own = camera_keywords(self.channel.detector, self.em_gain)
+        return what | how | own | run | {"OBJECT": self.name, "PIXSCALE": self.pixel_scale_arcsec}
 
     @property
     def pixel_scale_arcsec(self) -> float:
@@ -208,11 +204,17 @@ class Sequence:
             raise InputError("band", self.band, allowed="a band of the visible camera")
         return self._camera
 
-    def _prepare(self, rates: FloatArray) -> Exposure:
+    def prepared(self, rates: FloatArray) -> Exposure:
+        """Noise-free part of a frame of this sequence under other light.
+
+        Parameters
+        ----------
+        rates : ndarray
+            Mean electrons per second and pixel, of the shape of a frame.
+        """
         if isinstance(self._camera, VisibleCamera):
-            return self._camera.prepare(
-                rates, self.exposure_s, self.em_gain, first_pixel=self.first_pixel, beyond_e_s=self.light.beyond_e_s
-            )
+            beyond, gain = self.light.beyond_e_s, self.em_gain
+            return self._camera.prepare(rates, self.exposure_s, gain, first_pixel=self.first_pixel, beyond_e_s=beyond)
         return self._camera.prepare(rates, self.exposure_s, first_pixel=self.first_pixel)
 
     @numeric_context()
@@ -240,13 +242,13 @@ class Sequence:
     @numeric_context()
     def smear_e(self) -> FloatArray:
         """Mean electrons of a frame that the light of other rows leaves in its pixels while it is transferred."""
-        known = self._prepare(self.mean_rate_map).smear_e
+        known = self.prepared(self.mean_rate_map).smear_e
         return np.zeros(self.shape) if known is None else known
 
     @functools.cached_property
     @numeric_context()
     def _expected(self) -> tuple[FloatArray, FloatArray]:
-        exposure = self._prepare(self.mean_rate_map)
+        exposure = self.prepared(self.mean_rate_map)
         camera: Any = self._camera
         return exposure.mean_e, camera.expected_adu(exposure)
 
@@ -278,7 +280,7 @@ class Sequence:
         epoch = self._epoch(index)
         if epoch not in self._prepared:
             self._prepared.clear()
-            self._prepared[epoch] = self._prepare(self.light.map(epoch))
+            self._prepared[epoch] = self.prepared(self.light.map(epoch))
         camera: Any = self._camera
         past = self._past(index)
         more: dict[str, Any] = {"past": past} if past else {}
@@ -297,28 +299,17 @@ class Sequence:
         detector = self.channel.detector
         if isinstance(detector, Detector) or not detector.switches.persistence or detector.persistence.fraction == 0:
             return []
-        runs = (
-            (first, min(self._first_frame(epoch + 1), int(index)))
-            for epoch in range(self._epoch(index), -1, -1)
-            if (first := self._first_frame(epoch)) < index
-        )
-        return list(
-            earlier_frames(
-                runs,
-                self._mean_charge,
-                before=int(index),
-                full_well_e=detector.full_well_e,
-                exposure_s=self.exposure_s,
-                readout_s=self.readout_s,
-                decay_s=detector.persistence.decay_s,
-            )
-        )
+        epochs = range(self._epoch(index), -1, -1)
+        edges = ((self._first_frame(epoch), min(self._first_frame(epoch + 1), int(index))) for epoch in epochs)
+        pace = {"exposure_s": self.exposure_s, "readout_s": self.readout_s, "decay_s": detector.persistence.decay_s}
+        runs, well = (run for run in edges if run[0] < index), detector.full_well_e
+        return list(earlier_frames(runs, self._mean_charge, before=int(index), full_well_e=well, **pace))
 
     def _mean_charge(self, index: int) -> FloatArray:
         """Mean electrons of a frame, kept for the frames after it."""
         epoch = self._epoch(index)
         if epoch not in self._held_e:
-            self._held_e[epoch] = self._prepare(self.light.map(epoch)).mean_e
+            self._held_e[epoch] = self.prepared(self.light.map(epoch)).mean_e
         return self._held_e[epoch]
 
     def iter_full_frames(self) -> Iterator[Frame]:
@@ -342,12 +333,8 @@ class Sequence:
         """
         size = 2 * self.n_frames * self.shape[0] * self.shape[1]
         if size > MAX_STACK_BYTES:
-            raise InputError(
-                "n_frames",
-                self.n_frames,
-                allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once",
-                hint="use iter_frames()",
-            )
+            allowed = f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once"
+            raise InputError("n_frames", self.n_frames, allowed=allowed, hint="use iter_frames()")
         return np.stack(list(self.iter_frames()))
 
     @numeric_context()
@@ -366,6 +353,6 @@ class Sequence:
         total = np.zeros(self.shape)
         for epoch in range(self.light.epochs):
             count = self._first_frame(epoch + 1) - self._first_frame(epoch)
-            exposure = self._prepare(self.light.map(epoch))
+            exposure = self.prepared(self.light.map(epoch))
             total += stack_electrons(camera, exposure, count, seed=self.seed, path=(*self.path, "stack", epoch))
         return total

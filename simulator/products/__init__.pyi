@@ -14,7 +14,7 @@ from simulator.products.naming import (
     product_name as product_name,
 )
 from simulator.products.reading import Finding as Finding
-from simulator.products.sequence import FrameSequence as FrameSequence
+from simulator.products.sequence import FrameSequence as FrameSequence, Truth as Truth
 from simulator.products.write import (
     PARAMS_FILES as PARAMS_FILES,
     refuse_taken as refuse_taken,

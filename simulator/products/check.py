@@ -6,14 +6,13 @@ Check Level-0 products: one file, or a whole tree of them.
 import json
 import os
 from collections import defaultdict
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from cpic_core import InputError, read_text
 from simulator.products.check_file import FileFacts, check_file
 from simulator.products.keywords import load_keywords
-from simulator.products.reading import Finding, Report, check_sums, is_real, open_units, plain_header
+from simulator.products.reading import Finding, Header, Report, check_sums, is_real, open_units, plain_header
 from simulator.products.sequence import SCIENCE_KINDS
 from simulator.products.write import CONFIGURATION_FILE, PARAMS_FILES
 
@@ -53,11 +52,8 @@ def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
         if name not in names:
             report.error(f"has no {name}")
         elif name in _MAPS and facts.shape is not None and units[names.index(name)].shape != facts.shape:
-            report.error(
-                f"has shape {units[names.index(name)].shape}, the images have {facts.shape}",
-                "NAXIS1",
-                names.index(name),
-            )
+            number = names.index(name)
+            report.error(f"has shape {units[number].shape}, the images have {facts.shape}", "NAXIS1", number)
     masks = [number for number, name in enumerate(names) if name == "MASK"]
     if len(masks) != len(facts.datasums):
         report.error(f"has {len(masks)} masks for {len(facts.datasums)} images")
@@ -67,7 +63,7 @@ def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
         _check_frames(report, units[names.index("FRAMES")], names.index("FRAMES"), facts)
 
 
-def _check_mask(report: Report, header: Mapping[str, Any], number: int, count: int, facts: FileFacts) -> None:
+def _check_mask(report: Report, header: Header, number: int, count: int, facts: FileFacts) -> None:
     if header.get("EXTVER", 1) != count:
         report.error(f"is {header.get('EXTVER')!r}, this is mask {count}", "EXTVER", number)
     if not header.get("ZIMAGE") or header.get("ZBITPIX") != 8:
@@ -198,15 +194,8 @@ def _check_configuration(file: Path, path: Path, facts: FileFacts) -> list[Findi
         return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
     found = []
     if facts.shape is not None and shape != facts.shape:
-        found.append(
-            Finding(
-                file,
-                1,
-                "NAXIS1",
-                f"has {facts.shape[1]} x {facts.shape[0]} pixels, {path.name} says "
-                f"{' x '.join(map(str, reversed(shape)))}",
-            )
-        )
+        there, said = (" x ".join(map(str, reversed(size))) for size in (facts.shape, shape))
+        found.append(Finding(file, 1, "NAXIS1", f"has {there} pixels, {path.name} says {said}"))
     stated = load_keywords().value(facts.primary, "CONFHASH")
     if stated is not None and stated != number:
         found.append(Finding(file, 0, "CONFHASH", f"is {stated!r}, that of {path.name} is {number!r}"))

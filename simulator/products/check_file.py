@@ -8,20 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from simulator.products.check_headers import (
-    TIME_TOLERANCE_S,
-    check_keywords,
-    check_primary,
-    check_settings,
-    check_spellings,
-    check_times,
-    check_world,
-    profile_of,
-)
+from simulator.products import check_headers
 from simulator.products.ephemeris import elapsed_s
 from simulator.products.keywords import load_keywords
 from simulator.products.naming import ProductName
-from simulator.products.reading import Finding, Report, check_sums, is_real, open_units, plain_header
+from simulator.products.reading import Finding, Header, Report, check_sums, is_real, open_units, plain_header
 from simulator.products.sequence import SCIENCE_KINDS
 
 _SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
@@ -66,27 +57,27 @@ def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
     headers = [primary, *(plain_header(report, units, number) for number in range(1, len(units)))]
     known = any(str(header.get("CTYPE1", "")).startswith("RA") for header in headers[:2])
     coordinates = known or table.find(primary, "RA_OBJ") is not None
-    check_keywords(report, primary, 0, kind=kind, coordinates=coordinates)
-    check_primary(report, primary, facts.name, len(units) - 1)
-    check_times(report, primary, facts.name)
+    check_headers.check_keywords(report, primary, 0, kind=kind, coordinates=coordinates)
+    check_headers.check_primary(report, primary, facts.name, len(units) - 1)
+    check_headers.check_times(report, primary, facts.name)
     check_sums(report, units, 0, primary)
-    profile = profile_of(primary)
-    check_spellings(report, primary, 0, profile)
+    profile = check_headers.profile_of(primary)
+    check_headers.check_spellings(report, primary, 0, profile)
     earlier: float | None = None
     for number in range(1, len(units)):
         header = headers[number]
-        check_keywords(report, header, number, kind=kind, coordinates=coordinates)
-        check_spellings(report, header, number, profile)
-        check_settings(report, header, headers[1], number)
+        check_headers.check_keywords(report, header, number, kind=kind, coordinates=coordinates)
+        check_headers.check_spellings(report, header, number, profile)
+        check_headers.check_settings(report, header, headers[1], number)
         _check_image(report, units, header, number, facts)
         earlier = _check_frame_times(report, header, primary, number, len(units) - 1, earlier)
         if kind in SCIENCE_KINDS or "CTYPE1" in header:
-            check_world(report, header, primary, number)
+            check_headers.check_world(report, header, primary, number)
         check_sums(report, units, number, header)
         facts.datasums.append(str(header.get("DATASUM", "")))
 
 
-def _check_image(report: Report, units: Any, header: Mapping[str, Any], number: int, facts: FileFacts) -> None:
+def _check_image(report: Report, units: Any, header: Header, number: int, facts: FileFacts) -> None:
     """Check structure and pixels of one image."""
     unit = units[number]
     if header.get("XTENSION") != "IMAGE":
@@ -107,12 +98,9 @@ def _check_image(report: Report, units: Any, header: Mapping[str, Any], number: 
         report.error(f"is {header['CAMERA']!r}, the file name says {camera!r}", "CAMERA", number)
     bitpix = header.get("BITPIX")
     if (bitpix, header.get("BZERO"), header.get("BSCALE", 1)) != (16, 32768, 1):
-        report.error(
-            f"BITPIX {bitpix}, BZERO {header.get('BZERO')}, BSCALE {header.get('BSCALE')}: "
-            "unsigned 16-bit pixels have 16, 32768 and 1",
-            "BZERO" if bitpix == 16 else "BITPIX",
-            number,
-        )
+        found = f"BITPIX {bitpix}, BZERO {header.get('BZERO')}, BSCALE {header.get('BSCALE')}"
+        key = "BZERO" if bitpix == 16 else "BITPIX"
+        report.error(f"{found}: unsigned 16-bit pixels have 16, 32768 and 1", key, number)
     shape = unit.shape
     if len(shape) != 2:
         report.error(f"has {len(shape)} axes, an image has 2", "NAXIS", number)
@@ -120,9 +108,8 @@ def _check_image(report: Report, units: Any, header: Mapping[str, Any], number: 
     if facts.shape is None:
         facts.shape = shape
     elif shape != facts.shape:
-        report.error(
-            f"has {shape[1]} x {shape[0]} pixels, image 1 has {facts.shape[1]} x {facts.shape[0]}", "NAXIS1", number
-        )
+        there, first = (f"{size[1]} x {size[0]}" for size in (shape, facts.shape))
+        report.error(f"has {there} pixels, image 1 has {first}", "NAXIS1", number)
     _check_sections(report, header, shape, number)
     bits = header.get("ADCBITS")
     if bitpix == 16 and header.get("BZERO") == 32768 and isinstance(bits, int) and 1 <= bits <= 16:
@@ -136,7 +123,7 @@ def _check_image(report: Report, units: Any, header: Mapping[str, Any], number: 
             report.error(f"has a pixel of {highest} ADU; {bits} bits end at {2**bits - 1}", "ADCBITS", number)
 
 
-def _check_sections(report: Report, header: Mapping[str, Any], shape: tuple[int, ...], number: int) -> None:
+def _check_sections(report: Report, header: Header, shape: tuple[int, ...], number: int) -> None:
     """Check that named parts of the frame lie in it and, in the first image, make it up."""
     total, sound = 0, True
     for keyword in load_keywords():
@@ -151,17 +138,14 @@ def _check_sections(report: Report, header: Mapping[str, Any], shape: tuple[int,
         elif keyword.section != "image":  # which others are part of
             total += (numbers[1] - numbers[0] + 1) * (numbers[3] - numbers[2] + 1)
     if number == 1 and sound and total not in (0, shape[0] * shape[1]):
-        report.warning(
-            f"has {shape[1]} x {shape[0]} pixels, {shape[0] * shape[1]}; the parts that its header names have {total}",
-            "NAXIS1",
-            number,
-        )
+        there = f"has {shape[1]} x {shape[0]} pixels, {shape[0] * shape[1]}"
+        report.warning(f"{there}; the parts that its header names have {total}", "NAXIS1", number)
 
 
 def _check_frame_times(
     report: Report,
-    header: Mapping[str, Any],
-    primary: Mapping[str, Any],
+    header: Header,
+    primary: Header,
     number: int,
     n_images: int,
     earlier: float | None,
@@ -171,15 +155,15 @@ def _check_frame_times(
     if not (is_real(begin) and is_real(end) and is_real(exposure)):
         return earlier
     took = elapsed_s(begin, end)
-    if abs(took - exposure) > TIME_TOLERANCE_S:
+    if abs(took - exposure) > check_headers.TIME_TOLERANCE_S:
         report.error(f"comes {took:.3f} s after EXPBEG, EXPTIME is {exposure} s", "EXPEND", number)
     if header.get("EXPTIME") != primary.get("EXPTIME", header.get("EXPTIME")):
         report.error(f"is {exposure}, the primary header says {primary['EXPTIME']}", "EXPTIME", number)
-    if earlier is not None and (begin - earlier) * 86400.0 < -TIME_TOLERANCE_S:
+    if earlier is not None and (begin - earlier) * 86400.0 < -check_headers.TIME_TOLERANCE_S:
         report.error("comes before the end of the image before", "EXPBEG", number)
     first, last = primary.get("EXPSTART"), primary.get("EXPEND")
-    if number == 1 and is_real(first) and abs(begin - first) * 86400.0 > TIME_TOLERANCE_S:
+    if number == 1 and is_real(first) and abs(begin - first) * 86400.0 > check_headers.TIME_TOLERANCE_S:
         report.error(f"is {begin}, EXPSTART is {first}", "EXPBEG", number)
-    if number == n_images and is_real(last) and abs(end - last) * 86400.0 > TIME_TOLERANCE_S:
+    if number == n_images and is_real(last) and abs(end - last) * 86400.0 > check_headers.TIME_TOLERANCE_S:
         report.error(f"is {end}, that of the primary header is {last}", "EXPEND", number)
     return float(end)

@@ -96,9 +96,8 @@ def sequence_times(start_utc: str, exposure_s: float, readout_s: float, n_frames
 
         begins, ends = after(begin), after(begin + exposure_s)
         checked_utc("end of the last frame", str(ends[-1].isot))
-        return SequenceTimes(
-            tuple(begins.isot.tolist()), tuple(ends.isot.tolist()), np.asarray(begins.mjd), np.asarray(ends.mjd)
-        )
+        begin_utc, end_utc = (tuple(times.isot.tolist()) for times in (begins, ends))
+        return SequenceTimes(begin_utc, end_utc, np.asarray(begins.mjd), np.asarray(ends.mjd))
 
 
 def mjd_of(utc: str) -> float:
@@ -188,9 +187,8 @@ class CircularOrbit:
         node = math.radians(self.config.node_deg) + self._node_rate_rad_s * np.asarray(elapsed_s, dtype=np.float64)
         tilt = math.radians(self.config.inclination_deg)
         towards_node = np.stack([np.cos(node), np.sin(node), np.zeros_like(node)], axis=-1)
-        ahead = np.stack(
-            [-np.sin(node) * math.cos(tilt), np.cos(node) * math.cos(tilt), np.full_like(node, math.sin(tilt))], axis=-1
-        )
+        up, flat = np.full_like(node, math.sin(tilt)), math.cos(tilt)
+        ahead = np.stack([-np.sin(node) * flat, np.cos(node) * flat, up], axis=-1)
         return towards_node, ahead
 
     def state(self, elapsed_s: ArrayLike) -> tuple[FloatArray, FloatArray]:

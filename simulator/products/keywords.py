@@ -154,26 +154,13 @@ class KeywordTable:
 def load_keywords() -> KeywordTable:
     """Read the shipped table."""
     tree = load_yaml(KEYWORD_FILE)
-    keywords = {
-        name: Keyword(
-            name,
-            entry["hdu"],
-            entry["type"],
-            entry["comment"],
-            entry["required"],
-            entry["confidence"],
-            entry.get("unit", ""),
-            tuple(entry.get("aliases", ())),
-            entry.get("section", ""),
-        )
-        for name, entry in tree["keywords"].items()
-    }
-    profiles = {
-        name: Profile(
-            name, entry.get("spelled", {}), {key: tuple(names) for key, names in entry.get("also", {}).items()}
-        )
-        for name, entry in tree["profiles"].items()
-    }
+    keywords, profiles = {}, {}
+    for name, entry in tree["keywords"].items():
+        kind, aliases = entry.pop("type"), tuple(entry.pop("aliases", ()))
+        keywords[name] = Keyword(name, kind=kind, aliases=aliases, **entry)
+    for name, entry in tree["profiles"].items():
+        also = {key: tuple(names) for key, names in entry.get("also", {}).items()}
+        profiles[name] = Profile(name, entry.get("spelled", {}), also)
     return KeywordTable(tree["schema_version"], keywords, profiles)
 
 

@@ -16,7 +16,7 @@ from typing import IO, Any
 from cpic_core import InputError
 from simulator.config import content_hash
 from simulator.products.ephemeris import SequenceTimes, stamp
-from simulator.products.sequence import SCIENCE_KINDS, FrameSequence
+from simulator.products.sequence import SCIENCE_KINDS, FrameSequence, settings_of
 
 
 @contextlib.contextmanager
@@ -142,9 +142,8 @@ class ProductName:
         found = _NAME.fullmatch(name)
         if found is None:
             return None
-        return cls(
-            found["camera"], found["kind"], found["start"], found["end"], found["obsid"], int(found["version"]), day
-        )
+        camera, kind, start, end, obsid, version = found.groups()
+        return cls(camera, kind, start, end, obsid, int(version), day)
 
 
 def product_name(sequence: FrameSequence, times: SequenceTimes, obsid: str | int | None) -> ProductName:
@@ -160,15 +159,8 @@ def product_name(sequence: FrameSequence, times: SequenceTimes, obsid: str | int
     """
     mission = sequence.instrument.mission
     number = obsid_of(sequence) if obsid is None else checked_obsid(obsid, mission.obsid_prefix)
-    return ProductName(
-        sequence.camera,
-        sequence.kind,
-        stamp(times.start_utc),
-        stamp(times.stop_utc),
-        number,
-        mission.product_version,
-        times.day,
-    )
+    start, stop, version = stamp(times.start_utc), stamp(times.stop_utc), mission.product_version
+    return ProductName(sequence.camera, sequence.kind, start, stop, number, version, times.day)
 
 
 def checked_obsid(obsid: Any, prefix: str) -> str:
@@ -194,21 +186,10 @@ def checked_obsid(obsid: Any, prefix: str) -> str:
 
 def obsid_of(sequence: FrameSequence) -> str:
     """Number made from the content of a sequence: the same sequence has the same one in every run."""
-    prefix = sequence.instrument.mission.obsid_prefix
-    identity = {
-        "camera": sequence.camera,
-        "kind": sequence.kind,
-        "band": sequence.band,
-        "n_frames": int(sequence.n_frames),
-        "exposure_s": float(sequence.exposure_s),
-        "em_gain": float(sequence.em_gain),
-        "seed": int(sequence.seed),
-        "start_utc": sequence.start_utc,
-        "roll_deg": float(sequence.roll_deg),
-        "shape": [int(side) for side in sequence.shape],
-        "instrument": sequence.instrument.content_hash,
-        "scene": None if sequence.scene is None else sequence.scene.content_hash,
-        "header": {key: str(value) for key, value in sequence.header.items()},
-    }
+    prefix, scene = sequence.instrument.mission.obsid_prefix, sequence.scene
+    identity = settings_of(sequence)
+    del identity["readout_s"]  # which is of the instrument
+    identity |= {"instrument": sequence.instrument.content_hash, "scene": None if scene is None else scene.content_hash}
+    identity["header"] = {key: str(value) for key, value in sequence.header.items()}
     digits = OBSID_DIGITS - len(prefix)
     return f"{prefix}{int(content_hash(identity), 16) % 10**digits:0{digits}d}"

@@ -10,11 +10,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from io import BufferedReader
 from pathlib import Path
-from typing import Any, Literal, TypeGuard
+from typing import Any, Literal, TypeAlias, TypeGuard
 
 from cpic_core import InputError, open_file
 from simulator.products.units import ALL_ONES, ones_sum
 
+Header: TypeAlias = Mapping[str, Any]
 Severity = Literal["error", "warning"]
 
 
@@ -182,7 +183,7 @@ def plain_header(report: Report, units: Any, number: int) -> dict[str, Any]:
     return values
 
 
-def check_sums(report: Report, units: Any, number: int, header: Mapping[str, Any]) -> None:
+def check_sums(report: Report, units: Any, number: int, header: Header) -> None:
     """Check ``CHECKSUM`` and ``DATASUM`` of one unit against the bytes in the file.
 
     Parameters

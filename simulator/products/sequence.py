@@ -3,16 +3,22 @@
 Places on the sky of what stands at an offset on the detector.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, Protocol, TypeAlias, get_args
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cpic_core import FloatArray, InputError, check_number
 from simulator.camera import Frame
 from simulator.config import AnyDetector, Instrument, Scene, checked_utc
 from simulator.target import Source, detector_to_sky
+
+if TYPE_CHECKING:
+    from simulator.ledger import EffectRow
 
 Camera: TypeAlias = Literal["VIS", "NIR"]
 Kind: TypeAlias = Literal["BIAS", "DARK", "FLAT", "BKG", "LASER", "SCI", "DSF", "CALS"]
@@ -21,51 +27,28 @@ SCIENCE_KINDS: tuple[Kind, ...] = ("SCI", "DSF", "CALS")
 MAX_FRAMES = 1_000_000
 
 
-class LedgerRow(Protocol):
-    """One effect: kept or skipped, and why."""
+@dataclass(frozen=True)
+class Truth:
+    """The point sources that are really there, with their places in the frame counted from 0.
 
-    @property
-    def effect(self) -> str:
-        """Name of the effect."""
+    Attributes
+    ----------
+    sources : tuple of Source
+        The central star first.
+    x_pixel, y_pixel : tuple of float
+        Column and row of each source.
+    """
 
-    @property
-    def decision(self) -> str:
-        """``kept`` or ``skipped``."""
-
-    @property
-    def reason(self) -> str:
-        """Why, or by which law."""
-
-    @property
-    def key(self) -> str:
-        """Name for programs."""
-
-    @property
-    def size(self) -> float | None:
-        """Predicted size on what was asked for, None where none was worked out."""
-
-
-class SourceTruth(Protocol):
-    """The point sources that are really there, with their places in the frame counted from 0."""
-
-    @property
-    def sources(self) -> tuple[Source, ...]:
-        """The central star first."""
-
-    @property
-    def x_pixel(self) -> tuple[float, ...]:
-        """Column of each source."""
-
-    @property
-    def y_pixel(self) -> tuple[float, ...]:
-        """Row of each source."""
+    sources: tuple[Source, ...]
+    x_pixel: tuple[float, ...]
+    y_pixel: tuple[float, ...]
 
 
 class FrameSequence(Protocol):
     """Frames of one exposure sequence of one camera, made one at a time.
 
     Frame ``i`` begins ``i * (exposure_s + readout_s)`` after ``start_utc`` (ISO 8601). A sequence that has point
-    sources says where they are in a further attribute, ``truth`` (`SourceTruth`).
+    sources says where they are in a further attribute, ``truth`` (`Truth`).
     """
 
     @property
@@ -133,19 +116,29 @@ class FrameSequence(Protocol):
         """Names of the external calibration maps that were used."""
 
     @property
-    def ledger(self) -> Sequence[LedgerRow]:
+    def ledger(self) -> Sequence[EffectRow]:
         """What is modelled and what is left out."""
 
     @property
-    def expected(self) -> NDArray[np.float64]:
+    def expected(self) -> FloatArray:
         """Mean ADU of a frame without noise, averaged over the sequence."""
 
     @property
-    def expected_e(self) -> NDArray[np.float64]:
+    def expected_e(self) -> FloatArray:
         """Mean electrons of a frame before the camera."""
 
     def iter_full_frames(self) -> Iterator[Frame]:
         """Yield the frames one at a time."""
+
+
+_SETTINGS = {"camera": str, "kind": str, "band": str, "n_frames": int, "exposure_s": float, "readout_s": float}
+_SETTINGS |= {"em_gain": float, "seed": int, "start_utc": str, "roll_deg": float}
+
+
+def settings_of(sequence: FrameSequence) -> dict[str, Any]:
+    """Return the settings of a sequence as plain values, by name."""
+    plain = {name: kind(getattr(sequence, name)) for name, kind in _SETTINGS.items()}
+    return plain | {"shape": [int(side) for side in sequence.shape]}
 
 
 def camera_of(sequence: FrameSequence) -> AnyDetector:
@@ -183,9 +176,10 @@ def star_deg(sequence: FrameSequence) -> tuple[float, float] | None:
     return float(star.ra_deg), float(star.dec_deg)
 
 
-def sky_places(
-    sequence: FrameSequence, x_arcsec: ArrayLike, y_arcsec: ArrayLike
-) -> tuple[FloatArray, FloatArray] | None:
+Places: TypeAlias = tuple[FloatArray, FloatArray]
+
+
+def sky_places(sequence: FrameSequence, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> Places | None:
     """Right ascension and declination at offsets from the target on the detector; None if it has no coordinates.
 
     Parameters

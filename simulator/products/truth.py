@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import InputError
-from simulator.camera import Frame, bias_level_adu, em_voltage_of
+from simulator.camera import Frame, camera_keywords
 from simulator.config import Detector, Section
 from simulator.products.ephemeris import Ephemeris, SequenceTimes
-from simulator.products.keywords import KeywordTable, Value, checked_value, escaped, load_keywords
+from simulator.products.keywords import Value, checked_value, escaped, load_keywords
 from simulator.products.naming import ProductName
 from simulator.products.sequence import (
     SCIENCE_KINDS,
     FrameSequence,
-    SourceTruth,
+    Truth,
     camera_of,
     pointing_deg,
     sky_places,
@@ -61,79 +61,40 @@ def sequence_values(
         For a supplied keyword that is not legal, or of the wrong type.
     """
     table = load_keywords()
-    supplied = {
-        table.canonical(key): checked_value(table, key, value)
-        for key, value in sequence.header.items()
-        if value is not None
-    }
+    given = {key: value for key, value in sequence.header.items() if value is not None}
+    supplied = {table.canonical(key): checked_value(table, key, value) for key, value in given.items()}
     found = _configured(sequence) | _where(sequence, sky) | supplied | _own(sequence, name, times)
     values = {key: checked_value(table, key, value) for key, value in found.items() if value is not None}
-    return _share(table, values, "primary"), _share(table, values, "image")
-
-
-def _share(table: KeywordTable, values: Mapping[str, Value], hdu: str) -> dict[str, Value]:
-    """Values that stand in one kind of unit."""
     homes = {key: table.keywords[key].hdu if key in table.keywords else "image" for key in values}
-    return {key: value for key, value in values.items() if homes[key] in (hdu, "both")}
+    primary = {key: value for key, value in values.items() if homes[key] != "image"}
+    return primary, {key: value for key, value in values.items() if homes[key] != "primary"}
 
 
 def _own(sequence: FrameSequence, name: ProductName, times: SequenceTimes) -> dict[str, Any]:
-    count = int(sequence.n_frames)
-    return {
-        "FILENAME": name.file.name,
-        "TELESCOP": "CSST",
-        "INSTRUME": "CPIC",
-        "CAMERA": sequence.camera,
-        "OBSID": name.obsid,
-        "OBSTYPE": sequence.kind,
-        "NFRAME": count,
-        "NEXTEND": count,
-        "TIMESYS": "UTC",
-        "DATE-OBS": times.start_utc,
-        "DATE-END": times.stop_utc,
-        "EXPSTART": float(times.begin_mjd[0]),
-        "EXPEND": float(times.end_mjd[-1]),
-        "EXPTIME": float(sequence.exposure_s),
-        "READTIME": float(sequence.readout_s),
-        "INTTIME": count * float(sequence.exposure_s),
-        "KEYTABLE": load_keywords().version,
-        "BUNIT": "adu",
-        "IMG_VER": f"V{name.version:02d}",
-        "NEFFECT": len(sequence.ledger),
-        "NCALFILE": len(sequence.calibration_files),
-    }
+    count, exposure_s, version = int(sequence.n_frames), float(sequence.exposure_s), f"V{name.version:02d}"
+    what = {"TELESCOP": "CSST", "INSTRUME": "CPIC", "CAMERA": sequence.camera, "OBSTYPE": sequence.kind}
+    file = {"FILENAME": name.file.name, "OBSID": name.obsid, "IMG_VER": version, "KEYTABLE": load_keywords().version}
+    counts = {"NFRAME": count, "NEXTEND": count, "NEFFECT": len(sequence.ledger)}
+    dates = {"TIMESYS": "UTC", "DATE-OBS": times.start_utc, "DATE-END": times.stop_utc}
+    mjd = {"EXPSTART": float(times.begin_mjd[0]), "EXPEND": float(times.end_mjd[-1])}
+    seconds = {"EXPTIME": exposure_s, "READTIME": float(sequence.readout_s), "INTTIME": count * exposure_s}
+    last = {"BUNIT": "adu", "NCALFILE": len(sequence.calibration_files)}
+    return what | file | counts | dates | mjd | seconds | last
 
 
 def _configured(sequence: FrameSequence) -> dict[str, Any]:
-    camera, instrument, scene = camera_of(sequence), sequence.instrument, sequence.scene
-    on_sky = sequence.kind in SCIENCE_KINDS
-    values: dict[str, Any] = {
-        "OBJECT": scene.name if scene is not None else sequence.kind,
-        "FILTER": sequence.band or None,
-        "SWNAME": DISTRIBUTION,
-        "SWVER": software_version(),
-        "CONFHASH": instrument.content_hash,
-        "SCENHASH": None if scene is None else scene.content_hash,
-        "SEED": int(sequence.seed),
-        "DMFILE": instrument.dark_hole.surface_files.get(sequence.band),
-        "DETNAM": sequence.camera,
-        "GAIN": camera.gain_e_adu,
-        "RDNOISE": camera.read_noise_e,
-        "BIASLEV": bias_level_adu(camera),
-        "ADCBITS": camera.adc_bits,
-        "FULLWELL": camera.full_well_e,
-        "PIXSIZE": camera.pixel_um,
-        "PIXSCALE": instrument.pixel_scale_arcsec(sequence.band) if sequence.band else None,
-        # The mask is part of the camera: the roll of the telescope does not turn it.
-        "MASKROT": 0.0 if on_sky else None,
-    }
+    camera, instrument, scene, band = camera_of(sequence), sequence.instrument, sequence.scene, sequence.band
+    values: dict[str, Any] = {"OBJECT": sequence.kind} if scene is None else {"OBJECT": scene.name}
+    values |= {"FILTER": band or None, "SWNAME": DISTRIBUTION, "SWVER": software_version()}
+    values |= {"CONFHASH": instrument.content_hash, "SCENHASH": None if scene is None else scene.content_hash}
+    values |= {"SEED": int(sequence.seed), "DMFILE": instrument.dark_hole.surface_files.get(band)}
+    values |= {"DETNAM": sequence.camera, "ADCBITS": camera.adc_bits, "PIXSIZE": camera.pixel_um}
+    values |= camera_keywords(camera, sequence.em_gain)
+    values["PIXSCALE"] = instrument.pixel_scale_arcsec(band) if band else None
+    # The mask is part of the camera: the roll of the telescope does not turn it.
+    values["MASKROT"] = 0.0 if sequence.kind in SCIENCE_KINDS else None
     if isinstance(camera, Detector):
-        setting = em_voltage_of(sequence.em_gain, camera.temperature_k)
-        values |= {
-            "CCDTEMP": camera.temperature_k,
-            "EMGAIN": float(sequence.em_gain),
-            "EMVOLT": float(setting.voltage_v),
-        }
+        values["EMGAIN"] = float(sequence.em_gain)
     for keyword in load_keywords():
         if keyword.section in sequence.sections:
             values[keyword.name] = fits_section(sequence.sections[keyword.section]) or None
@@ -174,17 +135,9 @@ def frame_values(shared: Mapping[str, Value], index: int, times: SequenceTimes, 
     times : SequenceTimes
     frame : Frame
     """
-    return {
-        **shared,
-        "FRAMEID": index + 1,
-        "EXPBEG": float(times.begin_mjd[index]),
-        "EXPEND": float(times.end_mjd[index]),
-        "NSAT": int(frame.n_saturated_pixels),
-        "NREGSAT": int(frame.n_register_saturated),
-        "NCLIP": int(frame.n_clipped),
-        "NCR": int(frame.n_cosmic_rays),
-        "NNEGRATE": int(frame.n_negative_rates),
-    }
+    begin, end = float(times.begin_mjd[index]), float(times.end_mjd[index])
+    counts = {key: int(getattr(frame, name)) for key, name in COUNTS.items()}
+    return {**shared, "FRAMEID": index + 1, "EXPBEG": begin, "EXPEND": end, **counts}
 
 
 def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
@@ -198,9 +151,10 @@ def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
         If there are more of either than three digits count.
     """
     table = load_keywords()
-    sizes = ["" if row.size is None else f" | {row.size:.3g}" for row in sequence.ledger]
+    texts = [f"{row.decision} | {row.effect} | {row.reason}" for row in sequence.ledger]
     texts = [
-        f"{row.decision} | {row.effect} | {row.reason}{size}" for row, size in zip(sequence.ledger, sizes, strict=True)
+        text if row.size is None else f"{text} | {row.size:.3g}"
+        for row, text in zip(sequence.ledger, texts, strict=True)
     ]
     for what, key, rows in (("ledger", "EFF", texts), ("calibration_files", "CALF", sequence.calibration_files)):
         if len(rows) > MAX_ROWS:
@@ -217,54 +171,19 @@ def fits_section(section: Section) -> str:
     return f"[{columns.start + 1}:{columns.stop},{rows.start + 1}:{rows.stop}]"
 
 
-COUNTS = ("n_saturated_pixels", "n_register_saturated", "n_clipped", "n_cosmic_rays", "n_negative_rates")
+COUNTS = {"NSAT": "n_saturated_pixels", "NREGSAT": "n_register_saturated", "NCLIP": "n_clipped"}
+COUNTS |= {"NCR": "n_cosmic_rays", "NNEGRATE": "n_negative_rates"}
 _SHARED = (
-    "TELESCOP",
-    "INSTRUME",
-    "CAMERA",
-    "OBSID",
-    "OBSTYPE",
-    "OBJECT",
-    "FILTER",
-    "NFRAME",
-    "TIMESYS",
-    "DATE-OBS",
-    "DATE-END",
-    "EXPTIME",
-    "SWNAME",
-    "SWVER",
-    "CONFHASH",
-    "SCENHASH",
-    "SEED",
+    *("TELESCOP", "INSTRUME", "CAMERA", "OBSID", "OBSTYPE", "OBJECT", "FILTER", "NFRAME", "TIMESYS"),
+    *("DATE-OBS", "DATE-END", "EXPTIME", "SWNAME", "SWVER", "CONFHASH", "SCENHASH", "SEED"),
 )
 _WCS = (
-    "WCSAXES",
-    "CTYPE1",
-    "CTYPE2",
-    "CUNIT1",
-    "CUNIT2",
-    "CRPIX1",
-    "CRPIX2",
-    "CRVAL1",
-    "CRVAL2",
-    "CD1_1",
-    "CD1_2",
-    "CD2_1",
-    "CD2_2",
-    "RADESYS",
-    "EQUINOX",
+    *("WCSAXES", "CTYPE1", "CTYPE2", "CUNIT1", "CUNIT2", "CRPIX1", "CRPIX2", "CRVAL1", "CRVAL2", "CD1_1"),
+    *("CD1_2", "CD2_1", "CD2_2", "RADESYS", "EQUINOX"),
 )
 # Electrons are no unit of the FITS standard: there the names of the columns say it.
-_UNITS = {
-    "begin_mjd": "d",
-    "end_mjd": "d",
-    "x_arcsec": "arcsec",
-    "y_arcsec": "arcsec",
-    "ra_deg": "deg",
-    "dec_deg": "deg",
-    "x_pixel": "pix",
-    "y_pixel": "pix",
-}
+_UNITS = {"begin_mjd": "d", "end_mjd": "d", "ra_deg": "deg", "dec_deg": "deg"}
+_UNITS |= {"x_arcsec": "arcsec", "y_arcsec": "arcsec", "x_pixel": "pix", "y_pixel": "pix"}
 
 
 @dataclass
@@ -317,13 +236,9 @@ class TruthWriter:
     def _effects(self) -> dict[str, Any]:
         """Columns of the effect ledger; nan where no size was predicted."""
         rows = self.sequence.ledger
-        return {
-            "key": [escaped(row.key) for row in rows],
-            "effect": [escaped(row.effect) for row in rows],
-            "decision": [row.decision for row in rows],
-            "size": np.array([np.nan if row.size is None else row.size for row in rows], dtype=np.float64),
-            "reason": [escaped(row.reason) for row in rows],
-        }
+        words = {key: [escaped(getattr(row, key)) for row in rows] for key in ("key", "effect", "decision")}
+        size = np.array([np.nan if row.size is None else row.size for row in rows], dtype=np.float64)
+        return words | {"size": size, "reason": [escaped(row.reason) for row in rows]}
 
     def _map(self, attribute: str) -> NDArray[np.float32]:
         values = np.asarray(getattr(self.sequence, attribute))
@@ -334,26 +249,18 @@ class TruthWriter:
 
     def _sources(self) -> dict[str, Any]:
         """Columns of the table of sources; no columns without sources."""
-        truth: SourceTruth | None = getattr(self.sequence, "truth", None)
+        truth: Truth | None = getattr(self.sequence, "truth", None)
         if truth is None or not truth.sources:
             return {}
         sources = truth.sources
-        x, y = ([getattr(source, key) for source in sources] for key in ("x_arcsec", "y_arcsec"))
+        columns: dict[str, Any] = {"name": [escaped(source.name) for source in sources]}
+        columns |= {key: [getattr(source, key) for source in sources] for key in ("kind", "x_arcsec", "y_arcsec")}
+        places = sky_places(self.sequence, columns["x_arcsec"], columns["y_arcsec"])
+        columns |= {} if places is None else {"ra_deg": places[0], "dec_deg": places[1]}
+        columns |= {key: np.array(getattr(truth, key), dtype=np.float64) for key in ("x_pixel", "y_pixel")}
         rates = np.array([source.rate_e_s for source in sources])
-        places = sky_places(self.sequence, x, y)
-        where = {} if places is None else {"ra_deg": places[0], "dec_deg": places[1]}
-        return {
-            "name": [escaped(source.name) for source in sources],
-            "kind": [source.kind for source in sources],
-            "x_arcsec": x,
-            "y_arcsec": y,
-            **where,
-            "x_pixel": np.array(truth.x_pixel, dtype=np.float64),
-            "y_pixel": np.array(truth.y_pixel, dtype=np.float64),
-            "rate_e_s": rates,
-            "rate_to_first": rates / rates[0],
-            "flags": [escaped("; ".join(source.flags)) for source in sources],
-        }
+        flags = [escaped("; ".join(source.flags)) for source in sources]
+        return columns | {"rate_e_s": rates, "rate_to_first": rates / rates[0], "flags": flags}
 
     def add(self, frame: Frame, datasum: str) -> None:
         """Write the mask of the next frame and keep its row.
@@ -364,18 +271,13 @@ class TruthWriter:
         datasum : str
             Checksum of the frame's image, as text.
         """
-        number = len(self._rows)
+        number, times = len(self._rows), self.times
         append_compressed(self.file, frame.mask, "MASK", number + 1)
-        self._rows.append(
-            {
-                "frame": number + 1,
-                "begin_mjd": float(self.times.begin_mjd[number]),
-                "end_mjd": float(self.times.end_mjd[number]),
-                **{key: int(getattr(frame, key)) for key in COUNTS},
-                "datasum": int(datasum),
-                **{f"charge_{key}_e": float(value) for key, value in frame.charge.items()},
-            }
-        )
+        begin, end = float(times.begin_mjd[number]), float(times.end_mjd[number])
+        counts = {key: int(getattr(frame, key)) for key in COUNTS.values()}
+        charges = {f"charge_{key}_e": float(value) for key, value in frame.charge.items()}
+        row = {"frame": number + 1, "begin_mjd": begin, "end_mjd": end, **counts, "datasum": int(datasum), **charges}
+        self._rows.append(row)
 
     def end(self) -> None:
         """Write the table of frames. A step of the charge that a frame does not name moved no electrons in it."""

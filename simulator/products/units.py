@@ -65,6 +65,7 @@ def encode(total: int) -> str:
 Card: TypeAlias = tuple[str, Value, str]
 _BLOCK = 2880
 _CHECKSUM_NOTE = "sum of this unit"
+_TYPE, _AXES, _GROUPS = "array data type", "number of array dimensions", "number of groups"
 _BITPIX = {"u2": 16, "f4": -32, "f8": -64, "u1": 8}
 
 
@@ -97,8 +98,8 @@ def append_primary(file: IO[bytes], cards: Iterable[Card]) -> None:
     """
     structure: list[Card] = [
         ("SIMPLE", True, "conforms to FITS standard"),
-        ("BITPIX", 8, "array data type"),
-        ("NAXIS", 0, "number of array dimensions"),
+        ("BITPIX", 8, _TYPE),
+        ("NAXIS", 0, _AXES),
         ("EXTEND", True, "extensions follow"),
     ]
     _append(file, [*structure, *cards], b"")
@@ -115,13 +116,9 @@ def append_image(file: IO[bytes], data: NDArray[Any], cards: Iterable[Card], nam
     rows, columns = data.shape
     kind = f"{data.dtype.kind}{data.dtype.itemsize}"
     structure: list[Card] = [
-        ("XTENSION", "IMAGE", "Image extension"),
-        ("BITPIX", _BITPIX[kind], "array data type"),
-        ("NAXIS", 2, "number of array dimensions"),
-        ("NAXIS1", columns, "columns"),
-        ("NAXIS2", rows, "rows"),
-        ("PCOUNT", 0, "number of parameters"),
-        ("GCOUNT", 1, "number of groups"),
+        *(("XTENSION", "IMAGE", "Image extension"), ("BITPIX", _BITPIX[kind], _TYPE)),
+        *(("NAXIS", 2, _AXES), ("NAXIS1", columns, "columns"), ("NAXIS2", rows, "rows")),
+        *(("PCOUNT", 0, "number of parameters"), ("GCOUNT", 1, _GROUPS)),
     ]
     if kind == "u2":
         structure += [("BSCALE", 1, "unsigned integers"), ("BZERO", 32768, "unsigned integers")]
@@ -147,29 +144,16 @@ def append_compressed(file: IO[bytes], data: NDArray[np.uint8], name: str, versi
     rows, columns = data.shape
     packed = gzip.compress(np.ascontiguousarray(data).data, 1, mtime=0)
     cards: list[Card] = [
-        ("XTENSION", "BINTABLE", "binary table extension"),
-        ("BITPIX", 8, "array data type"),
-        ("NAXIS", 2, "number of array dimensions"),
-        ("NAXIS1", 8, "bytes of a row"),
-        ("NAXIS2", 1, "rows"),
-        ("PCOUNT", len(packed), "bytes behind the table"),
-        ("GCOUNT", 1, "number of groups"),
-        ("TFIELDS", 1, "columns"),
-        ("TTYPE1", "COMPRESSED_DATA", ""),
-        ("TFORM1", f"1PB({len(packed)})", ""),
-        ("ZIMAGE", True, "a compressed image"),
-        ("ZTENSION", "IMAGE", "Image extension"),
-        ("ZCMPTYPE", "GZIP_1", "compression"),
-        ("ZBITPIX", 8, "array data type"),
-        ("ZNAXIS", 2, "number of array dimensions"),
-        ("ZNAXIS1", columns, "columns"),
-        ("ZNAXIS2", rows, "rows"),
-        ("ZTILE1", columns, "columns of a tile"),
-        ("ZTILE2", rows, "rows of a tile"),
-        ("ZPCOUNT", 0, "number of parameters"),
-        ("ZGCOUNT", 1, "number of groups"),
-        ("EXTNAME", name, "name of this extension"),
-        ("EXTVER", version, "its number"),
+        *(("XTENSION", "BINTABLE", "binary table extension"), ("BITPIX", 8, _TYPE)),
+        *(("NAXIS", 2, _AXES), ("NAXIS1", 8, "bytes of a row"), ("NAXIS2", 1, "rows")),
+        *(("PCOUNT", len(packed), "bytes behind the table"), ("GCOUNT", 1, _GROUPS)),
+        *(("TFIELDS", 1, "columns"), ("TTYPE1", "COMPRESSED_DATA", ""), ("TFORM1", f"1PB({len(packed)})", "")),
+        *(("ZIMAGE", True, "a compressed image"), ("ZTENSION", "IMAGE", "Image extension")),
+        *(("ZCMPTYPE", "GZIP_1", "compression"), ("ZBITPIX", 8, _TYPE)),
+        *(("ZNAXIS", 2, _AXES), ("ZNAXIS1", columns, "columns"), ("ZNAXIS2", rows, "rows")),
+        *(("ZTILE1", columns, "columns of a tile"), ("ZTILE2", rows, "rows of a tile")),
+        *(("ZPCOUNT", 0, "number of parameters"), ("ZGCOUNT", 1, _GROUPS)),
+        *(("EXTNAME", name, "name of this extension"), ("EXTVER", version, "its number")),
     ]
     return _append(file, cards, np.array([len(packed), 0], dtype=">i4").tobytes() + packed)
 

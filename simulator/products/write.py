@@ -19,7 +19,7 @@ from simulator.config import Detector
 from simulator.products.ephemeris import Ephemeris, SequenceTimes, ephemeris, sequence_times
 from simulator.products.keywords import KEYWORD_FILE, Value, load_keywords
 from simulator.products.naming import ProductName, claim, clear_stale_parts, product_name, temporary_folders
-from simulator.products.sequence import FrameSequence, camera_of, check_sequence, pointing_deg, star_deg
+from simulator.products.sequence import FrameSequence, camera_of, check_sequence, pointing_deg, settings_of, star_deg
 from simulator.products.truth import TruthWriter, frame_values, ledger_cards, sequence_values, software_version
 from simulator.products.units import append_image, append_primary, header_cards
 
@@ -71,31 +71,18 @@ def _configuration(
     sequence: FrameSequence, name: ProductName, times: SequenceTimes, primary: Mapping[str, Value]
 ) -> dict[str, Any]:
     instrument, scene = sequence.instrument, sequence.scene
+    sections = {key: [[part.start, part.stop] for part in section] for key, section in sequence.sections.items()}
+    words = ("key", "effect", "decision", "size", "reason")
     return {
         "schema_version": SCHEMA_VERSION,
         "software": {"name": primary["SWNAME"], "version": software_version()},
         "obsid": name.obsid,
         "file": name.file.as_posix(),
-        "sequence": {
-            "camera": sequence.camera,
-            "kind": sequence.kind,
-            "band": sequence.band,
-            "n_frames": int(sequence.n_frames),
-            "exposure_s": float(sequence.exposure_s),
-            "readout_s": float(sequence.readout_s),
-            "em_gain": float(sequence.em_gain),
-            "seed": int(sequence.seed),
-            "start_utc": times.start_utc,
-            "roll_deg": float(sequence.roll_deg),
-            "shape": [int(side) for side in sequence.shape],
-        },
+        "sequence": settings_of(sequence) | {"start_utc": times.start_utc},
         "header": dict(primary),
-        "sections": {key: [[part.start, part.stop] for part in section] for key, section in sequence.sections.items()},
+        "sections": sections,
         "calibration_files": list(sequence.calibration_files),
-        "effects": [
-            {"key": row.key, "effect": row.effect, "decision": row.decision, "size": row.size, "reason": row.reason}
-            for row in sequence.ledger
-        ],
+        "effects": [{key: getattr(row, key) for key in words} for row in sequence.ledger],
         "configuration_hash": instrument.content_hash,
         "instrument": instrument.model_dump(mode="json"),
         "provenance": {key: asdict(item) for key, item in instrument.provenance.items()},
@@ -110,17 +97,10 @@ def _attitude(sequence: FrameSequence, utc: Sequence[str], sky: Ephemeris) -> st
     given = {key: values for key, values in angles.items() if values is not None}
     where = ("", "") if pointing is None else tuple(f"{value:.9f}" for value in pointing)
     turn = "" if sequence.scene is None else f"{sequence.roll_deg % 360.0:.6f}"
-    rows = (
-        [
-            time,
-            *where,
-            turn,
-            *(f"{value:.6f}" for value in sky.position_km[row]),
-            *(f"{value:.9f}" for value in sky.velocity_km_s[row]),
-            *(f"{values[row]:.6f}" for values in given.values()),
-        ]
-        for row, time in enumerate(utc)
-    )
+    rows = []
+    for row, time in enumerate(utc):
+        state = *(f"{part:.6f}" for part in sky.position_km[row]), *(f"{part:.9f}" for part in sky.velocity_km_s[row])
+        rows.append([time, *where, turn, *state, *(f"{values[row]:.6f}" for values in given.values())])
     return _table((*names, *given), rows)
 
 
@@ -189,9 +169,8 @@ def write_level0(
     check_sequence(observation)
     table = load_keywords()
     profile = table.profile(observation.instrument.mission.keyword_profile)
-    times = sequence_times(
-        observation.start_utc, observation.exposure_s, observation.readout_s, int(observation.n_frames)
-    )
+    n_frames, pace = int(observation.n_frames), (observation.exposure_s, observation.readout_s)
+    times = sequence_times(observation.start_utc, *pace, n_frames)
     name = product_name(observation, times, obsid)
     root = Path(out_dir)
     refuse_taken(root, name, overwrite=overwrite)
@@ -216,7 +195,7 @@ def write_level0(
                 if writer is not None:
                     writer.add(frame, datasum)
                 if progress is not None:
-                    progress(index + 1, int(observation.n_frames))
+                    progress(index + 1, n_frames)
             if writer is not None:
                 writer.end()
             if not overwrite and (root / name.file).exists():
@@ -253,12 +232,8 @@ def refuse_taken(root: Path, name: ProductName, *, overwrite: bool) -> None:
     for other in sorted(root.glob(f"*/*/CSST_CPIC_*_{name.obsid}_X_L0_V??.fits")):
         found = ProductName.parse(other.name)
         if found is not None and other.parent.parent.name in ("SCI", "CAL") and found.times != name.times:
-            raise InputError(
-                "obsid",
-                name.obsid,
-                allowed="a number that no other observation of the tree has",
-                hint=f"it is that of {other}",
-            )
+            allowed = "a number that no other observation of the tree has"
+            raise InputError("obsid", name.obsid, allowed=allowed, hint=f"it is that of {other}")
 
 
 def _exists(path: Path) -> InputError:

@@ -143,12 +143,8 @@ def exozodi_fraction_arcsec2(separation_arcsec: ArrayLike, n_zodis: ArrayLike) -
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         fraction = ZODI_AT_ONE_ARCSEC * zodis / separation / separation
     if not np.isfinite(fraction).all():
-        raise InputError(
-            "separation_arcsec",
-            float(separation.min()),
-            unit="arcsec",
-            allowed="separations at which the brightness is finite",
-        )
+        nearest, allowed = float(separation.min()), "separations at which the brightness is finite"
+        raise InputError("separation_arcsec", nearest, unit="arcsec", allowed=allowed)
     return np.asarray(fraction)
 
 
@@ -202,10 +198,8 @@ def aperture_exozodi(metrics: PsfMetrics, n_zodis: float, x_arcsec: ArrayLike, y
     InputError
         If a position is not finite.
     """
-    x, y = (
-        checked_array(key, value, low=-np.inf, unit="arcsec", allowed="finite")
-        for key, value in (("x_arcsec", x_arcsec), ("y_arcsec", y_arcsec))
-    )
+    x = checked_array("x_arcsec", x_arcsec, low=-np.inf, unit="arcsec", allowed="finite")
+    y = checked_array("y_arcsec", y_arcsec, low=-np.inf, unit="arcsec", allowed="finite")
     separation = np.hypot(x, y)
     if n_zodis == 0.0:
         return np.zeros(separation.shape)

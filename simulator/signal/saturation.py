@@ -13,15 +13,12 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, Outcome, Reason, Status, checked_array
+from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status, checked_array
 from simulator.config import Detector
 
-_LIMITS = np.array([Reason.PIXEL_FULL_WELL.value, Reason.REGISTER_FULL_WELL.value, Reason.ADC_RANGE.value])
-_NAMES = {
-    Reason.PIXEL_FULL_WELL.value: "pixel full well",
-    Reason.REGISTER_FULL_WELL.value: "register full well",
-    Reason.ADC_RANGE.value: "range of the converter",
-}
+_NAMES = {Reason.PIXEL_FULL_WELL.value: "pixel full well", Reason.REGISTER_FULL_WELL.value: "register full well"}
+_NAMES |= {Reason.ADC_RANGE.value: "range of the converter"}
+_LIMITS = np.array(list(_NAMES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +37,7 @@ class GainCap:
 
     gain: FloatArray
     limit: npt.NDArray[np.str_]
-    feasible: npt.NDArray[np.bool_]
+    feasible: BoolArray
 
     def outcome(self, index: tuple[int, ...] | int = ()) -> Outcome[float]:
         """Typed answer of one element."""
@@ -48,9 +45,8 @@ class GainCap:
             limit = str(self.limit[index])
             return Outcome.ok(float(self.gain[index]), flags=(f"limited_by_{limit}",) if limit else ())
         reason = Reason(str(self.limit[index]))
-        return Outcome.refuse(
-            Status.SATURATED, reason, f"the {_NAMES[reason.value]} is exceeded even at EM gain 1; shorten the exposure"
-        )
+        message = f"the {_NAMES[reason.value]} is exceeded even at EM gain 1; shorten the exposure"
+        return Outcome.refuse(Status.SATURATED, reason, message)
 
 
 def gain_cap(peak_e_per_frame: npt.ArrayLike, detector: Detector, n_sigma: float = 5.0) -> GainCap:
@@ -118,12 +114,9 @@ def pixel_saturated(
     if fill[worst] <= 1.0:
         return Outcome.ok(float(fill[worst]))
     reason = Reason(str(_LIMITS[worst]))
-    return Outcome.refuse(
-        Status.SATURATED,
-        reason,
-        f"{peak_e_per_frame:.4g} e- per frame at EM gain {em_gain:.4g} fill {fill[worst]:.3g} times "
-        f"the {_NAMES[reason.value]} ({n_sigma:g} sigma included)",
-    )
+    light = f"{peak_e_per_frame:.4g} e- per frame at EM gain {em_gain:.4g}"
+    filled = f"fill {fill[worst]:.3g} times the {_NAMES[reason.value]} ({n_sigma:g} sigma included)"
+    return Outcome.refuse(Status.SATURATED, reason, f"{light} {filled}")
 
 
 def _fills(peak_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector, n_sigma: float) -> FloatArray:
@@ -231,18 +224,18 @@ def overflow(mean_e: FloatArray | float, well_e: float, factor2: float) -> Float
 
 
 def longest_exposure_s(
-    peak_columns_e_s: ArrayLike, peak_hole_e_s: ArrayLike, tail_e_s: ArrayLike, camera: Wells, em_gain: float = 1.0
+    column_peak_e_s: ArrayLike, hole_peak_e_s: ArrayLike, register_e_s: ArrayLike, camera: Wells, em_gain: float = 1.0
 ) -> FloatArray:
     """Return the exposure at which a hard limit is met at a gain.
 
     Parameters
     ----------
-    peak_columns_e_s : array_like
+    column_peak_e_s : array_like
         Hottest pixel of the central star in the columns that cross the hole, e-/s: it must not overflow its well,
         because blooming charge runs along the column into the hole.
-    peak_hole_e_s : array_like
+    hole_peak_e_s : array_like
         Hottest pixel inside the hole, e-/s: it must fit the register and the converter as well.
-    tail_e_s : array_like
+    register_e_s : array_like
         Light beside the hole that must fit the register, lest charge trails into the hole.
     camera : Wells
     em_gain : float
@@ -252,26 +245,24 @@ def longest_exposure_s(
     ndarray
         Seconds, without regard to ``exposure_max_s``; ``inf`` for dark pixels.
     """
-    hole, tail = np.asarray(peak_hole_e_s, float), np.asarray(tail_e_s, float)
-    column = np.maximum(np.asarray(peak_columns_e_s, float), hole) if camera.blooms else hole
+    hole, tail = np.asarray(hole_peak_e_s, float), np.asarray(register_e_s, float)
+    column = np.maximum(np.asarray(column_peak_e_s, float), hole) if camera.blooms else hole
     well = largest_mean_e(camera.full_well_e, 1.0)
     output = largest_mean_e(camera.output_well_e / em_gain, 2.0)
     register = largest_mean_e(camera.register_full_well_e / em_gain, 2.0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         trail = tail if camera.blooms else np.zeros_like(tail)
-        limits = [
-            np.where(rate > 0, level / rate, np.inf)
-            for level, rate in ((well, column), (output, hole), (register, trail))
-        ]
+        rates = ((well, column), (output, hole), (register, trail))
+        limits = [np.where(rate > 0, level / rate, np.inf) for level, rate in rates]
     return np.minimum(np.minimum(limits[0], limits[1]), limits[2])
 
 
-def largest_gain(peak_hole_e_s: ArrayLike, tail_e_s: ArrayLike, exposure_s: ArrayLike, camera: Wells) -> FloatArray:
+def largest_gain(hole_peak_e_s: ArrayLike, register_e_s: ArrayLike, exposure_s: ArrayLike, camera: Wells) -> FloatArray:
     """Return the largest EM gain that keeps the hole clean: its pixels unsaturated, no register tail running into it.
 
     Parameters
     ----------
-    peak_hole_e_s, tail_e_s, camera
+    hole_peak_e_s, register_e_s, camera
         As of `longest_exposure_s`; the pixel's own well is its business.
     exposure_s : array_like
         Of a frame.
@@ -282,26 +273,25 @@ def largest_gain(peak_hole_e_s: ArrayLike, tail_e_s: ArrayLike, exposure_s: Arra
         At most the camera's largest gain. Below 1 not even gain 1 will do.
     """
     exposure = np.asarray(exposure_s, float)
-    own = crest_e(np.asarray(peak_hole_e_s, float) * exposure, 2.0)
-    beside = crest_e(np.asarray(tail_e_s, float) * exposure, 2.0) if camera.blooms else np.zeros_like(own)
+    own = crest_e(np.asarray(hole_peak_e_s, float) * exposure, 2.0)
+    beside = crest_e(np.asarray(register_e_s, float) * exposure, 2.0) if camera.blooms else np.zeros_like(own)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        cap = np.minimum(
-            np.where(own > 0, camera.output_well_e / own, np.inf),
-            np.where(beside > 0, camera.register_full_well_e / beside, np.inf),
-        )
+        inside = np.where(own > 0, camera.output_well_e / own, np.inf)
+        trail = np.where(beside > 0, camera.register_full_well_e / beside, np.inf)
+        cap = np.minimum(inside, trail)
     return np.minimum(cap, camera.em_gain_max)
 
 
 def gain_caps(
-    peak_hole_e_s: float, tail_e_s: float, peak_frame_e_s: float, exposure_s: float, camera: Wells
+    hole_peak_e_s: float, register_e_s: float, frame_peak_e_s: float, exposure_s: float, camera: Wells
 ) -> dict[str, float]:
     """Return the largest gains of one exposure by what they spare; 0 where not even gain 1 does.
 
     Parameters
     ----------
-    peak_hole_e_s, tail_e_s, camera
+    hole_peak_e_s, register_e_s, camera
         As of `longest_exposure_s`.
-    peak_frame_e_s : float
+    frame_peak_e_s : float
         Hottest pixel of the central star anywhere, e-/s.
     exposure_s : float
         Of the frame.
@@ -313,9 +303,9 @@ def gain_caps(
         hole. ``frame``: no pixel of the whole frame saturates.
     """
     wells = {
-        "hole": (peak_hole_e_s, camera.output_well_e),
-        "register_tail": (tail_e_s if camera.blooms else 0.0, camera.register_full_well_e),
-        "frame": (peak_frame_e_s, camera.output_well_e),
+        "hole": (hole_peak_e_s, camera.output_well_e),
+        "register_tail": (register_e_s if camera.blooms else 0.0, camera.register_full_well_e),
+        "frame": (frame_peak_e_s, camera.output_well_e),
     }
     caps = {}
     for name, (rate, well) in wells.items():
@@ -327,20 +317,20 @@ def gain_caps(
 
 
 def frame_limit(
-    peak_columns_e_s: float, peak_hole_e_s: float, tail_e_s: float, exposure_s: float, em_gain: float, camera: Wells
+    column_peak_e_s: float, hole_peak_e_s: float, register_e_s: float, exposure_s: float, em_gain: float, camera: Wells
 ) -> Reason:
     """Return the limit that a frame breaks furthest, `Reason.NONE` if none.
 
     Parameters
     ----------
-    peak_columns_e_s, peak_hole_e_s, tail_e_s, em_gain, camera
+    column_peak_e_s, hole_peak_e_s, register_e_s, em_gain, camera
         As of `longest_exposure_s`.
     exposure_s : float
         Of the frame.
     """
-    column = max(peak_columns_e_s, peak_hole_e_s) if camera.blooms else peak_hole_e_s
-    output = em_gain * float(crest_e(peak_hole_e_s * exposure_s, 2.0))
-    tail = em_gain * float(crest_e(tail_e_s * exposure_s, 2.0)) if camera.blooms else 0.0
+    column = max(column_peak_e_s, hole_peak_e_s) if camera.blooms else hole_peak_e_s
+    output = em_gain * float(crest_e(hole_peak_e_s * exposure_s, 2.0))
+    tail = em_gain * float(crest_e(register_e_s * exposure_s, 2.0)) if camera.blooms else 0.0
     well = float(crest_e(column * exposure_s, 1.0))
     fills = {
         Reason.PIXEL_FULL_WELL: well / camera.full_well_e,

@@ -106,9 +106,8 @@ def error_light_share(
     The rest is ``2 Re(E0* dE)``, which is as Gaussian as the errors are; ``|dE|^2`` has exponential tails. Parameters
     as of `speckle_law`, with the length of the visit in s; 0 where there is no residual.
     """
-    crossed, light = (
-        law.variance(visit_s) for law in _laws(metrics, drift, separation_arcsec, annulus_lambda_d, reference_ratio)
-    )
+    laws = _laws(metrics, drift, separation_arcsec, annulus_lambda_d, reference_ratio)
+    crossed, light = (law.variance(visit_s) for law in laws)
     whole = crossed + light
     return np.asarray(light / np.where(whole > 0.0, whole, 1.0))
 
@@ -121,14 +120,10 @@ def _laws(
     separation = np.asarray(separation_arcsec, float)
     linear, square = (np.exp(np.interp(separation, place, table)) for table in (linear_table, square_table))
     visit, walk, ratio = drift.visit_nm**2, drift.walk_nm_per_sqrt_hour**2 / (3.0 * 3600.0), reference_ratio
-    return (
-        SpeckleLaw(k0=visit * linear, k1=walk * linear * (1.0 + ratio) / 2.0, k2=np.zeros_like(linear)),
-        SpeckleLaw(
-            k0=visit**2 * square,
-            k1=walk * 2.0 * square * visit * (1.0 + ratio) / 2.0,
-            k2=1.5 * walk**2 * square * (1.0 + ratio**2) / 2.0,
-        ),
-    )
+    both, of_squares = (1.0 + ratio) / 2.0, (1.0 + ratio**2) / 2.0
+    crossed = SpeckleLaw(visit * linear, walk * linear * both, np.zeros_like(linear))
+    light = visit**2 * square, walk * 2.0 * square * visit * both, 1.5 * walk**2 * square * of_squares
+    return crossed, SpeckleLaw(*light)
 
 
 @functools.lru_cache(maxsize=64)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import FloatArray, InputError, check_number, check_whole, real_array
+from cpic_core import BoolArray, FloatArray, InputError, check_number, check_whole, real_array
 from cpic_planner.survey.visibility.config import VisibilityConfig, roll_half_range_deg
 from cpic_planner.survey.visibility.limb import Geometry, clear_arcs
 from simulator.config import LAST_YEAR, OrbitConfig, checked_utc
@@ -51,7 +51,7 @@ class Visibility:
     mjd: FloatArray
     step_days: float
     period_s: float
-    allowed: NDArray[np.bool_]
+    allowed: BoolArray
     visible_fraction: FloatArray
     window_s: FloatArray
     sun_deg: FloatArray
@@ -65,10 +65,9 @@ class Visibility:
         return self.visible_fraction * self.period_s
 
     @property
-    def observable(self) -> NDArray[np.bool_]:
+    def observable(self) -> BoolArray:
         """Whether anything of the orbit can be used, shape (n, d)."""
-        result: NDArray[np.bool_] = self.blocked_by == 0
-        return result
+        return np.asarray(self.blocked_by == 0)
 
     def days(self, target: int) -> dict[str, float]:
         """Days by what blocks them; under ``""`` those that can be used."""
@@ -206,9 +205,8 @@ def visibility(
         raise InputError("step_days", step_days, unit="d", allowed="0.001 to 366")
     n_steps = math.ceil(n_days / step_days - 1e-9)
     if len(targets) * n_steps > MAX_CELLS:
-        raise InputError(
-            "n_days", n_days, unit="d", allowed=f"targets x steps up to {MAX_CELLS:.0e}, not {len(targets)} x {n_steps}"
-        )
+        allowed = f"targets x steps up to {MAX_CELLS:.0e}, not {len(targets)} x {n_steps}"
+        raise InputError("n_days", n_days, unit="d", allowed=allowed)
     with offline_time():
         first = Time(begin, format="isot", scale="utc").mjd
         middle = first + step_days * (np.arange(n_steps) + 0.5)
@@ -229,12 +227,9 @@ def visibility(
     blocked[sun_deg < config.sun_deg] = BLOCKS.index("sun")
     allowed = blocked == 0
     fraction, longest = np.zeros(sun_deg.shape), np.zeros(sun_deg.shape)
-    fraction[allowed], longest[allowed] = clear_arcs(
-        _geometry(targets, _unit(sun), cosine_sun, circle.plane(elapsed), allowed),
-        float(earth_radius_deg(circle.radius_km)),
-        config.dark_limb_deg,
-        config.bright_limb_deg,
-    )
+    geometry = _geometry(targets, _unit(sun), cosine_sun, circle.plane(elapsed), allowed)
+    limbs = float(earth_radius_deg(circle.radius_km)), config.dark_limb_deg, config.bright_limb_deg
+    fraction[allowed], longest[allowed] = clear_arcs(geometry, *limbs)
     blocked[allowed & (fraction <= 0.0)] = BLOCKS.index("limb")
     return Visibility(
         mjd=middle,
@@ -252,17 +247,14 @@ def visibility(
 
 def _directions(ra_deg: ArrayLike, dec_deg: ArrayLike) -> FloatArray:
     """Unit vectors, shape (n, 3)."""
-    ra, dec = (
-        np.atleast_1d(real_array(name, value, "deg")) for name, value in (("ra_deg", ra_deg), ("dec_deg", dec_deg))
-    )
+    given = {"ra_deg": ra_deg, "dec_deg": dec_deg}
+    ra, dec = (np.atleast_1d(real_array(name, value, "deg")) for name, value in given.items())
     if ra.ndim != 1 or ra.shape != dec.shape or not len(ra):
         raise InputError("ra_deg", f"{ra.shape} beside dec_deg {dec.shape}", allowed="two rows of one length")
     for name, values, low, high in (("ra_deg", ra, -360.0, 360.0), ("dec_deg", dec, -90.0, 90.0)):
-        bad = np.flatnonzero(~((values >= low) & (values <= high)))
-        if len(bad):
-            raise InputError(
-                name, float(values[bad[0]]), unit="deg", allowed=f"{low:g} to {high:g}", hint=f"row {bad[0]}"
-            )
+        if len(bad := np.flatnonzero(~((values >= low) & (values <= high)))):
+            first, allowed = float(values[bad[0]]), f"{low:g} to {high:g}"
+            raise InputError(name, first, unit="deg", allowed=allowed, hint=f"row {bad[0]}")
     ra, dec = np.deg2rad(ra), np.deg2rad(dec)
     return np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
 
@@ -276,7 +268,7 @@ def _angles_deg(cosine: FloatArray) -> FloatArray:
 
 
 def _geometry(
-    targets: FloatArray, sun: FloatArray, cosine_sun: FloatArray, plane: tuple[Any, Any], allowed: NDArray[np.bool_]
+    targets: FloatArray, sun: FloatArray, cosine_sun: FloatArray, plane: tuple[Any, Any], allowed: BoolArray
 ) -> Geometry:
     """Targets and Suns in the planes of the orbits, for the allowed pairs of target and date."""
     along = [(targets @ axis.T)[allowed] for axis in plane]

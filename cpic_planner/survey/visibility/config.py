@@ -69,15 +69,8 @@ def roll_half_range_deg(sun_deg: FloatArray, config: VisibilityConfig) -> FloatA
 DEFAULT_VISIBILITY = "default"
 PACKAGE = "cpic_planner"
 
-_ALIASES = {
-    "sun": "sun_deg",
-    "moon": "moon_deg",
-    "dark_limb": "dark_limb_deg",
-    "bright_limb": "bright_limb_deg",
-    "roll": "roll_deg",
-    "saa": "saa_fraction",
-    "settle": "settle_s",
-}
+_WITH_UNIT = ("sun_deg", "moon_deg", "dark_limb_deg", "bright_limb_deg", "roll_deg", "saa_fraction", "settle_s")
+_ALIASES = {key.rpartition("_")[0]: key for key in _WITH_UNIT}
 
 
 class VisibilityConfig(PointingRecord):

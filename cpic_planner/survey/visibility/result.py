@@ -1,6 +1,7 @@
 """Visibility of stars as a result: seasons, days and times per orbit."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -44,38 +45,17 @@ def visibility_result(
     """
     for name, ra, dec in zip(targets.name, targets.ra_deg, targets.dec_deg, strict=True):
         if not (math.isfinite(ra) and math.isfinite(dec)):
-            raise InputError(
-                "ra_deg, dec_deg",
-                "missing",
-                unit="deg",
-                allowed="coordinates",
-                hint=f"the star table has none of {name}",
-            )
+            hint = f"the star table has none of {name}"
+            raise InputError("ra_deg, dec_deg", "missing", unit="deg", allowed="coordinates", hint=hint)
     seen = visibility(
         targets.ra_deg, targets.dec_deg, config, orbit, start_utc=start_utc, n_days=n_days, step_days=step_days
     )
-    start = checked_utc("start_utc", start_utc)
-    asked = {
-        "pointing": config.content(),
-        "orbit": orbit.model_dump(mode="json"),
-        "stars": targets.content(),
-        "start_utc": start,
-        "n_days": n_days,
-        "step_days": step_days,
-    }
-    return VisibilityResult(
-        config_hash=content_hash(asked),
-        catalogue=catalogue,
-        start_utc=start,
-        n_days=n_days,
-        step_days=step_days,
-        period_s=seen.period_s,
-        altitude_km=orbit.altitude_km,
-        inclination_deg=orbit.inclination_deg,
-        pointing=PointingRecord.of(config),
-        mjd=seen.mjd.tolist(),
-        targets=[_target(targets, seen, row) for row in range(len(targets))],
-    )
+    when: dict[str, Any] = {"start_utc": checked_utc("start_utc", start_utc), "n_days": n_days, "step_days": step_days}
+    stars, orbit_content = targets.content(), orbit.model_dump(mode="json")
+    digest = content_hash({"pointing": config.content(), "orbit": orbit_content, "stars": stars, **when})
+    rows = [_target(targets, seen, row) for row in range(len(targets))]
+    about = {"config_hash": digest, "catalogue": catalogue, "pointing": PointingRecord.of(config), **when}
+    return VisibilityResult.of(seen, orbit, **about, targets=rows)
 
 
 def _target(targets: Targets, seen: Visibility, row: int) -> VisibleTarget:
@@ -83,22 +63,16 @@ def _target(targets: Targets, seen: Visibility, row: int) -> VisibleTarget:
     visible = seen.visible_s[row]
     best = int(usable[np.argmax(visible[usable])]) if len(usable) else None
     days = seen.days(row)
-    hip = int(targets.hip[row])
-    ra_deg, dec_deg = float(targets.ra_deg[row]), float(targets.dec_deg[row])
     runs, times = seen.runs(row, through=("moon",)), seen.windows(row, through=("moon",))
-    return VisibleTarget(
-        name=str(targets.name[row]),
-        hip=hip or None,
-        ra_deg=ra_deg,
-        dec_deg=dec_deg,
-        ecliptic_latitude_deg=ecliptic_deg(ra_deg, dec_deg)[1],
+    lengths = [float(np.count_nonzero(seen.observable[row, begin:behind]) * seen.step_days) for begin, behind in runs]
+    return VisibleTarget.of(
+        targets,
+        at=row,
+        hip=int(targets.hip[row]) or None,
+        ecliptic_latitude_deg=ecliptic_deg(float(targets.ra_deg[row]), float(targets.dec_deg[row]))[1],
         seasons=[
-            SeasonRecord(
-                start_utc=start,
-                end_utc=end,
-                days=float(np.count_nonzero(seen.observable[row, begin:behind]) * seen.step_days),
-            )
-            for (begin, behind), (start, end) in zip(runs, times, strict=True)
+            SeasonRecord(start_utc=start, end_utc=end, days=length)
+            for (start, end), length in zip(times, lengths, strict=True)
         ],
         observable_days=days[""],
         blocked_days={name: days[name] for name in BLOCKS if name},

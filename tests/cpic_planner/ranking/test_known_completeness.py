@@ -7,11 +7,10 @@ import pytest
 
 from catalogs import load_known_planets, load_stars
 from cpic_planner.etc import build_model
-from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import KnownChoice, rank_targets
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.ranking.known_completeness import known_completeness, known_rows
-from cpic_planner.ranking.order import rank_hash
+from cpic_planner.ranking.order import RankSetting
 from cpic_planner.results import KNOWN_PLANETS
 from cpic_planner.targets import targets_from_table
 from simulator import load_instrument
@@ -133,7 +132,7 @@ def test_what_decides_is_in_the_hash(model, everyone, bright):
     star = named(everyone, "tau Cet")
 
     def key(known):
-        return rank_hash(model, star, time_s=3600.0, planet=ReferencePlanet(), population=known)
+        return RankSetting.of(model, time_s=3600.0, population=known).digest(star)
 
     nominal = key(choice(bright))
     assert key(choice(bright)) == nominal

@@ -12,7 +12,7 @@ from cpic_planner.etc import build_model, contrast_limit
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.planets import PopulationChoice, draw_population
 from cpic_planner.queries import Strategy
-from cpic_planner.ranking import judge, optimise, rank_targets
+from cpic_planner.ranking import detection_statuses, optimise, rank_targets
 from cpic_planner.targets import find_target, rank_sample
 from simulator.config import load_instrument
 
@@ -98,7 +98,7 @@ def test_whether_time_would_help_is_told():
     assert {row.reason for row in none.targets} == {"time_below_overheads"}
     assert all(row.time_s is None and row.detection_margin == 0.0 for row in none.targets)
     blind = build_model(load_instrument({"detector": {"exposure_min_s": 250.0}}))
-    verdicts = judge(optimise(blind, FEW, time_s=36000.0), blind)
+    verdicts = detection_statuses(optimise(blind, FEW, time_s=36000.0), blind)
     assert Reason.PIXEL_FULL_WELL in {reason for _, reason in verdicts}
 
 

@@ -9,9 +9,9 @@ from scipy.stats import kendalltau
 import cpic_planner.ranking.sensitivity as module
 from cpic_planner.etc import build_model
 from cpic_planner.planets import PopulationChoice
-from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import KnownChoice, rank_targets
-from cpic_planner.ranking.sensitivity import ASSUMPTIONS, Assumption, Setting, in_order, sensitivity
+from cpic_planner.ranking.order import RankSetting
+from cpic_planner.ranking.sensitivity import ASSUMPTIONS, Assumption, in_order, sensitivity
 from cpic_planner.targets import rank_sample
 from simulator.config import albedo_spec, load_instrument
 
@@ -51,22 +51,23 @@ def test_stars_with_known_planets_are_ranked_again_by_them():
     found = sensitivity(MODEL, stars, time_s=7200.0, population=choice)
     assert found.top == len(stars)
     changed = next(item for item in ASSUMPTIONS if item.key == "albedo_2au").change(
-        Setting(MODEL, ReferencePlanet(), choice)
+        RankSetting.of(MODEL, time_s=7200.0, population=choice)
     )
     assert changed.population.albedo == changed.planet.albedo != choice.albedo
 
 
 def test_tau_is_pairs_in_order_less_pairs_turned_round():
     found = sensitivity(MODEL, STARS, top=30, **ASKED)
-    setting = Setting(MODEL, ReferencePlanet(), SMALL)
-    names = ("F520", "F662")
-    order = in_order(setting, STARS, time_s=7200.0, bands=names, score="completeness_per_hour")
+    setting = RankSetting.of(
+        MODEL, time_s=7200.0, bands=("F520", "F662"), population=SMALL, score="completeness_per_hour"
+    )
+    order = in_order(setting, STARS)
     nominal = order.rank
     assert np.count_nonzero(order.detected) == found.n_ok
     first = np.flatnonzero(nominal <= 30)
     assert [row.assumption for row in found.rows] == [item.key for item in ASSUMPTIONS]
     for row, item in zip(found.rows, ASSUMPTIONS, strict=True):
-        other = in_order(item.change(setting), STARS, time_s=7200.0, bands=names, score="completeness_per_hour")
+        other = in_order(item.change(setting), STARS)
         place = other.rank
         pairs = [np.sign((nominal[i] - nominal[j]) * (place[i] - place[j])) for i in first for j in first if i < j]
         assert row.kendall_tau == pytest.approx(np.mean(pairs), abs=1e-12)
@@ -88,9 +89,9 @@ def test_an_assumption_that_turns_the_order_round_is_named(monkeypatch):
     """Scores with their sign changed: every pair changes its order."""
     real = module.ranked
 
-    def turned(model, targets, *, planet, **more):
-        found = real(model, targets, planet=planet, **more)
-        if planet.radius_rjup == 0.1:
+    def turned(setting, targets, **more):
+        found = real(setting, targets, **more)
+        if setting.planet.radius_rjup == 0.1:
             mirror = replace(found.best, margin=-found.best.margin)
             names = np.argsort(np.argsort(STARS.name))
             found = replace(found, score=1.0 / found.score, best=replace(mirror, margin=mirror.margin - 1e-12 * names))
@@ -145,13 +146,8 @@ def test_detected_stars_are_counted_wherever_the_score_puts_them():
         assumptions=[item for item in ASSUMPTIONS if item.key == "drift_x0.1"],
     )
     change = next(item.change for item in ASSUMPTIONS if item.key == "drift_x0.1")
-    every = in_order(
-        change(Setting(MODEL, ReferencePlanet(), SMALL)),
-        STARS,
-        time_s=7200.0,
-        bands=("F520", "F662"),
-        score="contrast_limit",
-    )
+    setting = RankSetting.of(MODEL, time_s=7200.0, bands=("F520", "F662"), population=SMALL, score="contrast_limit")
+    every = in_order(change(setting), STARS)
     assert found.rows[0].n_ok == np.count_nonzero(every.detected)
 
 
@@ -164,7 +160,7 @@ def test_nominal_numbers_are_those_of_the_ranking():
 
 @pytest.mark.parametrize("item", ASSUMPTIONS, ids=lambda item: item.key)
 def test_assumptions_change_what_they_say(item):
-    before = Setting(MODEL, ReferencePlanet(), SMALL)
+    before = RankSetting.of(MODEL, time_s=7200.0, population=SMALL)
     after = item.change(before)
     bands, old = after.model.instrument.bands, MODEL.instrument.bands
     drift = after.model.instrument.drift.visit_nm / MODEL.instrument.drift.visit_nm

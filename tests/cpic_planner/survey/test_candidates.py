@@ -19,7 +19,7 @@ from cpic_planner.survey.candidates import (
     screen,
     settings_of,
 )
-from cpic_planner.survey.detection import detection_chance, reach_au, see
+from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
 from cpic_planner.survey.strategy import VisitRule
 from cpic_planner.survey.universe import NEW
 from cpic_planner.survey.visibility.config import load_visibility
@@ -52,7 +52,7 @@ def looked(strategy, model, everyone, known):
     stars = screened.targets.select(screened.rows)
     calendar = make_calendar(config.universe, INSTRUMENT, load_visibility(), stars)
     sky = PlanningSky(1, reach_au(model, 1.0))
-    return screened, calendar, sky, candidates(rules, model, screened, calendar, known, sky)
+    return screened, calendar, sky, candidates(screened, calendar, known, sky)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_chances_are_those_of_single_visits(three, small, model, known):
     star = screened.targets.select([item.index])
     bodies, _ = sky.of(star, rules.population, known, item.known_rows, calendar.start_mjd, calendar.day[place])
     slot = int(np.flatnonzero(np.isfinite(item.cost_h[0]))[2])
-    seen = see(
+    seen = expected_signals(
         model,
         star,
         item.options[0],
@@ -202,8 +202,7 @@ def test_albedos_by_kind():
 def test_impossible_frames_leave_a_star_out(three, small, model, known):
     screened, calendar, sky, found = three
     none = tuple(tuple(replace(item, n_frames=0.0) for item in by_star) for by_star in screened.settings)
-    rules = small().strategies[0]
-    assert candidates(rules, model, replace(screened, settings=none), calendar, known, sky) == []
+    assert candidates(replace(screened, settings=none), calendar, known, sky) == []
     closed = calendar.closed_before(calendar.start_mjd + 1e6)
-    assert candidates(rules, model, screened, closed, known, sky) == []
+    assert candidates(screened, closed, known, sky) == []
     assert found

@@ -15,17 +15,17 @@ from cpic_planner.planets.population_config import QUANTITIES
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.detection import (
-    Seen,
+    ExpectedSignals,
     Setting,
     detection_chance,
+    expected_signals,
     half_margin,
     reach_au,
     rolled,
-    see,
     tail_share,
 )
 from cpic_planner.survey.strategy import DetectionRule
-from cpic_planner.survey.universe import NEW, Bodies
+from cpic_planner.survey.universe import NEW, PlanetSample
 from cpic_planner.targets import find_target
 from simulator import load_instrument
 from simulator.config import MeasuredAlbedo
@@ -46,7 +46,7 @@ def star(name):
 
 def bodies_of(planets):
     n = len(planets)
-    return Bodies(
+    return PlanetSample(
         universe=np.arange(n),
         number=np.zeros(n, np.int64),
         known=np.full(n, NEW),
@@ -73,7 +73,7 @@ def test_as_many_planets_as_completeness_counts(model, name, population, band):
     counted = completeness(
         model, one, band, planets, exposure_s=setting.exposure_s, n_frames=setting.n_frames, em_gain=setting.em_gain
     )
-    seen = see(model, one, setting, bodies_of(planets), planets.albedos, places_of(planets), [0.0])
+    seen = expected_signals(model, one, setting, bodies_of(planets), planets.albedos, places_of(planets), [0.0])
     chance = detection_chance(seen, DetectionRule(rule="expected"), np.zeros(3000, bool))
     assert int(chance.sum()) == round(counted.completeness[0] * 3000)
     assert np.count_nonzero(seen.contrast[0]) <= round(counted.observable[0] * 3000)
@@ -101,7 +101,7 @@ def test_one_planet_on_the_diagonal_as_the_etc_has_it(model, name):
             *(np.array([[value]]) for value in (au * np.sin(turned), au * np.cos(turned), distance, phase))
         )
         turned_star = replace(one, companion_pa_deg=one.companion_pa_deg + roll)
-        seen = see(model, turned_star, setting, bodies, JUPITER, place, [roll])
+        seen = expected_signals(model, turned_star, setting, bodies, JUPITER, place, [roll])
         assert seen.contrast[0, 0] == pytest.approx(contrast, rel=1e-9)
         assert seen.snr[0, 0] == pytest.approx(answer.value, rel=1e-9)
         threshold = detection_threshold(float(model.metrics["F520"].resolution_elements(rho)), 5.0).unwrap()
@@ -118,7 +118,7 @@ def face_on(n, au, radius_rjup=1.0):
     zero, whole = np.zeros(n), np.zeros(n, np.int64)
     around = (np.arange(n) + 0.5) * 360.0 / n
     elements = dict.fromkeys(ORBIT, zero) | {"semi_major_axis_au": np.full(n, au), "mean_anomaly_deg": around}
-    return Bodies(
+    return PlanetSample(
         universe=np.arange(n),
         number=whole,
         known=np.full(n, NEW),
@@ -140,7 +140,7 @@ def test_without_noise_the_quadrants_alone_decide(model, brute_force, rho, side)
     bodies = face_on(n, rho * float(one.distance_pc[0]))
     setting = Setting("F520", 20.0, 1e14, 300.0, 1e15)
     places = bodies.places([0.0])
-    seen = see(perfect, one, setting, bodies, JUPITER, places, [0.0])
+    seen = expected_signals(perfect, one, setting, bodies, JUPITER, places, [0.0])
     metrics = perfect.metrics["F520"]
     low = metrics.hole_inner_arcsec + metrics.aperture_radius_arcsec
     high = metrics.hole_outer_arcsec - metrics.aperture_radius_arcsec
@@ -154,7 +154,7 @@ def test_without_noise_the_quadrants_alone_decide(model, brute_force, rho, side)
     if side == "2q" and found.any():  # +x is west
         assert np.all(places.east_au[0][found] < 0.0)
     # A roll turns what is found, degree by degree: 600 planets are 30 degrees.
-    turned = see(perfect, one, setting, bodies, JUPITER, places, [30.0]).margin[0] >= 1.0
+    turned = expected_signals(perfect, one, setting, bodies, JUPITER, places, [30.0]).margin[0] >= 1.0
     pa = np.rad2deg(np.arctan2(places.east_au[0], places.north_au[0])) % 360.0
     step = np.argsort(pa)
     assert np.array_equal(np.roll(found[step], 600), turned[step])
@@ -166,12 +166,12 @@ def test_the_wings_of_a_companion_turn_with_the_roll(model):
     n = 720
     bodies = face_on(n, 0.6 * float(one.distance_pc[0]))
     places = bodies.places([0.0])
-    still, turned = (see(model, one, SETTING, bodies, JUPITER, places, [roll]) for roll in (0.0, 40.0))
+    still, turned = (expected_signals(model, one, SETTING, bodies, JUPITER, places, [roll]) for roll in (0.0, 40.0))
     # Sky and companion turned the other way before a detector at rest are the same.
     back = np.deg2rad(-40.0)
     east = places.east_au * np.cos(back) + places.north_au * np.sin(back)
     north = places.north_au * np.cos(back) - places.east_au * np.sin(back)
-    other = see(
+    other = expected_signals(
         model,
         replace(one, companion_pa_deg=one.companion_pa_deg - 40.0),
         SETTING,
@@ -186,7 +186,9 @@ def test_the_wings_of_a_companion_turn_with_the_roll(model):
     assert rolled(one, 40.0).companion_pa_deg[0] == (one.companion_pa_deg[0] - 40.0) % 360.0
     # Without its light only the quadrants turn: the largest margins are the same.
     alone = replace(one, companions="off")
-    tops = [see(model, alone, SETTING, bodies, JUPITER, places, [roll]).margin.max() for roll in (0.0, 40.0)]
+    tops = [
+        expected_signals(model, alone, SETTING, bodies, JUPITER, places, [roll]).margin.max() for roll in (0.0, 40.0)
+    ]
     assert tops[0] == pytest.approx(tops[1], rel=1e-3)
 
 
@@ -197,9 +199,9 @@ def test_two_rolls_show_what_both_show(model, angle):
     one = star("alf Cen A")
     bodies = bodies_of(draw_population(load_population("giants"), 2000, 3))
     places = bodies.places([0.0])
-    seen = see(two, one, SETTING, bodies, JUPITER, places, [35.0])
+    seen = expected_signals(two, one, SETTING, bodies, JUPITER, places, [35.0])
     rolls = 35.0 - 0.5 * angle, 35.0 + 0.5 * angle
-    each = [see(model, one, SETTING, bodies, JUPITER, places, [roll]).margin[0] > 0.0 for roll in rolls]
+    each = [expected_signals(model, one, SETTING, bodies, JUPITER, places, [roll]).margin[0] > 0.0 for roll in rolls]
     rho, (second, first) = seen.separation_arcsec, (np.deg2rad(seen.pa_deg - roll) for roll in rolls)
     x, y = -rho * np.sin(first), rho * np.cos(first)
     # The image of a planet moves by the diameter of the aperture, 2 x 0.7 lambda/D, or more.
@@ -219,9 +221,9 @@ def test_many_dates_are_as_one_by_one(model):
     one = star("alf Cen A")
     bodies = bodies_of(draw_population(load_population("giants"), 400, 3))
     days, rolls = np.array([0.0, 40.0, 300.0]), np.array([0.0, 25.0, 25.0])
-    every = see(model, one, SETTING, bodies, JUPITER, bodies.places(days), rolls)
+    every = expected_signals(model, one, SETTING, bodies, JUPITER, bodies.places(days), rolls)
     for row, (day, roll) in enumerate(zip(days, rolls, strict=True)):
-        alone = see(model, one, SETTING, bodies, JUPITER, bodies.places([day]), [roll])
+        alone = expected_signals(model, one, SETTING, bodies, JUPITER, bodies.places([day]), [roll])
         for name in alone.__dataclass_fields__:
             np.testing.assert_array_equal(getattr(alone, name)[0], getattr(every, name)[row])
 
@@ -234,7 +236,7 @@ def test_a_visit_takes_one_frame_or_more(n_frames):
 def test_resolution_elements_count_the_way_to_the_star(model):
     """Their width, 520 nm over 2 m, over the separation; 0 where nothing is seen."""
     bodies = bodies_of(draw_population(load_population("giants"), 1000, 5))
-    seen = see(model, star("tau Cet"), SETTING, bodies, JUPITER, bodies.places([0.0]), [0.0])
+    seen = expected_signals(model, star("tau Cet"), SETTING, bodies, JUPITER, bodies.places([0.0]), [0.0])
     width = 520e-9 / 2.0 * 206264.806
     shown = seen.margin > 0.0
     np.testing.assert_allclose(seen.inward[shown], width / seen.separation_arcsec[shown], rtol=1e-6)
@@ -255,12 +257,15 @@ def test_no_frames_and_nobody_show_nothing(model):
     bodies = face_on(50, 2.0)
     for n_frames in (0.0, 0.5):
         setting = replace(SETTING, n_frames=n_frames)
-        seen = see(model, star("tau Cet"), setting, bodies, JUPITER, bodies.places([0.0]), [0.0])
+        seen = expected_signals(model, star("tau Cet"), setting, bodies, JUPITER, bodies.places([0.0]), [0.0])
         for name in ("margin", "tails", "inward", "snr", "contrast"):
             assert not getattr(seen, name).any(), name
         assert np.all(seen.separation_arcsec > 0.0)
     none = bodies.select(np.zeros(50, bool))
-    assert see(model, star("tau Cet"), SETTING, none, JUPITER, none.places([0.0]), [0.0]).margin.shape == (1, 0)
+    assert expected_signals(model, star("tau Cet"), SETTING, none, JUPITER, none.places([0.0]), [0.0]).margin.shape == (
+        1,
+        0,
+    )
 
 
 def test_position_angles_on_the_sky(model):
@@ -268,7 +273,7 @@ def test_position_angles_on_the_sky(model):
     east, north = np.array([[au, 0.0, -au]]), np.array([[0.0, au, 0.0]])
     bodies = face_on(3, au)
     place = OrbitPlaces(east, north, np.full((1, 3), 4.0), np.full((1, 3), 60.0))
-    seen = see(model, one, SETTING, bodies, JUPITER, place, [0.0])
+    seen = expected_signals(model, one, SETTING, bodies, JUPITER, place, [0.0])
     np.testing.assert_allclose(seen.pa_deg[0], [90.0, 0.0, -90.0])
     np.testing.assert_allclose(seen.separation_arcsec, au / one.distance_pc[0])
 
@@ -304,7 +309,7 @@ RULE = DetectionRule(
 def expecting(margin, tails=0.0, inward=0.1):
     """Visits of these margins."""
     rest = np.zeros_like(margin)
-    return Seen(
+    return ExpectedSignals(
         margin,
         np.broadcast_to(tails, margin.shape),
         np.broadcast_to(inward, margin.shape),

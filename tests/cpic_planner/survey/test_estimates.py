@@ -12,8 +12,9 @@ from hypothesis import assume, given, strategies as st
 from scipy.stats import norm, t as student
 
 from cpic_planner.jobs.folder import open_run_folder
-from cpic_planner.survey.estimates import TABLES, convergence, difference_interval, mean_interval, rows_of, spread
-from cpic_planner.survey.play import play
+from cpic_planner.survey.estimates import convergence, difference_interval, mean_interval, spread
+from cpic_planner.survey.events import TABLES, rows_of
+from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.store import ResultStore, read_table
 
 
@@ -168,7 +169,7 @@ def test_convergence_ends_with_everything():
 def test_columns_are_those_declared(plain, tmp_path):
     survey = plain.surveys[0]
     parts = [
-        rows_of(play(survey, block=block, n=60, seed=1), name, 100 * block)
+        rows_of(simulate_survey(survey, block=block, n=60, seed=1), name, 100 * block)
         for block in (0, 1)
         for name in ("one", "two")
     ]
@@ -208,6 +209,6 @@ def test_an_empty_block_has_its_columns(plain):
 
     survey = plain.surveys[0]
     nothing = replace(survey, schedule=replace(survey.schedule, visits=()))
-    rows = rows_of(play(nothing, block=0, n=5, seed=1), "none", 0)
+    rows = rows_of(simulate_survey(nothing, block=0, n=5, seed=1), "none", 0)
     assert np.array_equal(rows["universes"]["universe"], np.arange(5))
     assert all(len(values) == 0 for values in rows["detections"].values())

@@ -13,13 +13,13 @@ from cpic_planner.survey.image_check import (
     image_task,
     sampled_detections,
 )
-from cpic_planner.survey.play import play
+from cpic_planner.survey.simulate import simulate_survey
 from simulator import load_scene
 
 
 @pytest.fixture(scope="module")
 def detections(plain):
-    return play(plain.surveys[0], block=0, n=200, seed=1).detections
+    return simulate_survey(plain.surveys[0], block=0, n=200, seed=1).detections
 
 
 @pytest.mark.parametrize("count", [0, 1, 4, 30])

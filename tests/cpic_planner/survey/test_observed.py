@@ -14,12 +14,12 @@ from cpic_core import InputError
 from cpic_planner.etc import build_model
 from cpic_planner.planets import load_population
 from cpic_planner.survey.candidates import N_KNOWN, PlanningSky, albedos_of
-from cpic_planner.survey.detection import Setting, detection_chance, reach_au, see
+from cpic_planner.survey.detection import Setting, detection_chance, expected_signals, reach_au
 from cpic_planner.survey.observed import ObservedVisit, missed, read_log, resampled
-from cpic_planner.survey.play import play
 from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.strategy import DetectionRule
-from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
+from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
 from cpic_planner.targets import find_target
 from simulator import load_instrument
 
@@ -107,7 +107,7 @@ def setup():
     table = load_known_planets()
     population = load_population("giants").model_copy(update={"planets_per_star": 1.5})
     rows = table.by_star[star_key("eps Eri")]
-    bodies = draw_bodies(
+    bodies = draw_planet_sample(
         "eps Eri",
         float(star_mass_msun(star)[0]),
         float(star.luminosity_lsun[0]),
@@ -145,7 +145,7 @@ def test_what_visits_miss(setup):
     model, star, population, bodies, visits, rule = setup
     odds = []
     for visit, roll in zip(visits, (0.0, 55.0, 30.0), strict=True):
-        seen = see(
+        seen = expected_signals(
             model, star, visit.setting, bodies, albedos_of(population), bodies.places([visit.mjd - EPOCH]), [roll]
         )
         odds.append(detection_chance(seen, rule, np.zeros(len(bodies), bool))[0])
@@ -161,7 +161,9 @@ def test_what_visits_miss(setup):
 def test_planets_that_a_log_shows_are_not_found_again(setup):
     """New planets that one visit left unseen: as many as universes have in which it showed one, or two."""
     model, star, population, bodies, visits, rule = setup
-    seen = see(model, star, visits[2].setting, bodies, albedos_of(population), bodies.places([200.0]), [30.0])
+    seen = expected_signals(
+        model, star, visits[2].setting, bodies, albedos_of(population), bodies.places([200.0]), [30.0]
+    )
     odds = detection_chance(seen, rule, np.zeros(len(bodies), bool))[0]
     new, n, rng = bodies.known == NEW, 6000, np.random.default_rng(8)
     shown = new & (rng.random(len(bodies)) < odds)
@@ -298,7 +300,7 @@ def test_what_was_not_seen_is_not_found_as_often(log_of, small):
     date = Time(survey.calendar.start_mjd + day, format="mjd", scale="tai").isot
     row = f"eps Eri,{date},F520,{way.exposure_s},{way.n_frames:.0f},{way.em_gain},5,,0\n"
     logged = replace(survey, log=read_log(log_of(row)))
-    before, after = (play(one, block=0, n=300, seed=1) for one in (survey, logged))
+    before, after = (simulate_survey(one, block=0, n=300, seed=1) for one in (survey, logged))
     counts = [
         np.count_nonzero(
             (part.detections["star"] == "eps Eri")

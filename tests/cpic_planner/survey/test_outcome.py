@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from cpic_planner.survey.estimates import difference_interval, mean_interval, rows_of, spread
+from cpic_planner.survey.estimates import difference_interval, mean_interval, spread
+from cpic_planner.survey.events import rows_of
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
-from cpic_planner.survey.play import play
 from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.simulate import simulate_survey
 
 
 def tables_of(survey, n=150, seed=1):
-    return rows_of(play(survey, block=0, n=n, seed=seed), survey.strategy.name, 0)
+    return rows_of(simulate_survey(survey, block=0, n=n, seed=seed), survey.strategy.name, 0)
 
 
 @pytest.fixture(scope="module")

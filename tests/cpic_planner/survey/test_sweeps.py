@@ -8,7 +8,7 @@ import pytest
 import yaml
 from hypothesis import given, settings, strategies as st
 
-from cpic_planner.survey import load_strategies, told, varied, with_universe
+from cpic_planner.survey import load_strategies, variation_lines, varied, with_universe
 from cpic_planner.survey.sweeps import SHORT_NAMES
 
 ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
@@ -35,7 +35,7 @@ def test_every_kind_of_value_is_varied(sweep, attribute, values, texts):
         (setting,) = item.varied
         assert (setting.name, setting.key) == (key, SHORT_NAMES.get(key, key))
         assert item.name == f"one {setting.label}"
-        assert setting.name in told(varied(load(), [sweep]))[0]
+        assert setting.name in variation_lines(varied(load(), [sweep]))[0]
     # Nothing else changes.
     for item in made:
         plain, other = (one.model_dump(exclude={"name", "description"}) for one in (load().strategies[0], item))
@@ -65,12 +65,12 @@ def test_every_label_repeats_the_value_with_its_unit_or_its_x(number, key, facto
 def test_what_drift_means_is_told_before_the_run():
     """0.1 nm where the instrument has 0.05 nm is twice the drift, and not a tenth of it."""
     config = varied(load(), ["drift=0.1nm,x0.1", "throughput=x0.5"])
-    assert told(config) == [
+    assert variation_lines(config) == [
         "drift 0.1 nm: 0.1 nm visit offset, 0.1 nm/sqrt(h) walk, x2 of the instrument's",
         "throughput x0.5: the optics pass 0.095 of the light",
         "drift x0.1: 0.005 nm visit offset, 0.005 nm/sqrt(h) walk, x0.1 of the instrument's",
     ]
-    assert told(load()) == []
+    assert variation_lines(load()) == []
 
 
 def test_a_varied_strategy_does_not_claim_what_it_was_before():

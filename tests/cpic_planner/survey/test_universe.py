@@ -15,21 +15,21 @@ from cpic_planner.planets.orbits import ORBIT, orbit_places
 from cpic_planner.survey.universe import (
     BLOCK,
     NEW,
-    Bodies,
+    PlanetSample,
     at_known_place,
     chance,
-    draw_bodies,
+    draw_planet_sample,
     occurrence,
     star_mass_msun,
 )
 from cpic_planner.targets import find_target
 
 GIANTS = load_population("giants")
-QUANTITIES = [name for name in Bodies.__dataclass_fields__ if name not in ("universe", "number")]
+QUANTITIES = [name for name in PlanetSample.__dataclass_fields__ if name not in ("universe", "number")]
 
 
 def draw(population=GIANTS, *, n=100, star="tau Cet", seed=1, **more):
-    return draw_bodies(star, 0.8, 0.5, population, epoch_mjd=61771.0, n=n, seed=seed, **more)
+    return draw_planet_sample(star, 0.8, 0.5, population, epoch_mjd=61771.0, n=n, seed=seed, **more)
 
 
 def with_rate(rate):
@@ -148,7 +148,7 @@ def bodies_of(a, e, inclination, pericentre, node, mean, period):
     n = len(a)
     zero = np.zeros(n, np.int64)
     elements = (np.asarray(part, float) for part in (a, e, inclination, pericentre, node, mean))
-    return Bodies(
+    return PlanetSample(
         universe=np.arange(n),
         number=zero,
         known=np.full(n, NEW),
@@ -271,7 +271,7 @@ def test_a_population_needs_an_occurrence_rate_that_can_be_drawn(refused):
 
 def test_joined_and_selected():
     one, two = draw(with_rate(1.0), n=20), draw(with_rate(1.0), n=20, star="eps Eri")
-    both = Bodies.joined([one, two])
+    both = PlanetSample.joined([one, two])
     assert len(both) == len(one) + len(two)
     assert by_name(both.select(np.arange(len(one)))) == by_name(one)
     assert by_name(both.select(np.arange(len(both)) >= len(one))) == by_name(two)

@@ -1,4 +1,4 @@
-"""The sketch of the light against images of it."""
+"""Light of a scene from tables, against images of it."""
 
 import math
 
@@ -7,11 +7,11 @@ import pytest
 
 from simulator import load_instrument, observe
 from simulator.imaging import psf_metrics
-from simulator.ledger.light import sketch_of
+from simulator.ledger.light import scene_light
 from simulator.target import scene_sources
 
 
-def sketch(scene, instrument, band, **more):
+def light_of(scene, instrument, band, **more):
     settings = {
         "measured": ("b",),
         "full": False,
@@ -20,7 +20,7 @@ def sketch(scene, instrument, band, **more):
         "stray_e_s": 0.0,
         "drift_nm": 0.0,
     } | more
-    return sketch_of(
+    return scene_light(
         instrument, band, psf_metrics(instrument, band), scene_sources(scene, instrument, band), **settings
     )
 
@@ -28,7 +28,7 @@ def sketch(scene, instrument, band, **more):
 def test_star_and_planet_are_those_of_the_image(make, calm):
     scene = make()
     seen = observe(scene, band="F662", exposure_s=1.0, window="hole", instrument=calm)
-    found = sketch(scene, calm, "F662")
+    found = light_of(scene, calm, "F662")
     star = seen.light.star.rate_e_s[0]
     np.testing.assert_allclose(found.star_e_s, star, rtol=1e-6, atol=1e-9 * star.max())
     place = found.planets[0]
@@ -54,7 +54,7 @@ def test_wings_of_a_companion_lie_within_the_bounds(place, make, calm):
         observe(make(stars=part), band="F662", exposure_s=1.0, window="hole", instrument=calm) for part in ([star], [])
     )
     light = on.mean_rate_map - off.mean_rate_map
-    found = sketch(make(stars=[star]), calm, "F662")
+    found = light_of(make(stars=[star]), calm, "F662")
     source, planet = found.sources[1], found.planets[0]
     inside = float((planet.weights * light[planet.place]).sum())
     assert source.least_e_s[0] <= inside <= source.aperture_e_s[0]
@@ -64,7 +64,7 @@ def test_wings_of_a_companion_lie_within_the_bounds(place, make, calm):
 def test_whole_frames_know_what_lies_beyond(make):
     star = {"name": "t", "v_mag": 2.0, "teff_k": 5800, "separation_arcsec": 5.0, "pa_deg": 0.0}
     instrument = load_instrument()
-    window, frame = (sketch(make(stars=[star]), instrument, "F662", full=full) for full in (False, True))
+    window, frame = (light_of(make(stars=[star]), instrument, "F662", full=full) for full in (False, True))
     assert window.outside_e_s.size == 0
     assert frame.beyond_peaks_e_s == (0.0, 0.0)
     assert frame.outside_e_s.max() >= 0.9 * frame.sources[1].peak_e_s

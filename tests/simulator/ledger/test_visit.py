@@ -41,7 +41,7 @@ def test_a_visit_has_the_variance_of_its_pixels_and_frames(seed):
         sky_e_s=light["sky"] * np.sum(mean),
         column_e_s=light["column"] * np.sum(mean),
     )
-    sketch = SimpleNamespace(noise_pixels=np.sum(mean * mean), aperture_pixels=np.sum(mean))
+    around = SimpleNamespace(noise_pixels=np.sum(mean * mean), aperture_pixels=np.sum(mean))
     share = np.sum(own * own * image) / np.sum(own * image)
     settings |= {"source_noise_fraction": share, "speckle_e_s": light["speckle"]}
     exposure_s, n_frames = settings["exposure_s"], settings["n_frames"]
@@ -70,7 +70,7 @@ def test_a_visit_has_the_variance_of_its_pixels_and_frames(seed):
         "pattern": over_pixels(mean, frame.added_e2["pattern"], 1.0),
         "speckle": systematic * systematic,
     }
-    assert visit_variance_e2(planet, sketch, frame, **settings) == pytest.approx(expected, rel=1e-9, abs=0.0)
+    assert visit_variance_e2(planet, around, frame, **settings) == pytest.approx(expected, rel=1e-9, abs=0.0)
     del settings["flaws_e"]
-    without = visit_variance_e2(planet, sketch, frame, **settings)
+    without = visit_variance_e2(planet, around, frame, **settings)
     assert without == pytest.approx(expected | {"flaws": 0.0}, rel=1e-9, abs=0.0)

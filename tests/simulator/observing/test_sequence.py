@@ -111,7 +111,7 @@ def test_persistence_is_the_mean_charge_of_earlier_frames():
     for index in (1, 5):
         expected = 0.0
         for past in range(index):
-            charge = seen._prepare(seen.rate_map(past)).mean_e
+            charge = seen.prepared(seen.rate_map(past)).mean_e
             assert charge.max() > detector.full_well_e
             age = (index - past) * pace - 20.0
             share = np.exp(-age / late.decay_s) - np.exp(-(age + 20.0) / late.decay_s)

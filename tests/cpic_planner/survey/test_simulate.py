@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import cpic_planner.survey.play as module
+import cpic_planner.survey.simulate as module
 from cpic_planner.planets import OrbitPlaces, Planets, draw_population, load_population
 from cpic_planner.ranking.completeness import completeness
-from cpic_planner.survey.play import play
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
+from cpic_planner.survey.simulate import simulate_survey
+from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
 
 KEYS = ("universe", "star", "planet")
 
@@ -46,8 +46,8 @@ def test_one_visit_finds_the_planets_that_completeness_counts(sharp, only_visits
     survey = denser(first_visit(sharp.surveys[0], only_visits, name), 2.0)
     n, i, visit = 2000, star_number(survey, name), survey.schedule.visits[0]
     star, population = survey.targets.select([i]), survey.strategy.population
-    played = play(survey, block=3, n=n, seed=5)
-    bodies = draw_bodies(
+    played = simulate_survey(survey, block=3, n=n, seed=5)
+    bodies = draw_planet_sample(
         name,
         float(star_mass_msun(star)[0]),
         float(star.luminosity_lsun[0]),
@@ -89,7 +89,7 @@ def test_the_yield_of_one_visit_is_completeness_times_planets_per_star(sharp, on
     counted = completeness(
         survey.model, star, way.band, drawn, exposure_s=way.exposure_s, n_frames=way.n_frames, em_gain=way.em_gain
     )
-    yields = play(survey, block=0, n=10_000, seed=2).universes["new_planets"]
+    yields = simulate_survey(survey, block=0, n=10_000, seed=2).universes["new_planets"]
     error = np.hypot(yields.std() / 100.0, rate * counted.standard_error[0])
     assert abs(yields.mean() - rate * counted.completeness[0]) < 4.0 * error
 
@@ -108,7 +108,7 @@ def test_visits_of_a_star_against_brute_force_to_a_percent(sharp, only_visits, b
     first, ever = brute_force.detected(survey.model, star, way, mass, days, n, seed=8)
     once = only_visits(survey, lambda visit: visit.ordinal == 0)
     for count, one in ((ever, survey), (first, once)):
-        planets = play(one, block=0, n=6_000, seed=4).universes["new_planets"].sum()
+        planets = simulate_survey(one, block=0, n=6_000, seed=4).universes["new_planets"].sum()
         share, expected = planets / (6_000 * 40.0), count / n
         # Errors of counting: half a percent of all visits together, more of the first alone.
         error = np.hypot(np.sqrt(share / (6_000 * 40.0)), np.sqrt(expected / n))
@@ -121,7 +121,7 @@ def test_visits_of_a_star_against_brute_force_to_a_percent(sharp, only_visits, b
 
 def test_the_schedule_promises_what_the_survey_finds(sharp):
     survey = sharp.surveys[0]
-    yields = planets_of(play(denser(survey, 2.1), block=0, n=4000, seed=6)) / 10.0
+    yields = planets_of(simulate_survey(denser(survey, 2.1), block=0, n=4000, seed=6)) / 10.0
     # Planning has 2000 planets a star: a share p of them is known to p (1 - p) / 2000.
     planning = sum(visit.gain for visit in survey.schedule.visits)
     error = np.hypot(yields.std() / np.sqrt(4000), np.sqrt(0.21 * planning / 2000))
@@ -157,7 +157,7 @@ def test_time_never_exceeds_budget_or_slot(plain, small, monkeypatch, follow, st
     assert any(visit.reserve for visit in survey.schedule.visits)
     monkeypatch.setattr(module, "Clock", Watched)
     Watched.lowest, Watched.most = np.inf, 0.0
-    played = play(survey, block=0, n=200, seed=1)
+    played = simulate_survey(survey, block=0, n=200, seed=1)
     assert -1e-6 < Watched.lowest < 6.0
     assert Watched.most <= 0.01 * 60 * 24 + 1e-9  # what a slot gives
     used = played.universes["search_h"] + played.universes["follow_up_h"]
@@ -168,7 +168,7 @@ def test_time_never_exceeds_budget_or_slot(plain, small, monkeypatch, follow, st
 
 def test_tables_agree_with_each_other(plain):
     survey = plain.surveys[0]
-    played = play(survey, block=2, n=150, seed=3)
+    played = simulate_survey(survey, block=2, n=150, seed=3)
     d, u, s = played.detections, played.universes, played.stars
     assert len(found(played)) == len(d["universe"]) > 0
     for column, mine in (("new_planets", d["known_row"] == NEW), ("known_planets", d["known_row"] != NEW)):
@@ -192,7 +192,8 @@ def test_tables_agree_with_each_other(plain):
 def test_a_star_is_left_alone_after_a_detection(plain, change):
     survey = denser(plain.surveys[0], 1.0)
     stops, goes_on = (
-        play(change(survey, stop={"after_detection": after}), block=0, n=100, seed=1) for after in (True, False)
+        simulate_survey(change(survey, stop={"after_detection": after}), block=0, n=100, seed=1)
+        for after in (True, False)
     )
     assert planets_of(stops).sum() < planets_of(goes_on).sum()
     assert np.all(stops.universes["search_h"] <= goes_on.universes["search_h"] + 1e-9)
@@ -207,15 +208,15 @@ def test_a_star_is_left_alone_after_empty_visits(plain, change):
     survey = denser(plain.surveys[0], 1e-3)
     survey = replace(survey, known_rows=tuple(() for _ in survey.known_rows))
     for after, stars in ((1, 3), (2, 3)):
-        played = play(change(survey, stop={"after_empty": after}), block=0, n=50, seed=1)
+        played = simulate_survey(change(survey, stop={"after_empty": after}), block=0, n=50, seed=1)
         assert not planets_of(played).any()
         assert np.all(played.universes["visits"] == after * stars)
 
 
 def test_the_survey_ends_with_its_planets(plain, change):
     survey = denser(plain.surveys[0], 3.0)
-    every = play(change(survey, stop={"after_planets": None}), block=0, n=100, seed=1)
-    one = play(change(survey, stop={"after_planets": 1}), block=0, n=100, seed=1)
+    every = simulate_survey(change(survey, stop={"after_planets": None}), block=0, n=100, seed=1)
+    one = simulate_survey(change(survey, stop={"after_planets": 1}), block=0, n=100, seed=1)
     assert found(one) < found(every)
     # The first visit that shows any ends it.
     by_universe = defaultdict(set)
@@ -225,7 +226,7 @@ def test_the_survey_ends_with_its_planets(plain, change):
         by_universe[universe].add((star, ordinal))
     assert all(len(visits) == 1 for visits in by_universe.values())
     assert np.all((planets_of(one) > 0) == (planets_of(every) > 0))
-    none = play(change(survey, stop={"after_planets": 10_000}), block=0, n=100, seed=1)
+    none = simulate_survey(change(survey, stop={"after_planets": 10_000}), block=0, n=100, seed=1)
     assert found(none) == found(every)
 
 
@@ -247,7 +248,7 @@ def test_reserve_visits_displace_no_planned_one(small, sharp_tree):
     planned = [(v.star, v.option, v.slot) for v in with_reserve.schedule.visits if not v.reserve]
     assert planned == [(v.star, v.option, v.slot) for v in without.schedule.visits]
     assert len(with_reserve.schedule.visits) > len(planned)
-    few, more = (play(survey, block=0, n=400, seed=1) for survey in (without, with_reserve))
+    few, more = (simulate_survey(survey, block=0, n=400, seed=1) for survey in (without, with_reserve))
     assert np.all(more.universes["stars_with_planet"] >= few.universes["stars_with_planet"])
     assert more.universes["stars_with_planet"].sum() > few.universes["stars_with_planet"].sum()
     assert np.all(more.universes["search_h"] <= 45.0 + 1e-6)
@@ -259,9 +260,12 @@ def test_detections_that_need_two_visits(small, sharp_tree, change, only_visits)
     survey = denser(prepare(small(sharp_tree, universe={"known_planets": "off"})).surveys[0], 3.0)
     i = star_number(survey, "eps Eri")
     survey = only_visits(survey, lambda visit: visit.star == i)
-    alone = [found(play(only_visits(survey, lambda v, k=k: v.ordinal == k), block=0, n=200, seed=1)) for k in range(4)]
+    alone = [
+        found(simulate_survey(only_visits(survey, lambda v, k=k: v.ordinal == k), block=0, n=200, seed=1))
+        for k in range(4)
+    ]
     for needed in (1, 2, 3):
-        twice = found(play(change(survey, detection={"visits_needed": needed}), block=0, n=200, seed=1))
+        twice = found(simulate_survey(change(survey, detection={"visits_needed": needed}), block=0, n=200, seed=1))
         counts = Counter(key for part in alone for key in part)
         assert twice == {key for key, count in counts.items() if count >= needed}
     assert twice
@@ -271,7 +275,7 @@ def test_follow_up(small):
     survey = prepare(
         small({"follow_up": {"bands": ["F520"], "attempts": 2, "time_s": 36000}, "detection": {"rule": "expected"}})
     ).surveys[0]
-    played = play(survey, block=0, n=200, seed=1)
+    played = simulate_survey(survey, block=0, n=200, seed=1)
     u = played.universes
     assert 0 < u["characterised_planets"].sum() <= planets_of(played).sum()
     assert np.all(u["characterised_planets"] <= planets_of(played))
@@ -293,7 +297,7 @@ def test_strategies_that_make_the_same_visit_find_the_same_planets(small):
         for survey in (few, many)
     ]
     assert visits[0] < visits[1]
-    played = [play(denser(survey, 2.0), block=1, n=300, seed=9) for survey in (few, many)]
+    played = [simulate_survey(denser(survey, 2.0), block=1, n=300, seed=9) for survey in (few, many)]
     assert found(played[0]) == found(played[1], star="eps Eri")
     assert len(found(played[0])) > 30
     assert found(played[1]) > found(played[0])
@@ -303,7 +307,8 @@ def test_a_likelier_detection_keeps_what_was_found(plain, change):
     """The same numbers decide: a lower threshold adds planets and loses none."""
     survey = change(denser(plain.surveys[0], 1.0), stop={"after_detection": False})
     strict, easy = (
-        found(play(change(survey, detection={"blind_margin": margin}), block=0, n=200, seed=1)) for margin in (1.8, 1.2)
+        found(simulate_survey(change(survey, detection={"blind_margin": margin}), block=0, n=200, seed=1))
+        for margin in (1.8, 1.2)
     )
     assert strict < easy
 
@@ -311,7 +316,7 @@ def test_a_likelier_detection_keeps_what_was_found(plain, change):
 def test_blocks_and_seeds_are_independent(plain):
     survey = denser(plain.surveys[0], 2.0)
     one, same, other, seeded = (
-        play(survey, block=block, n=1500, seed=seed) for block, seed in ((0, 1), (0, 1), (1, 1), (0, 2))
+        simulate_survey(survey, block=block, n=1500, seed=seed) for block, seed in ((0, 1), (0, 1), (1, 1), (0, 2))
     )
     assert found(one) == found(same)
     for name in one.universes:
@@ -323,7 +328,7 @@ def test_blocks_and_seeds_are_independent(plain):
 
 def test_the_luck_of_a_visit_is_its_own():
     """Numbers of star, block, visit and seed: equal names give equal numbers, others independent ones."""
-    bodies = draw_bodies(
+    bodies = draw_planet_sample(
         "tau Cet", 0.8, 0.5, load_population("giants"), epoch_mjd=61771.0, n=2000, seed=1, one_each=True
     )
     names = [
@@ -342,7 +347,7 @@ def test_the_luck_of_a_visit_is_its_own():
 @pytest.mark.parametrize("n", [1, 30, 99])
 def test_the_last_block_may_be_shorter(plain, n):
     survey = denser(plain.surveys[0], 2.0)
-    whole, part = (play(survey, block=1, n=size, seed=1) for size in (100, n))
+    whole, part = (simulate_survey(survey, block=1, n=size, seed=1) for size in (100, n))
     for name, values in part.universes.items():
         np.testing.assert_array_equal(values, whole.universes[name][:n])
     assert found(part) == {key for key in found(whole) if key[0] < n}
@@ -355,11 +360,11 @@ def test_false_alarms_are_poisson_numbers_of_the_visits(plain):
         noise_alarms=tuple((0.3,) for _ in survey.options),
         background_alarms=tuple((0.05,) for _ in survey.options),
     )
-    u = play(noisy, block=0, n=2000, seed=1).universes
+    u = simulate_survey(noisy, block=0, n=2000, seed=1).universes
     for name, rate in (("noise_alarms", 0.3), ("background_alarms", 0.05)):
         expected = rate * u["visits"].sum()
         assert abs(u[name].sum() - expected) < 4.0 * np.sqrt(expected)
-    quiet = play(survey, block=0, n=2000, seed=1).universes
+    quiet = simulate_survey(survey, block=0, n=2000, seed=1).universes
     np.testing.assert_array_equal(quiet["new_planets"], u["new_planets"])
 
 
@@ -369,7 +374,7 @@ def test_the_error_of_the_calibration_is_one_for_a_universe(plain, change):
     survey = change(survey, stop={"after_detection": False})
     sure, unsure = (
         planets_of(
-            play(
+            simulate_survey(
                 change(survey, detection={"calibration_error": error, "blind_margin_error": error}),
                 block=0,
                 n=600,
@@ -383,7 +388,7 @@ def test_the_error_of_the_calibration_is_one_for_a_universe(plain, change):
 
 def test_nothing_planned_finds_nothing(plain):
     survey = plain.surveys[0]
-    played = play(replace(survey, schedule=replace(survey.schedule, visits=())), block=0, n=10, seed=1)
+    played = simulate_survey(replace(survey, schedule=replace(survey.schedule, visits=())), block=0, n=10, seed=1)
     assert not any(values.any() for values in played.universes.values())
     assert len(played.detections["universe"]) == len(played.stars["star"]) == 0
     assert played.detections["universe"].dtype == np.int64

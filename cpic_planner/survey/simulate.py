@@ -1,0 +1,251 @@
+"""A survey simulated in synthetic universes: what is visited, what is found, what it costs."""
+
+from collections.abc import Sequence
+from dataclasses import InitVar, dataclass, field
+from functools import partial
+
+import numpy as np
+
+from catalogs import KnownPlanetTable
+from cpic_core import BoolArray, FloatArray, IntArray
+from cpic_planner.etc import EtcModel
+from cpic_planner.survey.calendar import Calendar
+from cpic_planner.survey.candidates import albedos_of
+from cpic_planner.survey.detection import ExpectedSignals, Setting, detection_chance, expected_signals, reach_au
+from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
+from cpic_planner.survey.observed import ObservationLog, missed, resampled
+from cpic_planner.survey.schedule import PlannedVisit, Schedule
+from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.universe import (
+    PlanetSample,
+    at_known_place,
+    chance,
+    draw_planet_sample,
+    poisson_quantile,
+    star_mass_msun,
+    uniform_draws,
+)
+from cpic_planner.targets import Targets
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """A strategy ready to be simulated.
+
+    Attributes
+    ----------
+    strategy : SurveyStrategy
+    model : EtcModel
+    targets : Targets
+        The candidates, in their order.
+    calendar : Calendar
+        Of the same stars.
+    options : tuple of tuple of Setting
+        Ways to visit each star.
+    follow : tuple of tuple of Setting
+        Follow-up of each star in every band.
+    schedule : Schedule
+    known : KnownPlanetTable or None
+    known_rows : tuple of tuple of int
+        Known planets of each star.
+    noise_alarms, background_alarms : tuple of tuple of float
+        Expected false alarms of one visit by star and option: noise that passes the threshold, and background stars.
+    log : ObservationLog or None
+        What was done already.
+    """
+
+    strategy: SurveyStrategy
+    model: EtcModel
+    targets: Targets
+    calendar: Calendar
+    options: tuple[tuple[Setting, ...], ...]
+    follow: tuple[tuple[Setting, ...], ...]
+    schedule: Schedule
+    known: KnownPlanetTable | None
+    known_rows: tuple[tuple[int, ...], ...]
+    noise_alarms: tuple[tuple[float, ...], ...]
+    background_alarms: tuple[tuple[float, ...], ...]
+    log: ObservationLog | None = None
+
+
+@dataclass(eq=False)
+class StarHistory:
+    """One star in all universes of a block: what each visit would show, and what visits have shown so far."""
+
+    planets: PlanetSample
+    shape: InitVar[tuple[int, int]]
+    left_h: float
+    hits: dict[int, BoolArray] = field(default_factory=dict)
+    seen: dict[int, dict[str, FloatArray]] = field(default_factory=dict)
+    alarms: dict[int, tuple[IntArray, IntArray]] = field(default_factory=dict)
+    visits: int = 0
+    hours: float = 0.0
+    follow_h: float = 0.0
+
+    def __post_init__(self, shape: tuple[int, int]) -> None:
+        bands, n = shape
+        self.counts = np.zeros(len(self.planets), np.int64)
+        self.found = np.zeros(len(self.planets), bool)
+        self.shown = np.zeros((bands, len(self.planets)), bool)
+        self.tried = np.zeros(shape, np.int64)
+        self.stopped, self.empty = np.zeros(n, bool), np.zeros(n, np.int64)
+
+    def universes_of(self, some: BoolArray) -> BoolArray:
+        """Universes that have at least one of some planets."""
+        found = np.zeros(len(self.stopped), bool)
+        found[self.planets.universe[some]] = True
+        return found
+
+
+def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyTables:
+    """Simulate a survey in ``n`` universes.
+
+    Parameters
+    ----------
+    survey : Survey
+    block : int
+        Number of the block; universes of one block share their random streams, which name star, block and visit.
+    n : int
+        Universes.
+    seed : int
+
+    Returns
+    -------
+    SurveyTables
+
+    Notes
+    -----
+    Slot after slot, follow-up comes first, then the planned visits in their order, then reserve ones as far as they
+    take nothing from planned ones to come. A visit is made where star and survey have not stopped and slot and budget
+    hold it. Whether it detects a planet was decided by the numbers of that star, block and visit, so that another
+    strategy that makes the same visit sees the same.
+    """
+    run = _Simulation(survey, block, n, seed)
+    by_slot: dict[int, list[tuple[int, PlannedVisit]]] = {}
+    for k, visit in enumerate(survey.schedule.visits):
+        by_slot.setdefault(visit.slot, []).append((k, visit))
+    follows = survey.strategy.follow_up.wanted
+    for slot in range(survey.calendar.n_slots) if follows else sorted(by_slot):
+        run.clock.slot[:] = survey.strategy.slot_share * survey.calendar.slot_h[slot]
+        for i, star in run.stars.items() if follows else ():
+            if star.found.any():
+                run.follow(i, star, slot)
+        for k, visit in by_slot.get(slot, ()):
+            run.search(k, visit)
+    return run.log.outcome(survey, run.stars, run.clock, block)
+
+
+class _Simulation:
+    """One block of universes of a survey: its stars, its clock and what has happened."""
+
+    def __init__(self, survey: Survey, block: int, n: int, seed: int) -> None:
+        from scipy.special import ndtri
+
+        self.survey, self.block, self.n, self.seed = survey, block, n, seed
+        rule = survey.strategy.detection
+        # Calibration of each universe, and the shift of its detection law in standard errors.
+        drawn = ndtri(chance(seed, "calibration", block, shape=(2, n)))
+        self.calibration, self.shift = np.maximum(rule.calibration + rule.calibration_error * drawn[0], 0.0), drawn[1]
+        by_star: dict[int, list[tuple[int, PlannedVisit]]] = {}
+        for k, visit in enumerate(survey.schedule.visits):
+            by_star.setdefault(visit.star, []).append((k, visit))
+        mass = star_mass_msun(survey.targets)
+        self.stars = {i: self._star(i, visits, float(mass[i])) for i, visits in sorted(by_star.items())}
+        promised_h = sum(visit.cost_h for visit in survey.schedule.visits if not visit.reserve)
+        self.clock = Clock.of(n, survey.strategy.time_budget_h, promised_h)
+        self.log, self.planets_found = Events(n), np.zeros(n, np.int64)
+
+    def _star(self, i: int, visits: Sequence[tuple[int, PlannedVisit]], mass_msun: float) -> StarHistory:
+        """Planets of a star, and what every visit would detect of them."""
+        survey, block, n, seed = self.survey, self.block, self.n, self.seed
+        strategy, target, name = survey.strategy, survey.targets.select([i]), str(survey.targets.name[i])
+        luminosity, known_rows = float(target.luminosity_lsun[0]), survey.known_rows[i]
+        draw = partial(draw_planet_sample, name, mass_msun, luminosity, strategy.population, known=survey.known)
+        epoch_mjd = survey.calendar.start_mjd
+        planets = draw(known_rows=known_rows, epoch_mjd=epoch_mjd, n=n, seed=seed, block=block)
+        if survey.log is not None and (done := survey.log.of(name)):
+            albedos, placed = albedos_of(strategy.population), at_known_place(planets, survey.known)
+            left = missed(
+                survey.model, target, planets, albedos, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed
+            )
+            planets = resampled(planets, left, uniform_draws(planets, seed, name, block, "log", n))
+        planets = planets.select(planets.within(*reach_au(survey.model, float(target.distance_pc[0]))))
+        left_h = sum(visit.cost_h for _, visit in visits if not visit.reserve)
+        star = StarHistory(planets, (len(strategy.follow_up.bands), n), left_h)
+        placed = at_known_place(planets, survey.known)
+        for option in sorted({visit.option for _, visit in visits}):
+            own = [(k, visit) for k, visit in visits if visit.option == option]
+            when = np.array([(visit.slot, visit.ordinal) for _, visit in own]).T
+            found, odds, roll = self._visited(i, survey.options[i][option], planets, when, placed)
+            for row, (k, visit) in enumerate(own):
+                star.hits[k] = uniform_draws(planets, seed, name, block, visit.ordinal, n) < odds[row]
+                star.seen[k] = {key: values[row] for key, values in vars(found).items()}
+                star.seen[k] |= {"chance": odds[row], "roll_deg": np.full(len(planets), roll[row])}
+                drawn = chance(seed, "alarm", name, block, visit.ordinal, shape=(2, n))
+                rates = survey.noise_alarms[i][option], survey.background_alarms[i][option]
+                star.alarms[k] = poisson_quantile(rates[0], drawn[0]), poisson_quantile(rates[1], drawn[1])
+        return star
+
+    def _visited(
+        self, i: int, setting: Setting, planets: PlanetSample, when: IntArray, placed: BoolArray
+    ) -> tuple[ExpectedSignals, FloatArray, FloatArray]:
+        """Return what visits of a star show of planets, the odds that each detects each, and the rolls.
+
+        ``when`` holds slots and ordinals of the visits, ``placed`` says which planets are searched at a known place.
+        """
+        survey, strategy = self.survey, self.survey.strategy
+        roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
+        places, albedos = planets.places(survey.calendar.day[i, when[0]]), albedos_of(strategy.population)
+        found = expected_signals(survey.model, survey.targets.select([i]), setting, planets, albedos, places, roll)
+        shift, calibration = self.shift[planets.universe], self.calibration[planets.universe]
+        return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll
+
+    def search(self, k: int, visit: PlannedVisit) -> None:
+        """One planned visit in all universes."""
+        star, clock, strategy, cost = self.stars[visit.star], self.clock, self.survey.strategy, visit.cost_h
+        stop, wanted = strategy.stop, ~star.stopped
+        if stop.after_planets is not None:
+            wanted &= self.planets_found < stop.after_planets
+        go = wanted & clock.affords(cost)
+        if visit.reserve:
+            go &= clock.left - clock.promised >= cost - ROUNDING_H
+        else:
+            clock.promised[~star.stopped] -= cost
+            star.left_h -= cost
+        clock.spend(go, cost, clock.search)
+        star.visits += int(go.sum())
+        star.hours += cost * float(go.sum())
+        hit = star.hits[k] & go[star.planets.universe]
+        star.counts[hit] += 1
+        new = hit & (star.counts >= strategy.detection.visits_needed) & ~star.found
+        star.found |= new
+        if new.any():
+            day = self.survey.calendar.day[visit.star, visit.slot]
+            self.log.detections(star.planets, new, visit, star.seen[k], day, clock.used)
+            np.add.at(self.planets_found, star.planets.universe[new], 1)
+        self.log.alarms(go, *star.alarms[k])
+        star.empty[go & ~star.universes_of(hit)] += 1
+        ends = star.universes_of(new & stop.after_detection)
+        if stop.after_empty is not None:
+            ends |= (star.empty >= stop.after_empty) & ~star.universes_of(star.counts > 0)
+        ends &= ~star.stopped
+        clock.promised[ends] -= star.left_h
+        star.stopped |= ends
+
+    def follow(self, i: int, star: StarHistory, slot: int) -> None:
+        """Follow-up of one star in one slot: every band that a found planet still lacks."""
+        survey, clock, planets = self.survey, self.clock, star.planets
+        for f, setting in enumerate(survey.follow[i]):
+            cost = float(survey.calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)[slot])
+            lacking = star.found & ~star.shown[f]
+            go = star.universes_of(lacking) & (star.tried[f] < survey.strategy.follow_up.attempts)
+            go &= clock.affords(cost)
+            if not go.any():
+                continue
+            clock.spend(go, cost, clock.follow)
+            star.follow_h += cost * float(go.sum())
+            star.tried[f, go] += 1
+            _, odds, _ = self._visited(i, setting, planets, np.array([[slot], [slot]]), np.ones(len(planets), bool))
+            visit = f"follow {setting.band} {slot}"
+            luck = uniform_draws(planets, self.seed, str(survey.targets.name[i]), self.block, visit, self.n)
+            star.shown[f] |= lacking & go[planets.universe] & (luck < odds[0])

@@ -1,0 +1,14 @@
+from cpic_planner.survey.visibility.calendar import (
+    BLOCKS as BLOCKS,
+    Visibility as Visibility,
+    slew_s as slew_s,
+    utc_of as utc_of,
+    visibility as visibility,
+)
+from cpic_planner.survey.visibility.config import (
+    VisibilityConfig as VisibilityConfig,
+    VisibilitySource as VisibilitySource,
+    load_visibility as load_visibility,
+    visibility_names as visibility_names,
+)
+from cpic_planner.survey.visibility.result import visibility_result as visibility_result
