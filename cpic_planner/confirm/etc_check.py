@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
-from cpic_core import InputError, check_whole
+from cpic_core import InputError, Outcome, check_whole
 from cpic_planner.etc import EtcModel, closed_form_fidelity
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.results import AnswerFidelity, EtcAnswer
+from cpic_planner.results import AnswerFidelity, EtcAnswer, ImageCheck
 from cpic_planner.targets import Targets
 from simulator.knobs import Dial, Quantity
 
@@ -77,12 +78,11 @@ def checked_answers(
     if realisations is not None:
         check_whole("realisations", realisations, 1, MAX_REALISATIONS)
         if dial.fidelity in ("quick", "custom"):
-            raise InputError(
-                "realisations",
-                realisations,
-                allowed="with fidelity standard or reference",
-                hint="closed forms draw none, and a tolerance sets their number",
+            allowed, hint = (
+                "with fidelity standard or reference",
+                "closed forms draw none, and a tolerance sets their number",
             )
+            raise InputError("realisations", realisations, allowed=allowed, hint=hint)
     found = []
     for index, (star, answer, planet) in enumerate(zip(stars, answers, planets, strict=True)):
         if answer.n_frames is None:
@@ -90,50 +90,35 @@ def checked_answers(
             continue
         record = closed_form_fidelity(index, answer)
         if needs_images(answer, dial):
-            record = _imaged(model, star, answer, planet, dial, record, seed, realisations, advance)
+            from cpic_planner.confirm.etc_images import check_in_images
+
+            settings: dict[str, Any] = {"seed": seed, "realisations": realisations}
+            settings["stated_snr_error"] = (record.closed_form_error or {}).get("snr", 0.0)
+            progress = _Progress(f"{answer.target} {answer.band}", advance)
+            outcome = check_in_images(model, star, answer, planet, dial, progress=progress, **settings)
+            progress(1.0)
+            record = _checked(record, outcome, dial)
         found.append(answer.checked(record))
     return found
 
 
-def _imaged(
-    model: EtcModel,
-    star: Targets,
-    answer: EtcAnswer,
-    planet: ReferencePlanet | None,
-    dial: Dial,
-    record: AnswerFidelity,
-    seed: int,
-    realisations: int | None,
-    advance: Callable[[str, int], None],
-) -> AnswerFidelity:
-    from cpic_planner.confirm.etc_images import check_in_images
+class _Progress:
+    """Shares of the work of an answer, told in whole per cent since the last time."""
 
-    told = 0
+    def __init__(self, name: str, advance: Callable[[str, int], None]) -> None:
+        self._name, self._advance, self._percent = name, advance, 0
 
-    def progress(done: float) -> None:
-        nonlocal told
-        percent = int(100 * done)
-        advance(f"{answer.target} {answer.band}", percent - told)
-        told = percent
+    def __call__(self, done: float) -> None:
+        before, self._percent = self._percent, int(100 * done)
+        self._advance(self._name, self._percent - before)
 
-    stated = (record.closed_form_error or {}).get("snr", 0.0)
-    outcome = check_in_images(
-        model,
-        star,
-        answer,
-        planet,
-        dial,
-        seed=seed,
-        realisations=realisations,
-        stated_snr_error=stated,
-        progress=progress,
-    )
-    progress(1.0)
+
+def _checked(record: AnswerFidelity, outcome: Outcome[ImageCheck], dial: Dial) -> AnswerFidelity:
+    """What is said of an answer once images were asked for."""
     images = outcome.value
     if images is None:  # nothing but the closed forms answers
-        return record.model_copy(
-            update={"status": outcome.status.value, "reason": outcome.reason.value, "message": outcome.message}
-        )
+        refused = {"status": outcome.status.value, "reason": outcome.reason.value, "message": outcome.message}
+        return record.model_copy(update=refused)
     error, chance = dict(images.modelled.predicted_error), images.snr_ratio_error
     bound = error["snr"]
     error["snr"] = None if bound is None else math.hypot(bound, chance)

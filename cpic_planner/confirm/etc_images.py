@@ -4,37 +4,16 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from cpic_core import InputError, Outcome, Reason, Status
+from cpic_planner import validation
 from cpic_planner.etc import EtcModel, aperture_rates, diagonal_pa_deg, planet_offsets, reference_distance_au
 from cpic_planner.queries import MAX_FRAMES, ReferencePlanet
 from cpic_planner.results import EtcAnswer, ImageCheck
 from cpic_planner.targets import Targets
-from cpic_planner.validation import (
-    ConfirmTask,
-    Frames,
-    FrameStory,
-    Measurement,
-    Modelling,
-    Realised,
-    StarFlux,
-    Subject,
-    Visits,
-    expected_of,
-    mean_snr,
-    modelling_of,
-    realised_frames,
-    snr_scatter,
-    subjects_of,
-    target_scene,
-    task_of,
-    visits_of,
-)
-from cpic_planner.validation.measure import measure
 from simulator.config import Planet, Scene, albedo_spec
 from simulator.knobs import Dial
 from simulator.observing import observe
@@ -101,15 +80,14 @@ def check_in_images(
         return Outcome.refuse(Status.INVALID, Reason.NOT_MEASURED, refused)
     try:
         task = _task(model, star, answer, planet, dial, seed)
-        modelling = modelling_of(task)
-        done, visits, subject = _measured(task, modelling, dial, realisations, progress)
+        modelling = validation.modelling_of(task)
+        done, visits, template = _measured(task, modelling, dial, realisations, progress)
     except _Refused as refusal:
         return Outcome.refuse(refusal.status, refusal.reason, str(refusal))
     except InputError as error:
         return Outcome.refuse(Status.INVALID, Reason.NOT_MEASURED, f"images refuse it: {error}")
-    found = _compared(task, modelling, done, stated_snr_error)
-    light = _light_ratio(model, star, answer, visits, subject)
-    return Outcome.ok(ImageCheck(**found, light_ratio=light))
+    light = _light_ratio(model, star, answer, visits, template)
+    return Outcome.ok(_compared(task, modelling, done, light, stated_snr_error))
 
 
 class _Refused(Exception):
@@ -131,21 +109,19 @@ def _not_measured(model: EtcModel, answer: EtcAnswer) -> str:
 
 def _task(
     model: EtcModel, star: Targets, answer: EtcAnswer, planet: ReferencePlanet | None, dial: Dial, seed: int
-) -> ConfirmTask:
+) -> validation.ConfirmTask:
     assert answer.exposure_s is not None
     assert answer.n_frames is not None
     assert answer.em_gain is not None
     assert answer.contrast is not None
-    frames = Frames(answer.exposure_s, answer.n_frames, answer.em_gain)
+    frames = validation.Frames(answer.exposure_s, answer.n_frames, answer.em_gain)
     place = planet_offsets(model, answer.band, answer.separation_arcsec)
-    expected = expected_of(model, star, answer.band, place, answer.contrast, frames)
-    chosen: dict[str, Any] = {"fidelity": dial.fidelity}
+    expected = validation.expected_of(model, star, answer.band, place, answer.contrast, frames)
+    chosen: validation.ImageSettings = {"seed": seed, "fidelity": dial.fidelity}
     if dial.fidelity == "custom":
-        chosen = {"tolerance": _SHARE_OF_KNOBS * max(dial.tolerance.values())}
+        chosen = {"seed": seed, "tolerance": _SHARE_OF_KNOBS * max(dial.tolerance.values())}
     scene = _scene(model, star, answer.band, answer.separation_arcsec, answer.contrast, planet)
-    return task_of(
-        model, scene, answer.band, frames, [expected], seed=seed, realisations=1, audit=False, overrides=None, **chosen
-    )
+    return validation.task_of(model, scene, answer.band, frames, [expected], **chosen)
 
 
 def _scene(
@@ -156,7 +132,7 @@ def _scene(
     distance = float(reference_distance_au(star, np.array([separation]), body)[0, 0])
     pa_deg = diagonal_pa_deg(model.metrics[band].zone, model.instrument.detector.parity)
     zodis = model.instrument.sky.exozodi_zodis
-    scene = target_scene(star, body, separation, distance, pa_deg, exozodi_zodis=zodis)
+    scene = validation.target_scene(star, body, separation, distance, pa_deg, exozodi_zodis=zodis)
     if planet is not None:
         return scene
     there = float(contrast_at(body.radius_rjup, distance, body.phase_deg, _GREY))
@@ -166,16 +142,9 @@ def _scene(
     return scene.model_copy(update={"cstar": nowhere, "planets": (Planet.model_validate(grey.model_dump()),)})
 
 
-@dataclass(frozen=True)
-class _Drawn:
-    """One realisation."""
-
-    visits: Visits
-    realised: Realised
-    story: FrameStory | None
-
-
-def _drawn(task: ConfirmTask, modelling: Modelling) -> Iterator[_Drawn]:
+def _drawn(
+    task: validation.ConfirmTask, modelling: validation.Modelling
+) -> Iterator[tuple[validation.VisitPair, validation.Realisation, validation.FrameStatistics | None]]:
     """Realisations without end, one in memory at a time."""
     if modelling.outcome.value is None:
         raise _Refused(modelling.outcome.status, modelling.outcome.reason, modelling.outcome.message)
@@ -184,9 +153,9 @@ def _drawn(task: ConfirmTask, modelling: Modelling) -> Iterator[_Drawn]:
             text = f"{task.n_frames} frames one by one, at most {MAX_FRAMES}: give less time or longer exposures"
             raise _Refused(Status.INVALID, Reason.TOO_MANY_FRAMES, text)
         for number in itertools.count():
-            visits = visits_of(task, realisation=number, modelling=modelling)
-            yield _Drawn(visits, *realised_frames(visits))
-    visits = visits_of(task, modelling=dataclasses.replace(modelling, draw="sums"))
+            visits = validation.visit_pair(task, realisation=number, modelling=modelling)
+            yield visits, *validation.realise_frames(visits)
+    visits = validation.visit_pair(task, modelling=dataclasses.replace(modelling, draw="sums"))
     if visits.stackable.value is None:
         text = f"no sums of frames: {visits.stackable.message}; fidelity reference draws every frame"
         raise _Refused(visits.stackable.status, visits.stackable.reason, text)
@@ -194,22 +163,25 @@ def _drawn(task: ConfirmTask, modelling: Modelling) -> Iterator[_Drawn]:
         text = "sums of frames are not accurate enough for this scene; fidelity reference draws every frame"
         raise _Refused(Status.INVALID, Reason.TOLERANCE_NOT_MET, text)
     for number in itertools.count():
-        yield _Drawn(visits, visits.draw(number), None)
+        yield visits, visits.draw(number), None
 
 
 def _measured(
-    task: ConfirmTask, modelling: Modelling, dial: Dial, realisations: int | None, progress: Progress
-) -> tuple[list[Measurement], Visits, Subject]:
+    task: validation.ConfirmTask,
+    modelling: validation.Modelling,
+    dial: Dial,
+    realisations: int | None,
+    progress: Progress,
+) -> tuple[list[validation.Measurement], validation.VisitPair, validation.PlanetTemplate]:
     """Measurements of as many realisations as it takes, with the last visits."""
-    found: list[Measurement] = []
+    found: list[validation.Measurement] = []
     total = realisations
-    for drawn in _drawn(task, modelling):
+    for visits, realisation, statistics in _drawn(task, modelling):
         if not found:
-            subject = subjects_of(drawn.visits)[0]
-        rate = drawn.visits.science.truth.sources[0].rate_e_s
-        star = StarFlux(rate, 0.0, "off_mask", rate, 1.0, 1.0)
-        (one,), _ = measure(drawn.visits, drawn.realised, [subject], star)
-        if one is None or (drawn.story is not None and drawn.story.lost_in):
+            template = validation.planet_templates(visits)[0]
+        star = validation.StarFlux.known(visits.science.truth.sources[0].rate_e_s)
+        (one,), _ = validation.measure_planets(visits, realisation, [template], star)
+        if one is None or (statistics is not None and statistics.lost_in):
             where = "pixels of the dark hole" if one else "the aperture or what is around it"
             raise _Refused(Status.SATURATED, Reason.PIXEL_FULL_WELL, f"limits cut off {where}")
         found.append(one)
@@ -218,78 +190,74 @@ def _measured(
         progress(min(len(found) / total, 1.0))
         if len(found) >= total:
             break
-    return found, drawn.visits, subject
+    return found, visits, template
 
 
-def _wanted(task: ConfirmTask, dial: Dial, n_apertures: int) -> int:
+def _wanted(task: validation.ConfirmTask, dial: Dial, n_apertures: int) -> int:
     """Realisations that tell the SNR as well as is asked for."""
     aim = AIM if dial.fidelity != "custom" else _SHARE_OF_CHANCE * max(dial.tolerance.values())
     expected = task.predictions[0]
     snr = expected["snr"]
-    wanted = math.ceil((snr_scatter(snr, expected["significance"], n_apertures) / (snr * aim)) ** 2)
+    wanted = math.ceil((validation.snr_scatter(snr, expected["significance"], n_apertures) / (snr * aim)) ** 2)
     if dial.fidelity == "reference":
         whole = math.floor(MOST_FRAMES / (task.n_frames * (1.0 + task.strategy["reference_ratio"])))
         return int(max(FEWEST_BY_FRAMES, min(wanted, whole)))
     if dial.fidelity == "custom" and wanted > MOST_FOR_TOLERANCE:
-        text = (
-            f"it takes {wanted} realisations to know the SNR of images that well, at most {MOST_FOR_TOLERANCE}: "
-            "give a larger tolerance, or fidelity standard"
-        )
+        most = f"at most {MOST_FOR_TOLERANCE}: give a larger tolerance, or fidelity standard"
+        text = f"it takes {wanted} realisations to know the SNR of images that well, {most}"
         raise _Refused(Status.INVALID, Reason.TOLERANCE_NOT_MET, text)
     return int(max(wanted, FEWEST) if dial.fidelity == "custom" else min(max(wanted, FEWEST), MOST))
 
 
-def _light_ratio(model: EtcModel, star: Targets, answer: EtcAnswer, visits: Visits, subject: Subject) -> float:
+def _light_ratio(
+    model: EtcModel, star: Targets, answer: EtcAnswer, visits: validation.VisitPair, template: validation.PlanetTemplate
+) -> float:
     """Planet's light in its aperture: that of images without noise over that of the closed form."""
-    scene = visits.plan.science_scene
+    scene, instrument, knobs = visits.plan.science_scene, visits.instrument, visits.modelling.knobs
+    frame: dict[str, Any] = {"exposure_s": visits.task.exposure_s, "roll_deg": visits.plan.science["roll_deg"]}
     maps = [
-        observe(
-            one,
-            band=answer.band,
-            exposure_s=visits.task.exposure_s,
-            instrument=visits.instrument,
-            window="hole",
-            fidelity=visits.modelling.knobs,
-            roll_deg=visits.plan.science["roll_deg"],
-        ).light.static_e_s
+        observe(one, band=answer.band, instrument=instrument, window="hole", fidelity=knobs, **frame).light.static_e_s
         for one in (scene, scene.without_planets())
     ]
     x, y = (
         np.asarray(part, float).reshape(1, 1) for part in planet_offsets(model, answer.band, answer.separation_arcsec)
     )
     rates = aperture_rates(model, star, answer.band, x, y, np.full((1, 1), answer.contrast))
-    return float(np.sum((maps[0] - maps[1]) * subject.apertures[0]) / rates.planet_e_s.flat[0])
+    return float(np.sum((maps[0] - maps[1]) * template.apertures[0]) / rates.planet_e_s.flat[0])
 
 
 def _compared(
-    task: ConfirmTask, modelling: Modelling, done: list[Measurement], stated_snr_error: float
-) -> dict[str, Any]:
+    task: validation.ConfirmTask,
+    modelling: validation.Modelling,
+    done: list[validation.Measurement],
+    light_ratio: float,
+    stated_snr_error: float,
+) -> ImageCheck:
     """What the realisations say together, beside the closed form."""
     expected = task.predictions[0]
     suffix = "_full" if modelling.draw == "frames" else ""  # sums have no hits of particles
-    contrast = np.array([one.contrast for one in done])
-    error = np.array([one.contrast_error for one in done])
-    sigma = np.array([one.contrast_sigma for one in done])
+    contrast, error, sigma = validation.contrasts_of(done)
     predicted, significance = expected["snr" + suffix], expected["significance" + suffix]
-    snr, snr_error = mean_snr(contrast, error, significance=significance, n_apertures=done[0].n_apertures)
+    snr, snr_error = validation.mean_snr(contrast, error, significance=significance, n_apertures=done[0].n_apertures)
     # What few realisations scatter by is itself uncertain: errors are at least those expected.
-    expected_error = snr_scatter(predicted, significance, done[0].n_apertures) / math.sqrt(len(done))
+    expected_error = validation.snr_scatter(predicted, significance, done[0].n_apertures) / math.sqrt(len(done))
     snr_error = max(snr_error, expected_error)
     spread = float(max(contrast.std(ddof=min(len(done) - 1, 1)), np.sqrt((error**2).mean())))
     ratio, ratio_error = snr / predicted, snr_error / predicted
-    return {
-        "draw": modelling.draw,
-        "realisations": len(done),
-        "flux_ratio": float(contrast.mean() / expected["contrast"]),
-        "flux_ratio_error": spread / math.sqrt(len(done)) / expected["contrast"],
-        "predicted_snr": predicted,
-        "snr": snr,
-        "snr_error": snr_error,
-        "snr_ratio": ratio,
-        "snr_ratio_error": ratio_error,
-        "predicted_significance": significance,
-        "significance": float(contrast.mean() / np.sqrt((sigma**2).mean())),
-        "agrees": bool(abs(ratio - 1.0) <= stated_snr_error + 2.0 * ratio_error),
-        "n_found": sum(one.found for one in done),
-        "modelled": modelling.record(),
-    }
+    return ImageCheck(
+        draw=modelling.draw,
+        realisations=len(done),
+        light_ratio=light_ratio,
+        flux_ratio=float(contrast.mean() / expected["contrast"]),
+        flux_ratio_error=spread / math.sqrt(len(done)) / expected["contrast"],
+        predicted_snr=predicted,
+        snr=snr,
+        snr_error=snr_error,
+        snr_ratio=ratio,
+        snr_ratio_error=ratio_error,
+        predicted_significance=significance,
+        significance=float(contrast.mean() / np.sqrt((sigma**2).mean())),
+        agrees=bool(abs(ratio - 1.0) <= stated_snr_error + 2.0 * ratio_error),
+        n_found=sum(one.found for one in done),
+        modelled=modelling.record(),
+    )

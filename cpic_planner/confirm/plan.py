@@ -28,7 +28,7 @@ from cpic_planner.validation import (
     images_of,
     prepare_task,
     refusals_of,
-    seen_at_place,
+    significant_at_place,
     target_verdict,
     task_cost,
 )
@@ -40,8 +40,8 @@ RESULT_VERSION = 5
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 
-def told(config: ImageQuestion, digest: str, measured: Sequence[BandConfirmation]) -> dict[str, Any]:
-    """Return what every result of images says of itconfig.
+def result_header(config: ImageQuestion, digest: str, measured: Sequence[BandConfirmation]) -> dict[str, Any]:
+    """Return what every result of images says of itself.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def told(config: ImageQuestion, digest: str, measured: Sequence[BandConfirmation
         "rdi_modes": config.strategy.n_modes,
         "realisations": config.realisations,
         "simulator_overrides": config.simulator_overrides.as_mapping(),
-        "calibration": {"ratio": mean.ratio, "error": mean.error, "n_bands": mean.n_bands},
+        "calibration": vars(mean),
         "calibration_text": mean.text,
         "not_modelled": not_modelled(images_of(config.instrument)),
     }
@@ -83,12 +83,8 @@ def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None
     for band in bands or ():
         instrument.band(band)
         if band not in visible:
-            raise InputError(
-                "band",
-                band,
-                allowed=", ".join(visible),
-                hint="images of the near-infrared camera are simulated, not yet measured",
-            )
+            hint = "images of the near-infrared camera are simulated, not yet measured"
+            raise InputError("band", band, allowed=", ".join(visible), hint=hint)
 
 
 def plan_tasks(
@@ -115,14 +111,10 @@ def plan_tasks(
                 own.append(ready)
             else:
                 (refused[f"{row.name} {band}"],) = answers
-        best = max(own, key=_margin, default=None)
-        tasks.extend(replace(task, audit=task is best and audited(task.dial)) for task in own)
+        margins = [task.predictions[0]["significance"] / task.predictions[0]["threshold"] for task in own]
+        best = margins.index(max(margins)) if own else None
+        tasks.extend(replace(task, audit=i == best and audited(task.dial)) for i, task in enumerate(own))
     return tasks, refused
-
-
-def _margin(task: ConfirmTask) -> float:
-    expected = task.predictions[0]
-    return float(expected["significance"] / expected["threshold"])
 
 
 def image_tasks(tasks: Sequence[ConfirmTask]) -> list[Task]:
@@ -133,18 +125,11 @@ def image_tasks(tasks: Sequence[ConfirmTask]) -> list[Task]:
 def images_cost(tasks: Sequence[ConfirmTask], **counts: float) -> Cost:
     """Return the expected cost of simulating and measuring tasks, see `cpic_planner.validation.modelling`."""
     costs = [task_cost(task) for task in tasks]
-    own = {
-        "n_tasks": len(tasks),
-        "n_realisations": sum(cost.realisations for cost in costs),
-        "n_frames": sum(cost.frames for cost in costs),
-    }
-    return Cost(
-        counts=counts | own,
-        times_s=[cost.work_s for cost in costs],
-        start_s=4.0,
-        memory_mb=max((cost.memory_mb for cost in costs), default=0.0),
-        disk_mb=1.0 + 0.35 * len(tasks),
-    )
+    realisations, frames = sum(cost.realisations for cost in costs), sum(cost.frames for cost in costs)
+    counts |= {"n_tasks": len(tasks), "n_realisations": realisations, "n_frames": frames}
+    memory_mb, disk_mb = max((cost.memory_mb for cost in costs), default=0.0), 1.0 + 0.35 * len(tasks)
+    times_s = [cost.work_s for cost in costs]
+    return Cost(counts=counts, times_s=times_s, start_s=4.0, memory_mb=memory_mb, disk_mb=disk_mb)
 
 
 def confirm_stars(
@@ -192,10 +177,9 @@ def confirmed_target(
     bodies : mapping of str to mapping
         Results of the images, by star and band.
     """
-    keys = [f"{row.name} {band}" for band in model.bands]
     bands = [
         BandConfirmation.model_validate(bodies[key]["confirmations"][0]) if key in bodies else refused[key]
-        for key in keys
+        for key in (f"{row.name} {band}" for band in model.bands)
     ]
 
     def margin(band: BandConfirmation) -> float:
@@ -203,11 +187,10 @@ def confirmed_target(
 
     # A few realisations rank bands by chance where they are close: the images veto, the prediction orders.
     blind = [band for band in bands if band.detected]
-    best = max(blind or [band for band in bands if seen_at_place(band)], key=margin, default=None)
+    best = max(blind or [band for band in bands if significant_at_place(band)], key=margin, default=None)
     verdict, factor, error = target_verdict(bands)
-    return ConfirmedTarget(
-        name=row.name,
-        hip=row.hip,
+    return ConfirmedTarget.of(
+        row,
         ranked=row,
         planet_distance_au=row.ref_planet_distance_au,
         chosen_band=best.band if best else None,
@@ -244,34 +227,25 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     refuse_infrared(config.instrument, config.bands)
     model = build_model(config.instrument, config.bands, config.strategy)
     catalogue = as_catalogue(catalog)
-    targets = rank_sample(
-        catalog=catalogue,
-        v_mag_max=config.v_mag_max,
-        dwarfs_only=config.dwarfs_only,
-        singles_only=config.singles_only,
-        companions=config.companions,
-    )
+    cuts = {name: getattr(config, name) for name in ("v_mag_max", "dwarfs_only", "singles_only")}
+    targets = rank_sample(catalog=catalogue, companions=config.companions, **cuts)
     drawn = counted_planets(config)
-    sample = sample_text(catalogue, config.v_mag_max, config.dwarfs_only, config.singles_only)
+    sample = sample_text(catalogue, **cuts)
     if isinstance(drawn, KnownChoice):
         targets, sample = drawn.stars(targets), f"{sample}; {KNOWN_ONLY}"
-    rank = rank_targets(
-        model,
-        targets,
-        time_s=config.time_s,
-        planet=config.planet,
-        population=drawn,
-        score=config.score,
-        sample=sample,
-        catalogue=catalogue.provenance,
-    )
+    asked = _ranking(config) | {"sample": sample, "catalogue": catalogue.provenance}
+    rank = rank_targets(model, targets, population=drawn, **asked)
     chosen = [row for row in rank.targets if row.status != "saturated"][: config.top]
     index = {str(name): i for i, name in enumerate(targets.name)}
     stars = [targets.select([index[row.name]]) for row in chosen]
-    tasks, refused = plan_tasks(
-        model, stars, chosen, time_s=config.time_s, planet=config.planet, **config.image_settings
-    )
+    observed = {"time_s": config.time_s, "planet": config.planet}
+    tasks, refused = plan_tasks(model, stars, chosen, **observed, **config.image_settings)
     return _Prepared(model, catalogue, targets, drawn, rank, chosen, tasks, refused)
+
+
+def _ranking(config: PlanQuestion) -> dict[str, Any]:
+    """What the stars are ranked by."""
+    return {"time_s": config.time_s, "planet": config.planet, "score": config.score}
 
 
 def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[PlanResult]:
@@ -293,14 +267,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
 
     def write(folder: RunFolder, plan: PlanResult, bodies: Mapping[str, Any]) -> None:
         ready = prepared()
-        firm = sensitivity(
-            ready.model,
-            ready.targets,
-            time_s=config.time_s,
-            planet=config.planet,
-            population=ready.drawn,
-            score=config.score,
-        )
+        firm = sensitivity(ready.model, ready.targets, population=ready.drawn, **_ranking(config))
         announce("writing the report")
         folder.write("sensitivity.json", dump_json(firm.model_dump(mode="json")))
         images = {(task.name, task.band): bodies[task.key] for task in ready.tasks}
@@ -357,7 +324,7 @@ def _result(config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapp
     rank = prepared.rank
     targets = [confirmed_target(prepared.model, row, prepared.refused, bodies) for row in prepared.chosen]
     return PlanResult(
-        **told(config, digest, [band for target in targets for band in target.bands]),
+        **result_header(config, digest, [band for target in targets for band in target.bands]),
         time_s=config.time_s,
         companions=config.companions,
         reference_planet=planet_record(config.planet),

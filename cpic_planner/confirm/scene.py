@@ -10,7 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from cpic_core import Reason, Status
-from cpic_planner.confirm.plan import RESULT_VERSION, image_tasks, images_cost, refuse_infrared, told
+from cpic_planner.confirm.plan import RESULT_VERSION, image_tasks, images_cost, refuse_infrared, result_header
 from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, build_model, frame_problem
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.queries import DEFAULT_TIME_S, MAX_FRAMES, ConfirmQuestion, audited
@@ -22,6 +22,7 @@ from cpic_planner.validation import (
     albedo_fits,
     albedo_records,
     confirm_task,
+    edge_crossed,
     expected_of,
     position_records,
     refusals_of,
@@ -89,17 +90,12 @@ def confirm_scene(
     return run(confirm_job(config), out, **how)
 
 
-def prepared_tasks(config: ConfirmQuestion) -> list[ConfirmTask]:
-    """Work of a confirmation, one task a band; bands without an image to make are left out."""
-    return _work(config).tasks
-
-
 def _result(config: ConfirmQuestion, work: _Work, digest: str, bodies: Sequence[Mapping[str, Any]]) -> ConfirmResult:
     order = {name: i for i, name in enumerate(work.model.bands)}
     seen = [BandConfirmation.model_validate(item) for body in bodies for item in body["confirmations"]]
     bands = sorted([*seen, *work.refused], key=lambda item: order[item.band])
     return ConfirmResult(
-        **told(config, digest, seen),
+        **result_header(config, digest, seen),
         scene=config.scene.name,
         bands=bands,
         searches=[body["search"] for body in bodies if body["search"] is not None],
@@ -116,37 +112,30 @@ def scene_target(scene: Scene) -> Targets:
     Parameters that a spectral type implies are those of the images; a star whose spectrum is a file or a table is
     taken as a model of its effective temperature (the Sun's where none is given), of its V magnitude.
     """
-    star = LitStar(scene.cstar, "scene.cstar")
-    parameters = star.spectrum
-    near = sorted(
-        (other for other in scene.stars if other.companion and other.separation_arcsec is not None),
-        key=lambda other: other.separation_arcsec or 0.0,
-    )
-    missing = np.array([math.nan])
+    star, parameters = scene.cstar, LitStar(scene.cstar, "scene.cstar").spectrum
+    near = [other for other in scene.stars if other.companion and other.separation_arcsec is not None]
+    companion = min(near, key=lambda other: other.separation_arcsec or 0.0, default=None)
 
     def number(value: float | None, default: float = math.nan) -> Any:
-        return missing if value is None and math.isnan(default) else np.array([default if value is None else value])
+        return np.array([default if value is None else value])
 
-    companion = near[0] if near else None
     teff = number(parameters.teff_k, 5772.0)
+    own = {key: number(getattr(star, key)) for key in ("ra_deg", "dec_deg", "distance_pc", "v_mag", "luminosity_lsun")}
+    beside = {
+        f"companion_{key}": number(getattr(companion, key, None)) for key in ("separation_arcsec", "pa_deg", "v_mag")
+    }
     return Targets(
         name=np.array([scene.name]),
         hip=np.array([0]),
-        sp_type=np.array([scene.cstar.spectral_type or ""]),
-        ra_deg=number(scene.cstar.ra_deg),
-        dec_deg=number(scene.cstar.dec_deg),
-        distance_pc=number(scene.cstar.distance_pc),
-        v_mag=np.array([scene.cstar.v_mag]),
+        sp_type=np.array([star.spectral_type or ""]),
         teff_k=teff,
         log_g=number(parameters.log_g, 4.4),
         metallicity=number(parameters.metallicity, 0.0),
-        luminosity_lsun=number(scene.cstar.luminosity_lsun),
-        companion_separation_arcsec=number(companion.separation_arcsec if companion else None),
-        companion_pa_deg=number(companion.pa_deg if companion else None),
-        companion_v_mag=number(companion.v_mag if companion else None),
-        companion_teff_k=number(companion.teff_k, float(teff[0])) if companion else missing,
+        companion_teff_k=number(companion.teff_k, float(teff[0])) if companion else number(None),
         flags=((),),
         companions=scene.companions,
+        **own,
+        **beside,
     )
 
 
@@ -162,22 +151,16 @@ def _work(config: ConfirmQuestion) -> _Work:
         shown = [planet for planet, there in zip(planets, inside, strict=True) if there]
         frames = _frames(config, model, target, band, shown)
         if frames is None:
-            refused += [_no_frame(model, band, planet) for planet in shown]
+            text = "no frame is possible: the time is too short, or every frame saturates"
+            refused += [_refusal(model, band, planet, Status.UNREACHABLE, Reason.NO_TIME, text) for planet in shown]
             continue
         predictions = [
             expected_of(model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames)
             for planet in shown
         ]
-        task = task_of(
-            model,
-            config.scene,
-            band,
-            frames,
-            predictions,
-            audit=audited(config.dial, config.audit),
-            planets=[planet.name for planet in shown],
-            **config.image_settings,
-        )
+        settings = config.image_settings | {"audit": audited(config.dial, config.audit)}
+        names = [planet.name for planet in shown]
+        task = task_of(model, config.scene, band, frames, predictions, planets=names, **settings)
         answers = refusals_of(task)
         refused += answers
         if not answers:
@@ -219,16 +202,9 @@ def _inside(metrics: PsfMetrics, planet: Source) -> bool:
 
 
 def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
-    metrics, near, far = model.metrics[band], *sorted((abs(planet.x_arcsec), abs(planet.y_arcsec)))
-    radius = metrics.aperture_radius_arcsec
-    inner = near - radius < metrics.hole_inner_arcsec and far + radius <= metrics.hole_outer_arcsec
-    reason = Reason.INSIDE_INNER_EDGE if inner else Reason.OUTSIDE_OUTER_EDGE
+    metrics = model.metrics[band]
+    reason = edge_crossed(metrics.zone, planet.x_arcsec, planet.y_arcsec, metrics.aperture_radius_arcsec)
     return _refusal(model, band, planet, Status.OUTSIDE_FIELD, reason, f"its aperture leaves the dark hole of {band}")
-
-
-def _no_frame(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
-    message = "no frame is possible: the time is too short, or every frame saturates"
-    return _refusal(model, band, planet, Status.UNREACHABLE, Reason.NO_TIME, message)
 
 
 def _refusal(

@@ -27,7 +27,13 @@ from cpic_planner.validation.libraries import (
     library_plan as library_plan,
     scale_library as scale_library,
 )
-from cpic_planner.validation.measure import Measurement as Measurement, Subject as Subject, subjects_of as subjects_of
+from cpic_planner.validation.measure import (
+    Measurement as Measurement,
+    PlanetTemplate as PlanetTemplate,
+    edge_crossed as edge_crossed,
+    measure_planets as measure_planets,
+    planet_templates as planet_templates,
+)
 from cpic_planner.validation.modelling import (
     Modelling as Modelling,
     modelling_of as modelling_of,
@@ -42,12 +48,12 @@ from cpic_planner.validation.photometry import (
 )
 from cpic_planner.validation.rdi import RdiResult as RdiResult, rdi_subtract as rdi_subtract
 from cpic_planner.validation.realise import (
-    FrameStory as FrameStory,
-    Realised as Realised,
-    Visits as Visits,
+    FrameStatistics as FrameStatistics,
+    Realisation as Realisation,
+    VisitPair as VisitPair,
     cleaned as cleaned,
-    realised_frames as realised_frames,
-    visits_of as visits_of,
+    realise_frames as realise_frames,
+    visit_pair as visit_pair,
 )
 from cpic_planner.validation.reduced import (
     ReducedStack as ReducedStack,
@@ -75,6 +81,7 @@ from cpic_planner.validation.star_flux import (
 from cpic_planner.validation.task import (
     ConfirmTask as ConfirmTask,
     Frames as Frames,
+    ImageSettings as ImageSettings,
     expected_of as expected_of,
     images_of as images_of,
     prepare_task as prepare_task,
@@ -83,7 +90,8 @@ from cpic_planner.validation.task import (
     task_of as task_of,
 )
 from cpic_planner.validation.verdict import (
+    contrasts_of as contrasts_of,
     refusals_of as refusals_of,
-    seen_at_place as seen_at_place,
+    significant_at_place as significant_at_place,
     target_verdict as target_verdict,
 )

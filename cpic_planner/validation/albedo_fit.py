@@ -9,6 +9,7 @@ import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, numeric_context
 from cpic_planner.validation.albedo_model import AlbedoModel
+from cpic_planner.validation.astrometry import chi2_p_value
 from cpic_planner.validation.photometry import Contrast
 from simulator.config import LOG10_FSED_MAX
 
@@ -88,8 +89,7 @@ class AlbedoFit:
 
     def level(self, probability: float) -> float:
         """Posterior density on the edge of the smallest region that holds this probability, between 0 and 1."""
-        if not 0.0 < probability < 1.0:
-            raise InputError("probability", probability, allowed="between 0 and 1")
+        _check_probability(probability)
         return _level(self.posterior, _cells(self.log10_mh_grid, self.log10_fsed_grid), probability)
 
     def contains(self, log10_mh: float, log10_fsed: float, probability: float = LEVELS[0]) -> bool:
@@ -123,13 +123,11 @@ class AlbedoFit:
         """
         if name not in ("log10_mh", "log10_fsed"):
             raise InputError("name", name, allowed="log10_mh, log10_fsed")
-        if not 0.0 < probability < 1.0:
-            raise InputError("probability", probability, allowed="between 0 and 1")
-        first = name == "log10_mh"
-        axis, other = self.log10_mh_grid, self.log10_fsed_grid
-        if not first:
-            axis, other = other, axis
-        density = (self.posterior if first else self.posterior.T) @ _widths(other)
+        _check_probability(probability)
+        axis, other, posterior = self.log10_mh_grid, self.log10_fsed_grid, self.posterior
+        if name == "log10_fsed":
+            axis, other, posterior = other, axis, posterior.T
+        density = posterior @ _widths(other)
         below = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(axis))])
         low, high = np.interp((0.5 - 0.5 * probability, 0.5 + 0.5 * probability), below / below[-1], axis)
         return float(low), float(high)
@@ -209,17 +207,15 @@ def fit_albedo(
     spread = np.sqrt(np.diag(covariance))
     open_edges = _open_edges(posterior >= _level(posterior, cells, LEVELS[1]), axes, ranges)
     free = max(len(names) - N_PARAMETERS, 0)
-    status: Constraint = "degenerate" if len(names) < N_PARAMETERS else "constrained"
-    if status == "constrained" and open_edges:
-        status = "not_constrained"
+    status: Constraint = "not_constrained" if open_edges else "constrained"
     return AlbedoFit(
-        status=status,
+        status="degenerate" if len(names) < N_PARAMETERS else status,
         log10_mh=float(best[0]),
         log10_fsed=float(best[1]),
         grey=grey,
         chi2=chi2,
         degrees_of_freedom=free,
-        p_value=_p_value(chi2, free),
+        p_value=chi2_p_value(chi2, free),
         clear_chi2=float(terms(model.clear)[0].min()),
         mean=mean,
         covariance=covariance,
@@ -234,6 +230,11 @@ def fit_albedo(
         open_edges=open_edges,
         flags=model.flags,
     )
+
+
+def _check_probability(probability: float) -> None:
+    if not 0.0 < probability < 1.0:
+        raise InputError("probability", probability, allowed="between 0 and 1")
 
 
 def _measured(
@@ -251,8 +252,7 @@ def _measured(
         if not (math.isfinite(error) and error > 0):
             raise InputError(f"measured.{name}.error", error, allowed="a finite error above 0")
         pairs[name] = (float(value), float(error))
-    values, errors = np.array(list(pairs.values())).T
-    return tuple(pairs), values, errors
+    return tuple(pairs), *np.array(list(pairs.values())).T
 
 
 def _terms(
@@ -297,14 +297,6 @@ def _polished(
     return np.asarray(found.x) if found.fun <= chi2(best) else best
 
 
-def _p_value(chi2: float, degrees_of_freedom: int) -> float | None:
-    if degrees_of_freedom == 0:
-        return None
-    from scipy.special import gammaincc
-
-    return float(gammaincc(0.5 * degrees_of_freedom, 0.5 * chi2))
-
-
 def _widths(axis: FloatArray) -> FloatArray:
     """Trapezoidal weights."""
     step = np.diff(axis)
@@ -325,9 +317,8 @@ def _level(posterior: FloatArray, cells: FloatArray, probability: float) -> floa
 def _moments(probability: FloatArray, mh: FloatArray, fsed: FloatArray) -> tuple[FloatArray, FloatArray]:
     weights = probability / probability.sum()
     points = np.stack(np.broadcast_arrays(mh[:, None], fsed), axis=-1).reshape(-1, 2)
-    mean = weights.ravel() @ points
-    offset = points - mean
-    return np.asarray(mean), np.asarray((offset * weights.reshape(-1, 1)).T @ offset)
+    mean = np.asarray(weights.ravel() @ points)
+    return mean, np.asarray(((points - mean) * weights.reshape(-1, 1)).T @ (points - mean))
 
 
 def _open_edges(region: BoolArray, axes: list[FloatArray], ranges: list[tuple[float, float]]) -> tuple[str, ...]:

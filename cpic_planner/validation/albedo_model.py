@@ -1,11 +1,11 @@
 """Band contrasts of a planet as metallicity and clouds make them: what a fit compares measured contrasts with."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from catalogs import Band, Spectrum, bracket
 from cpic_core import FloatArray, InputError, numeric_context
@@ -52,7 +52,7 @@ class AlbedoModel:
     insolation_au: float
     flags: tuple[str, ...] = ()
 
-    def contrast(self, log10_mh: npt.ArrayLike, log10_fsed: npt.ArrayLike) -> FloatArray:
+    def contrast(self, log10_mh: ArrayLike, log10_fsed: ArrayLike) -> FloatArray:
         """Contrast in every band, shape (..., band); parameters broadcast.
 
         Parameters
@@ -67,13 +67,12 @@ class AlbedoModel:
         InputError
             If a parameter lies outside the nodes. Clamp f_sed to 6 yourself, and say so.
         """
-        metal = self._shares(self.log10_mh, "log10_mh", log10_mh)
-        cloud = self._shares(self.log10_fsed, "log10_fsed", log10_fsed)
+        metal, cloud = self._node_weights(log10_mh, log10_fsed)
         albedo = np.einsum("...m,...f,mfb->...b", metal, cloud, self.albedo)
         phase = np.einsum("...m,...f,mf->...", metal, cloud, self.phase)
         return np.asarray(self.full_contrast * albedo * phase[..., None])
 
-    def contrast_grid(self, log10_mh: npt.ArrayLike, log10_fsed: npt.ArrayLike) -> FloatArray:
+    def contrast_grid(self, log10_mh: ArrayLike, log10_fsed: ArrayLike) -> FloatArray:
         """Contrast on the grid of two axes, shapes (i,) and (j,): shape (i, j, band); as `contrast`, but fast.
 
         Parameters
@@ -83,22 +82,21 @@ class AlbedoModel:
         log10_fsed : array_like
             Logarithm of the sedimentation efficiency of the clouds.
         """
-        metal = self._shares(self.log10_mh, "log10_mh", log10_mh)
-        cloud = self._shares(self.log10_fsed, "log10_fsed", log10_fsed)
+        metal, cloud = self._node_weights(log10_mh, log10_fsed)
         albedo = np.tensordot(metal, np.tensordot(cloud, self.albedo, axes=(1, 1)), axes=(1, 1))
         return np.asarray(self.full_contrast * albedo * (metal @ self.phase @ cloud.T)[..., None])
 
-    @staticmethod
-    def _shares(nodes: FloatArray, key: str, given: npt.ArrayLike) -> FloatArray:
-        """Weight of every node for each value, shape (..., node)."""
-        values = np.asarray(given, dtype=np.float64)
-        good = (values >= nodes[0]) & (values <= nodes[-1])
-        if not good.all():
-            raise InputError(key, float(values[~good].flat[0]), allowed=f"{nodes[0]:g} to {nodes[-1]:.4g}")
-        ends, shares = bracket(nodes, values)
-        full = np.zeros((*values.shape, nodes.size))
-        np.put_along_axis(full, ends, shares, axis=-1)
-        return full
+    def _node_weights(self, log10_mh: ArrayLike, log10_fsed: ArrayLike) -> Iterator[FloatArray]:
+        """Weight of every node of metallicity, then of clouds, for each value, shape (..., node)."""
+        for key, given in {"log10_mh": log10_mh, "log10_fsed": log10_fsed}.items():
+            nodes, values = getattr(self, key), np.asarray(given, dtype=np.float64)
+            good = (values >= nodes[0]) & (values <= nodes[-1])
+            if not good.all():
+                raise InputError(key, float(values[~good].flat[0]), allowed=f"{nodes[0]:g} to {nodes[-1]:.4g}")
+            ends, weights = bracket(nodes, values)
+            full = np.zeros((*values.shape, nodes.size))
+            np.put_along_axis(full, ends, weights, axis=-1)
+            yield full
 
 
 def albedo_model(
@@ -175,9 +173,8 @@ def albedo_model(
     pairs = [[(float(metal), float(cloud)) for cloud in clouds] for metal in metals]
     clear = [np.array(means(float(metal), None)) * phase(float(metal), None) for metal in metals]
     if not (full > 0 and phase(*pairs[0][0]) > 0):
-        raise InputError(
-            "phase_deg", phase_deg, unit="deg", allowed="a planet with light: radius above 0, phase below 180"
-        )
+        allowed = "a planet with light: radius above 0, phase below 180"
+        raise InputError("phase_deg", phase_deg, unit="deg", allowed=allowed)
     ends = np.array([band.support_nm for band in chosen])
     return AlbedoModel(
         bands=tuple(band.name for band in chosen),

@@ -4,14 +4,20 @@ Exact circular apertures, and the scatter of their sums over a region.
 """
 
 import math
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray, InputError, check_number, load_quietly
+from cpic_core import BoolArray, FloatArray, InputError, check_number, checked_array, load_quietly
 
 
-def checked_frames(key: str, value: npt.ArrayLike) -> FloatArray:
+def described(array: np.ndarray) -> str:
+    """Type and shape of an array, as refusals name it."""
+    return f"{array.dtype} array of shape {array.shape}"
+
+
+def checked_frames(key: str, value: ArrayLike) -> FloatArray:
     """Image or images as float64; refused by name if they are no numbers of that shape.
 
     Parameters
@@ -23,11 +29,32 @@ def checked_frames(key: str, value: npt.ArrayLike) -> FloatArray:
     """
     images = np.asarray(value)
     if images.dtype.kind not in "iufb" or images.ndim not in (2, 3) or images.size == 0:
-        raise InputError(key, f"{images.dtype} array of shape {images.shape}", allowed="numbers, (y, x) or (n, y, x)")
+        raise InputError(key, described(images), allowed="numbers, (y, x) or (n, y, x)")
     return images.astype(np.float64, copy=False)
 
 
-def checked_region(key: str, value: npt.ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:
+def check_mask(key: str, value: ArrayLike, shape: tuple[int, ...], *, empty: bool = False) -> BoolArray:
+    """Pixels as a mask; refused by name if they are no truth values of that shape, or none of them is true.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : array_like
+        Pixels that are meant.
+    shape : tuple of int
+        Shape of the images.
+    empty : bool, optional
+        Whether all of them may be false.
+    """
+    mask = np.asarray(value)
+    if mask.dtype != np.bool_ or mask.shape != tuple(shape) or not (empty or mask.any()):
+        allowed = f"booleans of shape {tuple(shape)}" + ("" if empty else ", some of them true")
+        raise InputError(key, described(mask), allowed=allowed)
+    return mask
+
+
+def checked_region(key: str, value: ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:
     """Pixels (y, x) that take part: a copy; all without any.
 
     Parameters
@@ -39,16 +66,7 @@ def checked_region(key: str, value: npt.ArrayLike | None, shape: tuple[int, ...]
     shape : tuple of int
         Shape (y, x) of the images.
     """
-    if value is None:
-        return np.ones(shape, dtype=np.bool_)
-    region = np.asarray(value)
-    if region.dtype != np.bool_ or region.shape != tuple(shape) or not region.any():
-        raise InputError(
-            key,
-            f"{region.dtype} array of shape {region.shape}",
-            allowed=f"booleans of shape {tuple(shape)}, some of them true",
-        )
-    return region.copy()
+    return np.ones(shape, dtype=np.bool_) if value is None else check_mask(key, value, shape).copy()
 
 
 def region_rows(key: str, images: FloatArray, region: BoolArray) -> FloatArray:
@@ -73,6 +91,24 @@ def region_rows(key: str, images: FloatArray, region: BoolArray) -> FloatArray:
     return rows
 
 
+def frame_counts(key: str, value: ArrayLike, images: int) -> FloatArray:
+    """Number of frames in each of so many images, from one number for all or one each; refused by name below 1.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : array_like
+        Numbers of frames, at least 1.
+    images : int
+        Number of images.
+    """
+    counts = np.asarray(value, dtype=np.float64)
+    if counts.shape not in ((), (images,)) or not (counts >= 1).all():
+        raise InputError(key, value, allowed=f"at least 1, one number or {images} of them")
+    return np.broadcast_to(counts, (images,)).copy()
+
+
 def as_images(rows: FloatArray, region: BoolArray, shape: tuple[int, ...]) -> FloatArray:
     """Rows as images of the given shape, 0 outside the region; may share the memory of the rows.
 
@@ -90,6 +126,23 @@ def as_images(rows: FloatArray, region: BoolArray, shape: tuple[int, ...]) -> Fl
     images = np.zeros((len(rows), region.size))
     images[:, np.flatnonzero(region)] = rows
     return images.reshape(shape)
+
+
+def outside_discs(region: BoolArray, places: Iterable[Sequence[float]], radius_pixel: float) -> BoolArray:
+    """Pixels of a region farther than a radius from every place.
+
+    Parameters
+    ----------
+    region : ndarray of bool, shape (y, x)
+    places : iterable of (x, y)
+        Centres of the discs; pixel centres are at integers.
+    radius_pixel : float
+        Radius of the discs.
+    """
+    rows, columns = np.ogrid[: region.shape[0], : region.shape[1]]
+    for x, y in places:
+        region = region & (np.hypot(columns - x, rows - y) > radius_pixel)
+    return region
 
 
 MIN_BACKGROUND_APERTURES = 3
@@ -124,9 +177,7 @@ def aperture_weights(shape: tuple[int, int], x_pixel: float, y_pixel: float, rad
     return np.asarray(mask.to_image(shape), dtype=np.float64)
 
 
-def aperture_sum(
-    image: npt.ArrayLike, x_pixel: npt.ArrayLike, y_pixel: npt.ArrayLike, radius_pixel: float
-) -> FloatArray:
+def aperture_sum(image: ArrayLike, x_pixel: ArrayLike, y_pixel: ArrayLike, radius_pixel: float) -> FloatArray:
     """Sum inside exact circular apertures.
 
     Parameters
@@ -161,7 +212,7 @@ def aperture_sum(
 
 
 def sample_scatter(
-    image: npt.ArrayLike, region: npt.ArrayLike, radius_pixel: float, *, phase_pixel: tuple[float, float] = (0.0, 0.0)
+    image: ArrayLike, region: ArrayLike, radius_pixel: float, *, phase_pixel: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[float, int]:
     """Standard deviation of aperture sums inside a region, and how many independent apertures it holds.
 
@@ -195,16 +246,13 @@ def sample_scatter(
     """
     from scipy.ndimage import binary_erosion, correlate
 
-    data, allowed = checked_image(image), np.asarray(region)
-    check_region(allowed, data.shape)
+    data = checked_image(image)
+    allowed = check_mask("background_region", region, data.shape)
     require("radius_pixel", radius_pixel, math.isfinite(radius_pixel) and radius_pixel > 0, "px", "above 0")
     box = tuple(slice(int(i.min()), int(i.max()) + 1) for i in np.nonzero(allowed))
     half = math.ceil(radius_pixel + 0.5)
-    too_few = InputError(
-        "background_region",
-        f"too small for apertures of radius {radius_pixel:g} px",
-        allowed=f"room for at least {MIN_BACKGROUND_APERTURES} of them",
-    )
+    small = f"too small for apertures of radius {radius_pixel:g} px"
+    too_few = InputError("background_region", small, allowed=f"room for at least {MIN_BACKGROUND_APERTURES} of them")
     if 2.0 * radius_pixel > min(data.shape):
         raise too_few
     side = 2 * half + 1
@@ -222,27 +270,12 @@ def sample_scatter(
     return math.sqrt(float(deviation @ deviation) / int(np.sum(held - 1))), n_apertures
 
 
-def checked_image(image: npt.ArrayLike) -> FloatArray:
+def checked_image(image: ArrayLike) -> FloatArray:
     """Return an image as floats; refuse what is no plane of real numbers."""
     data = np.asarray(image)
     if data.dtype.kind not in "iuf" or data.ndim != 2 or data.size == 0:
-        raise InputError("image", f"{data.dtype} array of shape {data.shape}", unit="e-", allowed="one image (y, x)")
-    data = data.astype(np.float64, copy=False)
-    finite = np.isfinite(data)
-    if not finite.all():
-        y, x = np.argwhere(~finite)[0]
-        raise InputError(f"image[y={y}, x={x}]", float(data[y, x]), unit="e-", allowed="finite numbers")
-    return data
-
-
-def check_region(region: npt.NDArray[np.generic], shape: tuple[int, ...]) -> None:
-    """Refuse a region that is no mask of a shape, or empty."""
-    if region.dtype != np.bool_ or region.shape != shape or not region.any():
-        raise InputError(
-            "background_region",
-            f"{region.dtype} array of shape {region.shape}",
-            allowed=f"booleans of shape {shape}, some of them true",
-        )
+        raise InputError("image", described(data), unit="e-", allowed="one image (y, x)")
+    return checked_array("image", data, low=-math.inf, unit="e-", allowed="finite numbers")
 
 
 def _check_inside(shape: tuple[int, ...], x: FloatArray, y: FloatArray, radius: float) -> None:
@@ -250,12 +283,28 @@ def _check_inside(shape: tuple[int, ...], x: FloatArray, y: FloatArray, radius: 
     for key, centre, size in (("x_pixel", x, shape[1]), ("y_pixel", y, shape[0])):
         bad = ~((centre - radius >= -0.5) & (centre + radius <= size - 0.5))
         if bad.any():
-            raise InputError(
-                key, float(centre[bad].flat[0]), unit="px", allowed=f"a circle of radius {radius:g} px inside {size} px"
-            )
+            allowed = f"a circle of radius {radius:g} px inside {size} px"
+            raise InputError(key, float(centre[bad].flat[0]), unit="px", allowed=allowed)
 
 
 def require(key: str, value: float, good: bool, unit: str, allowed: str) -> None:
     """Refuse a value that is not good, naming key, value, unit and what is allowed."""
     if not good:
         raise InputError(key, value, unit=unit, allowed=allowed)
+
+
+def check_positive(key: str, value: float, unit: str = "", most: float = math.inf) -> None:
+    """Refuse a number that is not finite and above 0, or exceeds the most that it may be.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : float
+    unit : str, optional
+        Unit of the value.
+    most : float, optional
+        Largest value allowed.
+    """
+    allowed = "finite and above 0" + (f", at most {most:g}" if math.isfinite(most) else "")
+    require(key, value, math.isfinite(value) and 0 < value <= most, unit, allowed)

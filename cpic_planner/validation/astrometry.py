@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpic_core import FloatArray, InputError, numeric_context
+from cpic_planner.validation.apertures import require
 from cpic_planner.validation.position_fit import PositionFitter
 from cpic_planner.validation.reduced import ReducedStack
-from simulator.imaging import ExternalPsf, Psf
+from simulator.imaging import AnyPsf
 from simulator.target import detector_to_sky, sky_to_detector
 
 # Below, the fit is not linear in the noise: errors are only indicative.
@@ -23,6 +24,19 @@ LINEAR_SNR = 5.0
 LEAST_COVERAGE, WHOLE_COVERAGE = 0.5, 0.9
 # From the fit's order (flux, x, y) to the answer's.
 _ORDER = [1, 2, 0]
+
+
+def chi2_p_value(chi2: float, degrees_of_freedom: int) -> float | None:
+    """Chance of a chi2 at least this large if the model holds; None without degrees of freedom.
+
+    Parameters
+    ----------
+    chi2 : float
+    degrees_of_freedom : int
+    """
+    from scipy.special import gammaincc
+
+    return float(gammaincc(0.5 * degrees_of_freedom, 0.5 * chi2)) if degrees_of_freedom else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +72,7 @@ class SkyPosition:
     @property
     def p_value(self) -> float | None:
         """Chance of a chi2 at least this large where the positions agree; None for a single one."""
-        if self.degrees_of_freedom == 0:
-            return None
-        from scipy.special import gammaincc
-
-        return float(gammaincc(0.5 * self.degrees_of_freedom, 0.5 * self.chi2))
+        return chi2_p_value(self.chi2, self.degrees_of_freedom)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +157,7 @@ class Astrometry:
 @numeric_context()
 def fit_position(
     stack: ReducedStack,
-    psf: Psf | ExternalPsf,
+    psf: AnyPsf,
     x_arcsec: float,
     y_arcsec: float,
     *,
@@ -198,30 +208,18 @@ def fit_position(
     ``S = sum_i (d_i d_i^T - A_i V A_i^T) / sum_i (H_i H_i)^(1/2)`` is measured by the fit at other places i of the same
     separation, radial and tangential components apart, since speckles of a wide band are drawn out radially.
     """
-    for key, value, least, most in (
-        ("window_lambda_d", window_lambda_d, 0.8, 4.0),
-        ("annulus_lambda_d", annulus_lambda_d, 0.5, math.inf),
-    ):
-        if not least <= value <= most:
-            allowed = f"{least:g} to {most:g}" if math.isfinite(most) else f"at least {least:g}"
-            raise InputError(key, value, unit="lambda/D", allowed=allowed)
+    require("window_lambda_d", window_lambda_d, 0.8 <= window_lambda_d <= 4.0, "lambda/D", "0.8 to 4")
+    require("annulus_lambda_d", annulus_lambda_d, annulus_lambda_d >= 0.5, "lambda/D", "at least 0.5")
     orientation = psf.instrument.detector.parity if parity is None else parity
     scale = psf.geometry.pixel_scale_arcsec
     reach = (len(stack.region) // 2) * scale
     for key, value in (("x_arcsec", x_arcsec), ("y_arcsec", y_arcsec)):
-        if not abs(value) <= reach:
-            raise InputError(key, value, unit="arcsec", allowed=f"{-reach:g} to {reach:g}")
-    fitter = PositionFitter.of(
-        stack, psf, window_lambda_d=window_lambda_d, annulus_lambda_d=annulus_lambda_d, exclude=exclude
-    )
+        require(key, value, abs(value) <= reach, "arcsec", f"{-reach:g} to {reach:g}")
+    fitter = PositionFitter(stack, psf, window_lambda_d, annulus_lambda_d, exclude)
     start = np.array([x_arcsec, y_arcsec]) / scale
     if not fitter.coverage(start) >= LEAST_COVERAGE:
-        raise InputError(
-            "x_arcsec, y_arcsec",
-            (x_arcsec, y_arcsec),
-            unit="arcsec",
-            allowed="a place with half of the planet's squared light in the region",
-        )
+        allowed = "a place with half of the planet's squared light in the region"
+        raise InputError("x_arcsec, y_arcsec", (x_arcsec, y_arcsec), unit="arcsec", allowed=allowed)
     fit = fitter.climb(start)
     speckles = fitter.speckles(fit)
     flux = fit.flux or math.inf
@@ -279,11 +277,11 @@ def band_average(positions: Sequence[Astrometry]) -> SkyPosition:
         raise InputError("positions", len(positions), allowed="at least one fit that found a position")
     if any(not np.linalg.det(one.covariance_arcsec2) > 0 for one in used):
         raise InputError("positions", "without errors", allowed="positions with errors above 0")
-    weights = [np.linalg.inv(one.covariance_arcsec2) for one in used]
-    places = [np.array([one.east_arcsec, one.north_arcsec]) for one in used]
-    covariance = np.linalg.inv(sum(weights, np.zeros((2, 2))))
-    mean = covariance @ sum((w @ p for w, p in zip(weights, places, strict=True)), np.zeros(2))
-    chi2 = sum(float((p - mean) @ w @ (p - mean)) for w, p in zip(weights, places, strict=True))
+    weights = np.array([np.linalg.inv(one.covariance_arcsec2) for one in used])
+    places = np.array([[one.east_arcsec, one.north_arcsec] for one in used])
+    covariance = np.linalg.inv(weights.sum(axis=0))
+    mean = covariance @ np.einsum("pij,pj->i", weights, places)
+    chi2 = float(np.einsum("pi,pij,pj->", places - mean, weights, places - mean))
     return _described(mean, covariance, chi2, 2 * (len(used) - 1))
 
 

@@ -4,21 +4,30 @@ import base64
 import io
 import math
 from collections.abc import Iterator
-from typing import Any, TypeAlias
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import Status, announce
-from cpic_planner.results import AuditRecord, SearchRecord
+from cpic_planner.results import AuditRecord, CandidateRecord, SearchRecord
+from cpic_planner.validation.astrometry import Astrometry
 from cpic_planner.validation.detection import BlindSearch
-from cpic_planner.validation.findings import search_record
-from cpic_planner.validation.measure import MATCH_LAMBDA_D, Measurement, Subject, measure, positions_of, subjects_of
+from cpic_planner.validation.measure import (
+    MATCH_LAMBDA_D,
+    Measurement,
+    PlanetTemplate,
+    measure_planets,
+    obstacle,
+    planet_templates,
+    positions_of,
+)
 from cpic_planner.validation.modelling import Modelling, modelling_of
-from cpic_planner.validation.realise import FrameStory, Realised, Visits, realised_frames, visits_of
+from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, realise_frames, visit_pair
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
 from cpic_planner.validation.task import ConfirmTask
-from cpic_planner.validation.verdict import audit_of, confirmation_of, cut_off
+from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of, cut_off, not_shown
+from simulator.target import detector_to_sky
 
 AUDIT_REALISATION = 1_000_000
 """Number of the realisation that runs frame by frame: far from those of the sums."""
@@ -42,109 +51,103 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
     task = ConfirmTask(**tree)
     announce(f"images of {task.name} in {task.band}")
     modelling = modelling_of(task)
-    visits = visits_of(task, modelling=modelling)
+    visits = visit_pair(task, modelling=modelling)
     sums = modelling.draw == "sums" and visits.stackable.status is Status.OK
     if not sums:
         modelling = modelling_of(task, by_frames=True)
-    runs = _sums(task, visits) if sums else _by_frames(task, modelling)
-    subjects: tuple[Subject, ...] = ()
     every: list[list[Measurement | None]] = []
-    position: list[Any] = []
-    stories: list[FrameStory] = []
-    false, first, found_blind = 0, None, None
-    for at, realised, told in runs:
-        if first is None:
-            first, subjects = realised, subjects_of(at)
-            star, known = _star(at)
-            position = [None] * len(subjects)
-        measured, blind = measure(at, realised, subjects, star)
+    parts: list[FrameStatistics] = []
+    false, record = 0, None
+    for at, realisation, statistics in _drawn(task, modelling, visits if sums else None):
+        if not every:
+            first, geometry, planets, (star, known) = realisation, at.geometry, planet_templates(at), _star(at)
+            positions: list[Astrometry | None] = [None] * len(planets)
+        measured, blind = measure_planets(at, realisation, planets, star)
         every.append(measured)
         announce(f"images of {task.name} in {task.band}, {len(every)} of {task.realisations} realisations")
-        stories += [] if told is None else [told]
-        if blind is not None:
-            false += _false(blind, at)
-            found_blind = found_blind or _search(at, subjects, blind)
-            for index, subject in enumerate(subjects):
-                if position[index] is None and _seen(measured[index]):
-                    position[index] = positions_of(at, realised, blind, subject)
-    assert first is not None  # a task has at least one realisation
-    story = None if sums else _joined(stories)
-    audited = task.audit and sums and subjects
-    audits = _audits(task, modelling, subjects, star) if audited else [None] * len(subjects)
-    confirmations = []
-    for index, subject in enumerate(subjects):
-        measured_here = [measured[index] for measured in every]
-        if story is not None and any(item is None for item in measured_here):
-            confirmations.append(cut_off(task, modelling, index, story))
+        parts += [statistics] if statistics else []
+        if blind is None:
             continue
-        confirmations.append(
-            confirmation_of(
-                task,
-                modelling,
-                index,
-                [item for item in measured_here if item is not None],
-                star=None if known else star,
-                core=subject.core,
-                false_detections=false,
-                story=story,
-                position=position[index],
-                audit=audits[index],
-            )
-        )
-    if found_blind is not None:
-        found_blind = found_blind.model_copy(update={"realisations": len(every), "false_detections": false})
-    panels = {
-        "science": first.science_e,
-        "reference": first.reference_e,
-        "residual": np.where(first.reduced.region, first.reduced.image_e, np.nan),
-    }
+        false += _false(blind, at)
+        record = record or _search_record(blind, at, planets)
+        for index, (planet, item) in enumerate(zip(planets, measured, strict=True)):
+            if positions[index] is None and item is not None and item.found:
+                positions[index] = positions_of(at, realisation, blind, planet)
+    audited = task.audit and sums and planets
+    audits = _audits(task, modelling, planets, star) if audited else [None] * len(planets)
+    statistics = FrameStatistics.of(parts) if parts else None
+    seen = Evidence(task, modelling, None if known else star, false, statistics)
+    confirmations = []
+    for index, (planet, *runs) in enumerate(zip(planets, *every, strict=True)):
+        there = [item for item in runs if item is not None]
+        if len(there) == len(runs):
+            answer = confirmation_of(seen, index, there, planet.core, positions[index], audits[index])
+        else:
+            hidden = obstacle(planet, geometry)
+            answer = not_shown(seen, index, *hidden) if hidden else cut_off(seen, index)
+        confirmations.append(answer)
+    if record is not None:
+        record = record.model_copy(update={"realisations": len(every), "false_detections": false})
+    residual = np.where(first.reduced.region, first.reduced.image_e, np.nan)
+    panels = {"science": first.science_e, "reference": first.reference_e, "residual": residual}
     return {
         "confirmations": [item.model_dump(mode="json") for item in confirmations],
         "panels": encode_arrays({name: image.astype(np.float32) for name, image in panels.items()}),
-        "planet_offsets_arcsec": [list(subject.places_arcsec[0]) for subject in subjects],
-        "search": None if found_blind is None else found_blind.model_dump(mode="json"),
+        "planet_offsets_arcsec": [list(planet.places_arcsec[0]) for planet in planets],
+        "search": None if record is None else record.model_dump(mode="json"),
     }
 
 
-def _search(visits: Visits, subjects: tuple[Subject, ...], blind: BlindSearch) -> SearchRecord:
-    return search_record(
-        blind,
+def _search_record(blind: BlindSearch, visits: VisitPair, planets: tuple[PlanetTemplate, ...]) -> SearchRecord:
+    """A blind search for the record; the candidate nearest to a planet, within reach, bears its name."""
+    reach_arcsec = MATCH_LAMBDA_D * visits.geometry.lambda_d_arcsec
+    roll_deg, parity = visits.plan.science["roll_deg"], visits.instrument.detector.parity
+    names = [""] * len(blind.candidates)
+    for planet in planets:
+        x, y = planet.places_arcsec[0]
+        distance = [math.hypot(item.x_arcsec - x, item.y_arcsec - y) for item in blind.candidates]
+        if distance and min(distance) <= reach_arcsec:
+            names[int(np.argmin(distance))] = planet.name
+    records = []
+    for item, name in zip(blind.candidates, names, strict=True):
+        separation, pa_deg = detector_to_sky(item.x_arcsec, item.y_arcsec, roll_deg=roll_deg, parity=parity)
+        place = {"separation_arcsec": float(separation), "pa_deg": float(pa_deg) % 360.0}
+        records.append(CandidateRecord.of(item, snr=item.snr_mf, planet=name, **cast(Any, place)))
+    return SearchRecord.of(
         visits.task,
-        {subject.name: subject.places_arcsec[0] for subject in subjects},
-        reach_arcsec=MATCH_LAMBDA_D * visits.geometry.lambda_d_arcsec,
-        roll_deg=visits.plan.science["roll_deg"],
-        parity=visits.instrument.detector.parity,
+        false_detections=0,
+        resolution_elements=blind.region.n_elements,
+        sigma=visits.task.strategy["sigma"],
+        candidates=records,
     )
 
 
-_Run: TypeAlias = tuple[Visits, Realised, FrameStory | None]
-
-
-def _sums(task: ConfirmTask, visits: Visits) -> Iterator[_Run]:
-    """Every realisation from sums of frames."""
-    for number in range(task.realisations):
-        yield visits, visits.draw(number), None
-
-
-def _by_frames(task: ConfirmTask, modelling: Modelling) -> Iterator[_Run]:
-    """Realisations frame by frame, one in memory at a time."""
+def _drawn(
+    task: ConfirmTask, modelling: Modelling, sums: VisitPair | None
+) -> Iterator[tuple[VisitPair, Realisation, FrameStatistics | None]]:
+    """Every realisation from sums of frames; without them frame by frame, one in memory at a time."""
+    if sums is not None:
+        yield from ((sums, sums.draw(number), None) for number in range(task.realisations))
+        return
     for number in range(modelling.runs_by_frames(task.realisations)):
-        visits = visits_of(task, realisation=number, modelling=modelling)
-        yield visits, *realised_frames(visits)
+        visits = visit_pair(task, realisation=number, modelling=modelling)
+        yield visits, *realise_frames(visits)
 
 
 def _audits(
-    task: ConfirmTask, modelling: Modelling, subjects: tuple[Subject, ...], star: StarFlux
+    task: ConfirmTask, modelling: Modelling, planets: tuple[PlanetTemplate, ...], star: StarFlux
 ) -> list[AuditRecord | None]:
     """One realisation with every effect on, measured as the others are."""
-    visits = visits_of(task, full=True, realisation=AUDIT_REALISATION, modelling=modelling)
-    realised, story = realised_frames(visits)
-    measured, blind = measure(visits, realised, subjects, star)
+    visits = visit_pair(task, full=True, realisation=AUDIT_REALISATION, modelling=modelling)
+    realisation, statistics = realise_frames(visits)
+    measured, blind = measure_planets(visits, realisation, planets, star)
     false = 0 if blind is None else _false(blind, visits)
-    return [None if item is None else audit_of(task, index, item, story, false) for index, item in enumerate(measured)]
+    return [
+        None if item is None else audit_of(task, index, item, statistics, false) for index, item in enumerate(measured)
+    ]
 
 
-def _false(blind: BlindSearch, visits: Visits) -> int:
+def _false(blind: BlindSearch, visits: VisitPair) -> int:
     """Detections where the scene has no planet and no star."""
     reach = MATCH_LAMBDA_D * visits.geometry.lambda_d_arcsec
     sources = visits.science.truth.sources[1:]
@@ -154,35 +157,15 @@ def _false(blind: BlindSearch, visits: Visits) -> int:
     )
 
 
-def _seen(item: Measurement | None) -> bool:
-    return item is not None and item.found
-
-
-def _joined(stories: list[FrameStory]) -> FrameStory:
-    return FrameStory(
-        lost_in=sum(story.lost_in for story in stories),
-        lost_outside=sum(story.lost_outside for story in stories),
-        rejected_fraction=float(np.mean([story.rejected_fraction for story in stories])),
-        hits=sum(story.hits for story in stories),
-    )
-
-
-def _star(visits: Visits) -> tuple[StarFlux, bool]:
+def _star(visits: VisitPair) -> tuple[StarFlux, bool]:
     """Rate of the star from a series off the mask; where even its shortest exposure saturates, that of the scene."""
-    task = visits.task
-    series = observe_off_mask(
-        visits.plan.science_scene,
-        task.band,
-        instrument=visits.instrument,
-        seed=task.seed,
-        fidelity=visits.modelling.knobs,
-    )
+    scene, task, knobs = visits.plan.science_scene, visits.task, visits.modelling.knobs
+    series = observe_off_mask(scene, task.band, instrument=visits.instrument, seed=task.seed, fidelity=knobs)
     if series.value is not None:
         measured = star_flux_off_mask(series.value)
         if measured.value is not None:
             return measured.value, False
-    rate = visits.science.truth.sources[0].rate_e_s
-    return StarFlux(rate, 0.0, "off_mask", rate, 1.0, 1.0), True
+    return StarFlux.known(visits.science.truth.sources[0].rate_e_s), True
 
 
 def encode_arrays(arrays: dict[str, NDArray[Any]]) -> str:

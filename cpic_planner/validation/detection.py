@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpic_core import FloatArray, InputError, Outcome, Reason, Status
-from cpic_planner.validation.apertures import checked_image
+from cpic_planner.validation.apertures import check_positive, checked_image
 from cpic_planner.validation.noise_law import snr_at
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.search import MAX_SIGMA, SearchedRegion, false_alarms, search_threshold
 from cpic_planner.validation.search_field import REPORTED_SIGMA, Peak, SearchField
 from cpic_planner.validation.speckle_maps import SpeckleMaps
-from simulator.imaging import ExternalPsf, Psf
+from simulator.imaging import AnyPsf
 
 _CLEANED_SIGMA = 5.0  # sources that are taken out before others are looked for
 _MAX_CLEANED = 10
@@ -108,10 +108,25 @@ class BlindSearch:
         """Candidates above their threshold."""
         return tuple(candidate for candidate in self.candidates if candidate.detected)
 
+    def near(self, x_arcsec: float, y_arcsec: float, reach_arcsec: float) -> list[Candidate]:
+        """Candidates within reach of a place.
+
+        Parameters
+        ----------
+        x_arcsec, y_arcsec : float
+            Offsets from the star on the detector.
+        reach_arcsec : float
+        """
+        return [
+            one
+            for one in self.candidates
+            if math.hypot(one.x_arcsec - x_arcsec, one.y_arcsec - y_arcsec) <= reach_arcsec
+        ]
+
 
 def search(
     stack: ReducedStack,
-    psf: Psf | ExternalPsf,
+    psf: AnyPsf,
     maps: SpeckleMaps,
     *,
     star_rate_e_s: float,
@@ -156,8 +171,7 @@ def search(
     as an equivalent Gaussian field it has the threshold of `search_threshold`. Up to ten sources beyond 5 sigma are
     subtracted, brightest first, before others are looked for. ``sep`` finds the peaks of the matched-filtered image.
     """
-    if not (math.isfinite(star_rate_e_s) and star_rate_e_s > 0):
-        raise InputError("star_rate_e_s", star_rate_e_s, unit="e-/s", allowed="finite and above 0")
+    check_positive("star_rate_e_s", star_rate_e_s, "e-/s")
     if not REPORTED_SIGMA <= sigma <= MAX_SIGMA:
         raise InputError("sigma", sigma, unit="sigma", allowed=f"{REPORTED_SIGMA:g} to {MAX_SIGMA:g}")
     image = checked_image(stack.image_e)
@@ -165,12 +179,8 @@ def search(
         raise InputError("maps", maps.linear.shape, unit="px", allowed=f"maps of {image.shape}")
     field = SearchField(stack, psf, maps, star_rate_e_s * stack.integration_s, known)
     if field.samples < _LEAST_SAMPLES:
-        threshold: Outcome[float] = Outcome.refuse(
-            Status.UNREACHABLE,
-            Reason.TOO_FEW_ELEMENTS,
-            f"{field.samples:.3g} independent samples of noise: too few to know the noise",
-            unit="sigma",
-        )
+        text = f"{field.samples:.3g} independent samples of noise: too few to know the noise"
+        threshold: Outcome[float] = Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
         zero = np.zeros(image.shape)
         return BlindSearch((), threshold, sigma, per_search, field.size, 0.0, 1.0, 0.0, 0.0, zero, zero)
     peaks: list[Peak] = []
@@ -184,50 +194,30 @@ def search(
         peaks.append(found[0])
         image = image - field.source(found[0])
         field.exclude(found[0].x_pixel, found[0].y_pixel)
-    peaks = [field.rejudged(peak, state) for peak in peaks]
+    peaks = [field.with_final_noise(peak, state) for peak in peaks]
     peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
-    scale, centre = psf.geometry.pixel_scale_arcsec, len(image) // 2
     needed = snr_at(level.unwrap(), [peak.laplace for peak in peaks], [peak.dof for peak in peaks]) if peaks else ()
     candidates = [
-        _candidate(peak, centre, scale, level.unwrap(), float(one), field.size, state.roughness)
-        for peak, one in zip(peaks, needed, strict=True)
+        _candidate(peak, field.offset_arcsec(peak), level.unwrap(), float(snr), field.size, state.roughness)
+        for peak, snr in zip(peaks, needed, strict=True)
     ]
-    return BlindSearch(
-        candidates=tuple(sorted(candidates, key=lambda one: -one.snr_mf)),
-        threshold=level,
-        sigma=sigma,
-        per_search=per_search,
-        region=field.size,
-        roughness=state.roughness,
-        white_level=math.exp(state.fit.logs[0]),
-        drift_nm=maps.visit_nm * math.exp(0.5 * state.fit.logs[1]) if maps.n_visits else 0.0,
-        dof=float(np.median(field.dof(state.fit))),
-        sigma_e=field.unfold(state.sigma_e),
-        snr_map=field.unfold(state.snr),
-    )
+    found_here = tuple(sorted(candidates, key=lambda one: -one.snr_mf))
+    white_level, dof = math.exp(state.fit.logs[0]), float(np.median(field.dof(state.fit)))
+    drift_nm = maps.visit_nm * math.exp(0.5 * state.fit.logs[1]) if maps.n_visits else 0.0
+    noise = (state.roughness, white_level, drift_nm, dof)
+    sigma_e, snr_map = field.unfold(state.sigma_e), field.unfold(state.snr)
+    return BlindSearch(found_here, level, sigma, per_search, field.size, *noise, sigma_e, snr_map)
 
 
 def _candidate(
     peak: Peak,
-    centre: int,
-    pixel_scale_arcsec: float,
+    offset_arcsec: tuple[float, float],
     level: float,
     threshold: float,
     region: SearchedRegion,
     roughness: float,
 ) -> Candidate:
-    x, y = ((place - centre) * pixel_scale_arcsec for place in (peak.x_pixel, peak.y_pixel))
-    expected = float(false_alarms(max(peak.significance, 1.0), region, roughness, math.inf))
-    return Candidate(
-        x_arcsec=x,
-        y_arcsec=y,
-        x_pixel=peak.x_pixel,
-        y_pixel=peak.y_pixel,
-        separation_arcsec=math.hypot(x, y),
-        snr_mf=peak.snr,
-        significance=peak.significance,
-        threshold=threshold,
-        flux_e=peak.flux_e,
-        false_alarms=expected,
-        detected=peak.significance >= level,
-    )
+    place = (*offset_arcsec, peak.x_pixel, peak.y_pixel, math.hypot(*offset_arcsec))
+    expected = float(false_alarms(max(peak.significance, 1.0), region, roughness))
+    detected = peak.significance >= level
+    return Candidate(*place, peak.snr, peak.significance, threshold, peak.flux_e, expected, detected)

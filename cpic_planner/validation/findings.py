@@ -4,7 +4,7 @@ What several bands of a scene say together: positions and albedos of its planets
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,14 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cpic_core import InputError
-from cpic_planner.results import AlbedoRecord, BandConfirmation, CandidateRecord, PositionRecord, SearchRecord
+from cpic_planner.results import AlbedoRecord, BandConfirmation, PositionRecord
 from cpic_planner.validation.albedo_fit import AlbedoFit, fit_albedo
 from cpic_planner.validation.albedo_model import AlbedoModel, planet_albedo_model
-from cpic_planner.validation.detection import BlindSearch
-from cpic_planner.validation.task import ConfirmTask
 from simulator.config import Instrument, Scene, place
 from simulator.passbands import Passbands
-from simulator.target import LitPlanet, detector_to_sky, spectrum_generator
+from simulator.target import LitPlanet, spectrum_generator
 
 PREDICTION_ERROR = 0.05
 """Relative accuracy of a predicted SNR at one place: the residual speckles of one instrument are a few per cent
@@ -57,9 +55,9 @@ class Calibration:
         if self.ratio < MIN_SNR * self.error:
             return f"the planets are missed: recovered / predicted SNR {self.ratio:.2f} +- {self.error:.2f} {counted}"
         factor, error = optimism(self.ratio, self.error)
-        if standing(self.ratio, self.error) == "agrees":
-            return f"the ETC agrees with the images: predicted / recovered SNR {factor:.2f} +- {error:.2f} {counted}"
         word = standing(self.ratio, self.error)
+        if word == "agrees":
+            return f"the ETC agrees with the images: predicted / recovered SNR {factor:.2f} +- {error:.2f} {counted}"
         return f"the ETC is {word} by {factor:.2f} +- {error:.2f} (predicted / recovered SNR) {counted}"
 
 
@@ -169,50 +167,6 @@ def calibrate(bands: Sequence[BandConfirmation]) -> Calibration:
     return Calibration(ratio, error, len(used))
 
 
-def search_record(
-    blind: BlindSearch,
-    task: ConfirmTask,
-    planets: Mapping[str, tuple[float, float]],
-    *,
-    reach_arcsec: float,
-    roll_deg: float,
-    parity: int,
-) -> SearchRecord:
-    """A blind search for the record.
-
-    Parameters
-    ----------
-    blind : BlindSearch
-        Of the first realisation.
-    task : ConfirmTask
-    planets : mapping of str to (x_arcsec, y_arcsec)
-        Where planets really are; the nearest candidate within ``reach_arcsec`` bears the name.
-    reach_arcsec : float
-    roll_deg, parity
-        Of the detector.
-    """
-    names = [""] * len(blind.candidates)
-    for name, (x, y) in planets.items():
-        distance = [math.hypot(item.x_arcsec - x, item.y_arcsec - y) for item in blind.candidates]
-        if distance and min(distance) <= reach_arcsec:
-            names[int(np.argmin(distance))] = name
-    records = []
-    for item, name in zip(blind.candidates, names, strict=True):
-        separation, pa_deg = detector_to_sky(item.x_arcsec, item.y_arcsec, roll_deg=roll_deg, parity=parity)
-        records.append(
-            CandidateRecord.of(
-                item, separation_arcsec=float(separation), pa_deg=float(pa_deg) % 360.0, snr=item.snr_mf, planet=name
-            )
-        )
-    return SearchRecord.of(
-        task,
-        false_detections=0,
-        resolution_elements=blind.region.n_elements,
-        sigma=task.strategy["sigma"],
-        candidates=records,
-    )
-
-
 def position_records(scene: Scene, bands: Sequence[BandConfirmation]) -> list[PositionRecord]:
     """Positions of planets, mean of the bands that show them, weighted by their errors along and across.
 
@@ -231,18 +185,17 @@ def position_records(scene: Scene, bands: Sequence[BandConfirmation]) -> list[Po
         radial = _mean([(band.found_separation_arcsec, band.found_separation_error_arcsec) for band in seen])
         turned = [((band.found_pa_deg or 0.0) - truth.pa_deg + 180.0) % 360.0 - 180.0 for band in seen]
         angular = _mean([(turn, band.found_pa_error_deg) for turn, band in zip(turned, seen, strict=True)])
-        records.append(
-            PositionRecord(
-                planet=planet.name,
-                bands=[band.band for band in seen],
-                separation_arcsec=radial[0],
-                separation_error_arcsec=radial[1],
-                pa_deg=(truth.pa_deg + angular[0]) % 360.0,
-                pa_error_deg=angular[1],
-                true_separation_arcsec=truth.separation_arcsec,
-                true_pa_deg=truth.pa_deg % 360.0,
-            )
+        record = PositionRecord(
+            planet=planet.name,
+            bands=[band.band for band in seen],
+            separation_arcsec=radial[0],
+            separation_error_arcsec=radial[1],
+            pa_deg=(truth.pa_deg + angular[0]) % 360.0,
+            pa_error_deg=angular[1],
+            true_separation_arcsec=truth.separation_arcsec,
+            true_pa_deg=truth.pa_deg % 360.0,
         )
+        records.append(record)
     return records
 
 

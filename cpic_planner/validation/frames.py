@@ -15,29 +15,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import BoolArray, FloatArray, InputError, numeric_context
-from cpic_planner.validation.noise_law import limit_of_mean
-from cpic_planner.validation.reduced import FrameLevel, frame_level
-from simulator.camera import (
-    CalibrationSet,
-    FrameNoise,
-    MaskBit,
-    bias_level_adu,
-    load_calibration_set,
-    pixel_variance_e2,
-)
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, numeric_context
+from cpic_planner.validation.noise_law import PixelLaw
+from cpic_planner.validation.reduced import frame_level
+from simulator import detectors
+from simulator.camera import FrameNoise, MaskBit, bias_level_adu, load_calibration_set, pixel_variance_e2
 from simulator.config import Detector
-from simulator.detectors import (
-    Exposure,
-    ParallelTransfer,
-    Place,
-    RegisterClockCharge,
-    SerialTransfer,
-    output_curve,
-    pixel_curve,
-)
 from simulator.observing import MAX_STACK_BYTES, Observation
 
 # A tail of this chance that is cut off lowers a mean by less than 1e-3 of the noise of a frame. The curves of the
@@ -78,7 +63,7 @@ class CalibratedFrames:
     usable: BoolArray
     pedestal_e: FloatArray
     response: FloatArray
-    n_lost: npt.NDArray[np.int64]
+    n_lost: IntArray
     lost_in: int
     lost_outside: int
     n_frames: int
@@ -91,7 +76,7 @@ class CalibratedFrames:
         """Gaussian noise of a pixel and frame referred to the register input: read noise and rounding."""
         return _gaussian_e(self.detector, self.em_gain)
 
-    def variance_e2(self, light_e: npt.ArrayLike) -> FloatArray:
+    def variance_e2(self, light_e: ArrayLike) -> FloatArray:
         """Variance of ``electrons`` of one frame where its mean is ``light_e`` (y, x); see `pixel_variance_e2`."""
         counts = np.maximum(np.asarray(light_e, dtype=np.float64), 0.0) * self.response + self.pedestal_e
         return pixel_variance_e2(counts, 0.0, self.em_gain, self.detector) / self.response**2
@@ -99,11 +84,7 @@ class CalibratedFrames:
 
 @numeric_context()
 def calibrated_frames(
-    observation: Observation,
-    *,
-    level_pixels: npt.ArrayLike | None = None,
-    keep_hot: bool = False,
-    cropped: bool = False,
+    observation: Observation, *, level_pixels: ArrayLike | None = None, keep_hot: bool = False, cropped: bool = False
 ) -> CalibratedFrames:
     """Draw the frames of an observation and calibrate them.
 
@@ -143,10 +124,9 @@ def calibrated_frames(
     rows, columns = np.empty(observation.shape, dtype=np.bool_)[place].shape
     if 8 * observation.n_frames * rows * columns > MAX_STACK_BYTES:
         raise InputError("n_frames", observation.n_frames, allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once")
-    steps = _Steps.of(observation, level_pixels)
-    forbidden = MaskBit.BAD if keep_hot else MaskBit.BAD | MaskBit.HOT
-    good = (steps.flaws & np.uint8(forbidden)) == 0
-    hole = _hole(observation)
+    steps = _Steps(observation, level_pixels)
+    good = (steps.flaws & np.uint8(MaskBit.BAD if keep_hot else MaskBit.BAD | MaskBit.HOT)) == 0
+    hole = observation.psf.geometry.zone.covers(observation.area.rows, observation.area.columns)
     electrons = np.empty((observation.n_frames, rows, columns))
     usable = np.empty(electrons.shape, dtype=np.bool_)
     n_lost = np.zeros(observation.shape, dtype=np.int64)
@@ -174,7 +154,7 @@ def calibrated_frames(
     )
 
 
-def transferred(image_e: npt.ArrayLike, detector: Detector, first_pixel: tuple[int, int] | None) -> FloatArray:
+def transferred(image_e: ArrayLike, detector: Detector, first_pixel: tuple[int, int] | None) -> FloatArray:
     """Mean image after the transfers to the output, as calibrated frames show it.
 
     Parameters
@@ -196,67 +176,45 @@ def transferred(image_e: npt.ArrayLike, detector: Detector, first_pixel: tuple[i
     image = np.array(image_e, dtype=np.float64)
     row, column = (0, 0) if first_pixel is None else first_pixel
     everything = slice(0, image.shape[0]), slice(0, image.shape[1])
-    place = Place(*everything, row, column, first_pixel is None)
-    exposure = Exposure(detector, place, 0.0, 1.0, image)
-    for effect in (ParallelTransfer(), SerialTransfer()):
+    place = detectors.Place(*everything, row, column, first_pixel is None)
+    exposure = detectors.Exposure(detector, place, 0.0, 1.0, image)
+    for effect in (detectors.ParallelTransfer(), detectors.SerialTransfer()):
         if effect.on(detector):
             effect.expect(image, exposure)
     return image
 
 
-@dataclass(frozen=True, eq=False)
 class _Steps:
     """Everything that turns the raw numbers of a sequence into light."""
 
-    bias_adu: FloatArray
-    level: FrameLevel | None
-    k_e_adu: float
-    em_gain: float
-    output_b: float
-    pixel_b: float
-    square_e: float
-    cic_e: FloatArray
-    dark_e: FloatArray
-    smear: float
-    beyond_e: FloatArray | float
-    response: FloatArray
-    flaws: npt.NDArray[np.uint8]
-
-    @classmethod
-    def of(cls, observation: Observation, level_pixels: npt.ArrayLike | None) -> _Steps:
-        detector, gain = observation.instrument.detector, observation.em_gain
+    def __init__(self, observation: Observation, level_pixels: ArrayLike | None) -> None:
+        detector, gain, exposure_s = observation.instrument.detector, observation.em_gain, observation.exposure_s
         switches = detector.switches
-        maps = _window(observation, detector)
+        maps = load_calibration_set(detector)
+        if observation.first_pixel is not None:
+            (row, column), (rows, columns) = observation.first_pixel, observation.shape
+            maps = maps.window(slice(row, row + rows), slice(column, column + columns))
+        self.k_e_adu, self.em_gain = detector.gain_e_adu, gain
         bias = np.full(observation.shape, detector.bias_adu) if maps.bias_adu is None else maps.bias_adu
-        if switches.stripes:
-            bias = bias + maps.stripe_adu
+        self.bias_adu: FloatArray = bias + maps.stripe_adu if switches.stripes else bias
         cic = maps.cic_e if switches.clock_charge else np.zeros(observation.shape)
         if switches.register_clock_charge:
-            cic = cic + RegisterClockCharge.mean_output_e(detector, gain) / gain
-        cic = cic + FrameNoise.of(detector, gain, observation.exposure_s).rest_e
-        dark = transferred(maps.dark_of(switches) * observation.exposure_s, detector, observation.first_pixel)
+            cic = cic + detectors.RegisterClockCharge.mean_output_e(detector, gain) / gain
+        self.cic_e = cic + FrameNoise.of(detector, gain, exposure_s).rest_e
+        self.dark_e = transferred(maps.dark_of(switches) * exposure_s, detector, observation.first_pixel)
         response, flaws = maps.response_of(switches), maps.mask_of(switches)
-        output_b = pixel_b = 0.0
+        self.level = frame_level(observation, level_pixels, flaws=flaws, mean_e=self.dark_e + self.cic_e)
+        self.response = np.where(response > 0, response, 1.0)
+        self.flaws = np.where(response > 0, flaws, flaws | np.uint8(MaskBit.BAD))
+        self.output_b = self.pixel_b = 0.0
         if switches.nonlinearity:
-            output_b, pixel_b = output_curve(detector), pixel_curve(detector)
-        smeared, outside = switches.smear and observation.exposure_s > 0, observation.light.beyond_e_s
-        return cls(
-            bias_adu=bias,
-            level=frame_level(observation, level_pixels, flaws=flaws, mean_e=dark + cic),
-            k_e_adu=detector.gain_e_adu,
-            em_gain=gain,
-            output_b=output_b,
-            pixel_b=pixel_b,
-            square_e=(output_b * gain + pixel_b) * _gaussian_e(detector, gain) ** 2,
-            cic_e=cic,
-            dark_e=dark,
-            smear=detector.transfer.line_shift_s / observation.exposure_s if smeared else 0.0,
-            beyond_e=0.0 if outside is None or not smeared else detector.transfer.line_shift_s * outside,
-            response=np.where(response > 0, response, 1.0),
-            flaws=np.where(response > 0, flaws, flaws | np.uint8(MaskBit.BAD)),
-        )
+            self.output_b, self.pixel_b = detectors.output_curve(detector), detectors.pixel_curve(detector)
+        self.square_e = (self.output_b * gain + self.pixel_b) * _gaussian_e(detector, gain) ** 2
+        smeared, beyond_e_s = switches.smear and exposure_s > 0, observation.light.beyond_e_s
+        self.smear = detector.transfer.line_shift_s / exposure_s if smeared else 0.0
+        self.beyond_e = 0.0 if beyond_e_s is None or not smeared else detector.transfer.line_shift_s * beyond_e_s
 
-    def light_e(self, adu: npt.NDArray[np.uint16], usable: BoolArray) -> FloatArray:
+    def light_e(self, adu: NDArray[np.uint16], usable: BoolArray) -> FloatArray:
         """Electrons of light in one frame, 0 in bad pixels; without a level nothing in the frame stays usable."""
         image = adu - self.bias_adu
         if self.level is not None:
@@ -294,22 +252,8 @@ def _at_limit(electrons: FloatArray, usable: BoolArray, pedestal: FloatArray, ob
     room = (detector.adc_max_adu - bias_level_adu(detector)) * detector.gain_e_adu
     limit = min(detector.full_well_e, detector.register_full_well_e / gain, room / gain)
     mean = np.einsum("nyx,nyx->yx", electrons, usable) / np.maximum(np.count_nonzero(usable, axis=0), 1)
-    reached = limit_of_mean(
-        np.maximum(mean + pedestal, 0.0),
-        em_gain=gain,
-        stages=detector.register_stages,
-        sigma_e=_gaussian_e(detector, gain),
-        false_alarm=_LIMIT_CHANCE,
-    )
-    return reached > limit * _LIMIT_SHARE
-
-
-def _window(observation: Observation, detector: Detector) -> CalibrationSet:
-    whole = load_calibration_set(detector)
-    if observation.first_pixel is None:
-        return whole
-    (row, column), (rows, columns) = observation.first_pixel, observation.shape
-    return whole.window(slice(row, row + rows), slice(column, column + columns))
+    law = PixelLaw(gain, detector.register_stages, _gaussian_e(detector, gain), _LIMIT_CHANCE)
+    return law.limit_of_mean(np.maximum(mean + pedestal, 0.0)) > limit * _LIMIT_SHARE
 
 
 def _stamp(observation: Observation) -> tuple[slice, slice]:
@@ -317,16 +261,6 @@ def _stamp(observation: Observation) -> tuple[slice, slice]:
     side = observation.psf.on_axis.shape[0]
     rows, columns, _ = observation.area.stamp(side)
     if (rows.stop - rows.start, columns.stop - columns.start) != (side, side):
-        raise InputError(
-            "detector.star_row",
-            observation.area.centre,
-            unit="px",
-            allowed=f"a stamp of {side} pixels around the mask on the detector",
-        )
+        allowed = f"a stamp of {side} pixels around the mask on the detector"
+        raise InputError("detector.star_row", observation.area.centre, unit="px", allowed=allowed)
     return rows, columns
-
-
-def _hole(observation: Observation) -> BoolArray:
-    """The dark hole on the pixels of the observation."""
-    area = observation.area
-    return observation.psf.geometry.zone.covers(area.rows, area.columns)

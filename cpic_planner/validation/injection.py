@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, stream
+from cpic_core import FloatArray, InputError, IntArray, stream
+from cpic_planner.validation.apertures import require
 from cpic_planner.validation.detection import BlindSearch, Candidate, search
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.speckle_maps import SpeckleMaps
 from simulator.detectors import excess_noise_factor2
-from simulator.imaging import ExternalPsf, Psf
+from simulator.imaging import AnyPsf
 
 _MATCH_LAMBDA_D = 1.0
 _RING_PIXELS = 0.7
@@ -38,7 +39,7 @@ class CompletenessMap:
 
     separation_arcsec: FloatArray
     contrast: FloatArray
-    n_recovered: npt.NDArray[np.int64]
+    n_recovered: IntArray
     n_injected: int
     sigma: float
 
@@ -50,10 +51,7 @@ class CompletenessMap:
     @property
     def error(self) -> FloatArray:
         """Standard deviation of the fraction, from its posterior under a uniform prior; never 0. Shape (s, c)."""
-        hits = self.n_recovered + 1.0
-        misses = self.n_injected - self.n_recovered + 1.0
-        total = hits + misses
-        return np.sqrt(hits * misses / (total**2 * (total + 1.0)))
+        return fraction_error(self.n_recovered, self.n_injected)
 
     def contrast_at(self, fraction: float = 0.5) -> FloatArray:
         """Contrast that is recovered that often, one per separation: a logistic curve in the logarithm of the contrast.
@@ -72,9 +70,23 @@ class CompletenessMap:
         return found
 
 
+def fraction_error(hits: IntArray, trials: int) -> FloatArray:
+    """Standard deviation of a fraction of trials, from its posterior under a uniform prior; never 0.
+
+    Parameters
+    ----------
+    hits : ndarray of int
+        Trials that succeeded.
+    trials : int
+        All of them.
+    """
+    more, total = hits + 1.0, trials + 2.0
+    return np.sqrt(more * (total - more) / (total**2 * (total + 1.0)))
+
+
 def inject(
     stack: ReducedStack,
-    psf: Psf | ExternalPsf,
+    psf: AnyPsf,
     x_arcsec: float,
     y_arcsec: float,
     total_e: float,
@@ -117,26 +129,23 @@ def recovered(found: BlindSearch, x_arcsec: float, y_arcsec: float, lambda_d_arc
     Parameters
     ----------
     found : BlindSearch
-    x_arcsec : float
-        Offset from the star on the detector along x, arcsec.
-    y_arcsec : float
-        Offset from the star on the detector along y, arcsec.
+    x_arcsec, y_arcsec : float
+        Offsets from the star on the detector.
     lambda_d_arcsec : float
         lambda/D at band centre, arcsec.
     """
-    reach = _MATCH_LAMBDA_D * lambda_d_arcsec
-    near = [one for one in found.candidates if math.hypot(one.x_arcsec - x_arcsec, one.y_arcsec - y_arcsec) <= reach]
+    near = found.near(x_arcsec, y_arcsec, _MATCH_LAMBDA_D * lambda_d_arcsec)
     return max(near, key=lambda one: one.significance, default=None)
 
 
 def completeness_map(
     stacks: Sequence[ReducedStack],
-    psf: Psf | ExternalPsf,
+    psf: AnyPsf,
     maps: SpeckleMaps,
     *,
     star_rate_e_s: float,
-    separations_arcsec: npt.ArrayLike,
-    contrasts: npt.ArrayLike,
+    separations_arcsec: ArrayLike,
+    contrasts: ArrayLike,
     sigma: float = 5.0,
     seed: int = 0,
 ) -> CompletenessMap:
@@ -174,8 +183,7 @@ def completeness_map(
             rng = stream(seed, "injection", visit, row)
             x, y = draw_place(stack, float(place), geometry.pixel_scale_arcsec, rng)
             for column, ratio in enumerate(ratios):
-                total_e = ratio * star_rate_e_s * stack.integration_s
-                planet = inject(stack, psf, x, y, total_e, rng)
+                planet = inject(stack, psf, x, y, ratio * star_rate_e_s * stack.integration_s, rng)
                 found = search(planet, psf, maps, star_rate_e_s=star_rate_e_s, sigma=sigma)
                 best = recovered(found, x, y, geometry.lambda_d_arcsec)
                 hits[row, column] += best is not None and best.detected
@@ -200,8 +208,7 @@ def draw_place(
     y, x = (np.asarray(part, float) - len(stack.region) // 2 for part in np.nonzero(stack.region))
     radius = separation_arcsec / pixel_scale_arcsec
     ring = np.flatnonzero(np.abs(np.hypot(x, y) - radius) <= _RING_PIXELS)
-    if not ring.size:
-        raise InputError("separations_arcsec", separation_arcsec, unit="arcsec", allowed="circles that cross the hole")
+    require("separations_arcsec", separation_arcsec, ring.size > 0, "arcsec", "circles that cross the hole")
     chosen = int(rng.choice(ring))
     angle = math.atan2(y[chosen], x[chosen])
     return separation_arcsec * math.cos(angle), separation_arcsec * math.sin(angle)

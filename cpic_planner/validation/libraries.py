@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TypedDict
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from cpic_core import FloatArray, InputError, check_finite, check_number, check_whole, numeric_context
 from cpic_planner.queries import Strategy
@@ -80,25 +80,16 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, roll_deg: f
     count = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
     middle = check_number("roll_deg", roll_deg, "deg")
     library, rolls = strategy.reference_library, strategy.rolls_deg
-    references = max(round(count * strategy.reference_ratio), 1)
-    return LibraryPlan(
-        name=library.name,
-        science_scene=scene,
-        reference_scene=library.reference_scene(strategy, scene),
-        science={"role": "science", "roll_deg": middle + rolls[0], "n_frames": count},
-        reference={
-            "role": "science" if library.noise_free else "reference",
-            "roll_deg": middle + rolls[-1],
-            "n_frames": count if library.noise_free else references,
-        },
-        shows_planet=len(rolls) > 1,
-        noise_free=library.noise_free,
-        flags=library.flags,
-    )
+    role: Role = "science" if library.noise_free else "reference"
+    references = count if library.noise_free else max(round(count * strategy.reference_ratio), 1)
+    science: VisitSettings = {"role": "science", "roll_deg": middle + rolls[0], "n_frames": count}
+    reference: VisitSettings = {"role": role, "roll_deg": middle + rolls[-1], "n_frames": references}
+    scenes, shows_planet = (scene, library.reference_scene(strategy, scene)), len(rolls) > 1
+    return LibraryPlan(library.name, *scenes, science, reference, shows_planet, library.noise_free, library.flags)
 
 
 @numeric_context()
-def scale_library(reference_e: npt.ArrayLike, scale: float, *, pedestal_e: npt.ArrayLike = 0.0) -> FloatArray:
+def scale_library(reference_e: ArrayLike, scale: float, *, pedestal_e: ArrayLike = 0.0) -> FloatArray:
     """Frames of a reference star as bright as those of the science star.
 
     Parameters
@@ -133,12 +124,10 @@ def scale_library(reference_e: npt.ArrayLike, scale: float, *, pedestal_e: npt.A
     if not factor > 0:
         raise InputError("scale", scale, allowed="above 0")
     pedestal = check_finite("pedestal_e", pedestal_e, "e-")
-    if pedestal.ndim > 2 or any(
-        a not in (1, b) for a, b in zip(pedestal.shape[::-1], frames.shape[::-1], strict=False)
-    ):
-        raise InputError(
-            "pedestal_e", pedestal.shape, unit="px", allowed=f"one number, or a map of {frames.shape[-2:]}"
-        )
+    sides = zip(pedestal.shape[::-1], frames.shape[::-1], strict=False)
+    if pedestal.ndim > 2 or any(one not in (1, other) for one, other in sides):
+        allowed = f"one number, or a map of {frames.shape[-2:]}"
+        raise InputError("pedestal_e", pedestal.shape, unit="px", allowed=allowed)
     with np.errstate(over="ignore"):
         scaled: FloatArray = (frames - pedestal) * factor + pedestal
     if np.isinf(scaled).any():
@@ -154,9 +143,7 @@ class HaloScale:
     error: float
 
 
-def halo_scale(
-    science_e: npt.ArrayLike, reference_e: npt.ArrayLike, *, region: npt.ArrayLike | None = None
-) -> HaloScale:
+def halo_scale(science_e: ArrayLike, reference_e: ArrayLike, *, region: ArrayLike | None = None) -> HaloScale:
     """Measure the brightness of the science star over that of the reference star on their halos.
 
     Parameters
@@ -188,9 +175,8 @@ def halo_scale(
     """
     science, reference = checked_frames("science_e", science_e), checked_frames("reference_e", reference_e)
     if reference.ndim != 3 or len(reference) < 2 or reference.shape[-2:] != science.shape[-2:]:
-        raise InputError(
-            "reference_e", reference.shape, unit="px", allowed=f"at least two frames of {science.shape[-2:]}"
-        )
+        allowed = f"at least two frames of {science.shape[-2:]}"
+        raise InputError("reference_e", reference.shape, unit="px", allowed=allowed)
     pixels = checked_region("region", region, science.shape[-2:])
     star = region_rows("science_e", science, pixels).mean(axis=0)
     frames = region_rows("reference_e", reference, pixels)

@@ -95,17 +95,8 @@ def _stamp_s(knobs: Knobs) -> float:
 # Not for the ledger to decide: the noise and the limits that images are made to measure, which save next to nothing,
 # and the pixels, which are those around the hole, or all for the reference.
 _GIVEN = (
-    "hole_region",
-    "photon_noise",
-    "em_register",
-    "read_noise",
-    "dark",
-    "clock_charge",
-    "register_clock_charge",
-    "blooming",
-    "register_full_well",
-    "sky",
-    "smear",
+    *("hole_region", "photon_noise", "em_register", "read_noise", "dark", "clock_charge", "register_clock_charge"),
+    *("blooming", "register_full_well", "sky", "smear"),
 )
 # Whether they are reached the images themselves decide, pixel by pixel
 # (`simulator.observing.hole_stack.hole_stackable`); where they are, every frame is drawn.
@@ -135,13 +126,11 @@ class Modelling(Choice):
 
     def scene(self, scene: Scene) -> Scene:
         """The sources that are modelled."""
-        if not self.left_out:
-            return scene
         kept = {
             kind: tuple(body for body in getattr(scene, kind) if body.name not in self.left_out)
             for kind in ("planets", "stars", "extended")
         }
-        return scene.model_copy(update=kept)
+        return scene.model_copy(update=kept) if self.left_out else scene
 
     def whole(self) -> Modelling:
         """Every frame with every effect, by the same knobs."""
@@ -159,14 +148,11 @@ class Modelling(Choice):
 
 def modelling_record(choice: Choice, **given: Any) -> ModellingRecord:
     """Return a choice of the ledger as results hold it, with the fields that it does not have, or has otherwise."""
-    errors = {name: _bound(value) for name, value in choice.predicted_error.items()}
+    sizes = choice.predicted_error
+    # A size that is no bound is none.
+    errors = {key: None if size is None or not math.isfinite(size) else float(size) for key, size in sizes.items()}
     effects = [EffectRecord.of(row) for row in choice.rows]
     return ModellingRecord.of(choice, predicted_error=errors, effects=effects, **given)
-
-
-def _bound(value: float | None) -> float | None:
-    """A size as a plain number; None where it is no bound."""
-    return None if value is None or not math.isfinite(value) else float(value)
 
 
 def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
@@ -193,27 +179,17 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
         shown, measured = _with_planet(shown, instrument, task.band)
     whole = all(value == 0 for value in dial.tolerance.values())
     limits = [name for name in _LIMITS if getattr(instrument.detector.switches, name)]
-    sizes = forecast(
-        shown,
-        instrument,
-        band=task.band,
-        exposure_s=task.exposure_s,
-        n_frames=task.n_frames,
-        em_gain=task.em_gain,
-        roll_deg=plan.science["roll_deg"],
-        planets=measured,
-        reduced=True,
-        full=whole,
-        switches=None if by_frames or whole else dict.fromkeys(limits, False),
-    )
+    sequence: dict[str, Any] = {key: getattr(task, key) for key in ("band", "exposure_s", "n_frames", "em_gain")}
+    sequence |= {"roll_deg": plan.science["roll_deg"], "planets": measured}
+    off = None if by_frames or whole else dict.fromkeys(limits, False)
+    sizes = forecast(shown, instrument, reduced=True, full=whole, switches=off, **sequence)
     if not by_frames:
         sizes = dataclasses.replace(sizes, sums=Outcome.ok(0.0))
     choice = choose(sizes, dial, fixed=(*_GIVEN, "summed_frames") if by_frames else _GIVEN)
     rows = {row.key: row for row in choice.rows}
+    why = "none is reached in the hole, and no charge flows into it"
     for name in () if by_frames or whole else limits:
-        rows[name] = dataclasses.replace(
-            rows[name], decision="kept", size=0.0, reason="none is reached in the hole, and no charge flows into it"
-        )
+        rows[name] = dataclasses.replace(rows[name], decision="kept", size=0.0, reason=why)
     # A tier that is too coarse is refused where images are asked for; who draws all the same gets what it stands for.
     draw = choice.draw if by_frames or choice.outcome.value is not None else "sums"
     epochs = min(choice.epochs, SUM_EPOCHS) if draw == "sums" else choice.epochs

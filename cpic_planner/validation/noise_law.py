@@ -18,9 +18,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from simulator.detectors import generating_function, stage_probability
 
 _LEAST_SHARE, _MOST_SHARE = 1e-3, 0.98
@@ -30,7 +30,7 @@ _SCALE = np.exp(0.5 * _LOG_SCALE2)
 _KNOWN_DOF = 1e4
 
 
-def log_tail(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayLike = np.inf) -> FloatArray:
+def log_tail(snr: ArrayLike, laplace: ArrayLike, dof: ArrayLike = np.inf) -> FloatArray:
     """Logarithm of the probability that noise alone reaches a level.
 
     Parameters
@@ -49,13 +49,12 @@ def log_tail(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayLike = np
     (normal-Laplace law, Reed & Jorgensen 2004, Commun. Stat. Theory Methods 33, 1733). The mean over the estimated
     scale is taken numerically; without a Laplace share it is Student's t.
     """
-    level, share, free = np.broadcast_arrays(
-        *(np.atleast_1d(np.asarray(part, np.float64)) for part in (snr, laplace, dof))
-    )
-    return _tail(level, share, _scale_weights(free))
+    parts = (np.atleast_1d(np.asarray(part, np.float64)) for part in (snr, laplace, dof))
+    level, share, free = np.broadcast_arrays(*parts)
+    return _tail(level, share, *_scale_weights(free))
 
 
-def equivalent_sigma(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayLike = np.inf) -> FloatArray:
+def equivalent_sigma(snr: ArrayLike, laplace: ArrayLike, dof: ArrayLike = np.inf) -> FloatArray:
     """Return the level of a standard normal variate that noise reaches as rarely.
 
     Parameters
@@ -71,7 +70,7 @@ def equivalent_sigma(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayL
     return np.asarray(np.copysign(ndtri_exp(log_tail(np.abs(level), laplace, dof)), level))
 
 
-def snr_at(sigma: float, laplace: npt.ArrayLike, dof: npt.ArrayLike = np.inf) -> FloatArray:
+def snr_at(sigma: float, laplace: ArrayLike, dof: ArrayLike = np.inf) -> FloatArray:
     """Return the signal over estimated noise whose `equivalent_sigma` is ``sigma``, to 1e-6; bisection.
 
     Parameters
@@ -88,38 +87,30 @@ def snr_at(sigma: float, laplace: npt.ArrayLike, dof: npt.ArrayLike = np.inf) ->
     low, high = np.zeros(share.shape), np.full(share.shape, np.log(1e6))
     for _ in range(45):
         middle = 0.5 * (low + high)
-        above = _tail(np.expm1(middle), share, weights) <= asked
+        above = _tail(np.expm1(middle), share, *weights) <= asked
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     return np.asarray(np.expm1(high))
 
 
-@dataclass(frozen=True, eq=False)
-class _ScaleWeights:
-    """Which scales are known, and the logarithms of the weights of the others, normalised, shape (scales, m)."""
+def _scale_weights(free: FloatArray) -> tuple[BoolArray, FloatArray]:
+    """Law of the scale of a variance with so many degrees of freedom.
 
-    known: npt.NDArray[np.bool_]
-    logs: FloatArray
-
-
-def _scale_weights(free: FloatArray) -> _ScaleWeights:
-    """Law of the scale of a variance with so many degrees of freedom."""
+    Which scales are known, and the logarithms of the weights of the others, normalised, shape (scales, m).
+    """
     from scipy.special import gammaln
 
     known = free >= _KNOWN_DOF
     half = 0.5 * free[~known]
     logs = half * (np.log(half) + _LOG_SCALE2 - np.exp(_LOG_SCALE2)) - gammaln(half)
-    return _ScaleWeights(known, logs - _log_sum(logs))
+    return known, logs - _log_sum(logs)
 
 
-def _tail(level: FloatArray, share: FloatArray, weights: _ScaleWeights) -> FloatArray:
+def _tail(level: FloatArray, share: FloatArray, known: BoolArray, log_weights: FloatArray) -> FloatArray:
     """`log_tail` for known weights."""
-    known = weights.known
-    if known.all():
-        return _known_scale(level, share)
     tail = np.empty(level.shape)
     tail[known] = _known_scale(level[known], share[known])
-    at_scale = _known_scale(level[~known] * _SCALE, share[~known])
-    tail[~known] = _log_sum(at_scale + weights.logs)
+    if not known.all():
+        tail[~known] = _log_sum(_known_scale(level[~known] * _SCALE, share[~known]) + log_weights)
     return tail
 
 
@@ -268,6 +259,79 @@ _DEPTHS = np.geomspace(1e-6, 1e4, 3000)
 _PLACES = 256
 
 
+@dataclass(frozen=True)
+class PixelLaw:
+    """The law of a pixel of one frame, and the chance with which noise may exceed a limit.
+
+    Attributes
+    ----------
+    em_gain : float
+        Gain of the register.
+    stages : int
+        Its stages.
+    sigma_e : float
+        Gaussian noise referred to the register input.
+    false_alarm : float
+        Largest chance, above 0 and below 1.
+    """
+
+    em_gain: float
+    stages: int
+    sigma_e: float
+    false_alarm: float
+
+    def limit_of_mean(self, mean_e: ArrayLike) -> FloatArray:
+        """Level that a pixel of known mean exceeds with at most the chance that is allowed.
+
+        Parameters
+        ----------
+        mean_e : array_like
+            Mean electrons of the pixel in a frame, dark current and clock-induced charge included, at least 0.
+
+        Returns
+        -------
+        ndarray
+            ``min over s of (mean m(s) + sigma^2 s^2 / 2 - log(false_alarm)) / s``.
+        """
+        slopes, growth, _ = _growth(float(self.em_gain), int(self.stages))
+        mean = np.asarray(mean_e, dtype=np.float64)
+        offset = (0.5 * (self.sigma_e * slopes) ** 2 - math.log(self.false_alarm)) / slopes
+        return _lowest_line(mean, growth / slopes, offset)
+
+    def limit_beside_others(self, total_e: ArrayLike, n_frames: int, drift: float = 0.0) -> FloatArray:
+        """Level that one of several frames of a pixel exceeds at most so often, whatever the pixel's mean.
+
+        Parameters
+        ----------
+        total_e : array_like
+            Sum of the pixel over all ``n_frames`` frames, the one to be tested included.
+        n_frames : int
+            Number of frames, at least 2.
+        drift : float
+            The mean of the tested frame may exceed that of the others by this fraction.
+
+        Returns
+        -------
+        ndarray
+            Limits on a single frame.
+
+        Notes
+        -----
+        With ``R`` the sum of the other ``n - 1`` frames, ``E exp(s X - u R) = exp(lambda [(1 + drift) m(s) + (n - 1)
+        m(-u)] + sigma^2 (s^2 + (n - 1) u^2) / 2)``. Where ``u`` makes the bracket 0 (or negative) the unknown mean is
+        gone and ``s X - u R > sigma^2 (s^2 + (n - 1) u^2) / 2 - log(false_alarm)`` happens with at most that chance.
+        Written for the total, each ``s`` is a line in it; the lowest is taken. (That choice looks at the total, which
+        costs less than what the inequality gives away: exact tails stay below ``false_alarm``.)
+        """
+        slopes, growth, depth = _growth(float(self.em_gain), int(self.stages))
+        others = n_frames - 1
+        index = np.searchsorted(depth, growth * (1.0 + drift) / others)
+        possible = index < depth.size
+        s, u = slopes[possible], _DEPTHS[index[possible]]
+        constant = 0.5 * self.sigma_e**2 * (s**2 + others * u**2) - math.log(self.false_alarm)
+        return _lowest_line(np.asarray(total_e, dtype=np.float64), u / (s + u), constant / (s + u))
+
+
 @functools.lru_cache(maxsize=16)
 def _growth(em_gain: float, stages: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Slopes ``s``, ``m(s)`` at them, and ``-m(-u)`` at the depths ``u``."""
@@ -283,81 +347,6 @@ def _growth(em_gain: float, stages: int) -> tuple[FloatArray, FloatArray, FloatA
     # Beyond the first overflow the product of infinities is no number.
     last = int(np.argmin(fine)) if not fine.all() else fine.size
     return _SLOPES[:last], up[:last], -m(-_DEPTHS)
-
-
-def limit_of_mean(
-    mean_e: npt.ArrayLike, *, em_gain: float, stages: int, sigma_e: float, false_alarm: float
-) -> FloatArray:
-    """Level that a pixel of known mean exceeds with at most a given chance.
-
-    Parameters
-    ----------
-    mean_e : array_like
-        Mean electrons of the pixel in a frame, dark current and clock-induced charge included, at least 0.
-    em_gain : float
-        Gain of the register.
-    stages : int
-        Its stages.
-    sigma_e : float
-        Gaussian noise referred to the register input.
-    false_alarm : float
-        Largest chance, above 0 and below 1.
-
-    Returns
-    -------
-    ndarray
-        ``min over s of (mean m(s) + sigma^2 s^2 / 2 - log(false_alarm)) / s``.
-    """
-    slopes, growth, _ = _growth(float(em_gain), int(stages))
-    mean = np.asarray(mean_e, dtype=np.float64)
-    offset = (0.5 * (sigma_e * slopes) ** 2 - math.log(false_alarm)) / slopes
-    return _lowest_line(mean, growth / slopes, offset)
-
-
-def limit_beside_others(
-    total_e: npt.ArrayLike,
-    n_frames: int,
-    *,
-    em_gain: float,
-    stages: int,
-    sigma_e: float,
-    false_alarm: float,
-    drift: float = 0.0,
-) -> FloatArray:
-    """Level that one of several frames of a pixel exceeds with at most a given chance, whatever the pixel's mean.
-
-    Parameters
-    ----------
-    total_e : array_like
-        Sum of the pixel over all ``n_frames`` frames, the one to be tested included.
-    n_frames : int
-        Number of frames, at least 2.
-    em_gain, stages, sigma_e, false_alarm
-        As `limit_of_mean`.
-    drift : float
-        The mean of the tested frame may exceed that of the others by this fraction.
-
-    Returns
-    -------
-    ndarray
-        Limits on a single frame.
-
-    Notes
-    -----
-    With ``R`` the sum of the other ``n - 1`` frames, ``E exp(s X - u R) = exp(lambda [(1 + drift) m(s) + (n - 1)
-    m(-u)] + sigma^2 (s^2 + (n - 1) u^2) / 2)``. Where ``u`` makes the bracket 0 (or negative) the unknown mean is gone
-    and ``s X - u R > sigma^2 (s^2 + (n - 1) u^2) / 2 - log(false_alarm)`` happens with at most that chance. Written for
-    the total, each ``s`` is a line in it; the lowest is taken. (That choice looks at the total, which costs less than
-    what the inequality gives away: exact tails stay below ``false_alarm``.)
-    """
-    slopes, growth, depth = _growth(float(em_gain), int(stages))
-    others = n_frames - 1
-    needed = growth * (1.0 + drift) / others
-    index = np.searchsorted(depth, needed)
-    possible = index < depth.size
-    s, u = slopes[possible], _DEPTHS[index[possible]]
-    constant = 0.5 * sigma_e**2 * (s**2 + others * u**2) - math.log(false_alarm)
-    return _lowest_line(np.asarray(total_e, dtype=np.float64), u / (s + u), constant / (s + u))
 
 
 def _lowest_line(x: FloatArray, slope: FloatArray, offset: FloatArray) -> FloatArray:

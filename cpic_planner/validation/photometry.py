@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from cpic_core import BoolArray, InputError, check_number, numeric_context
-from cpic_planner.validation.apertures import aperture_weights, check_region, checked_image, require, sample_scatter
+from cpic_planner.validation import apertures
 from simulator.detectors import excess_noise_factor2
 
 # Known sources are kept this many aperture radii away from the background region.
@@ -94,15 +94,8 @@ class Photometry:
         star_rate_error_e_s : float, optional
             Its standard error, e-/s.
         """
-        return contrast(
-            self.raw_flux,
-            self.throughput,
-            core,
-            star_rate_e_s,
-            time_s,
-            error=self.error * self.throughput,
-            star_rate_error_e_s=star_rate_error_e_s,
-        )
+        errors = {"error": self.error * self.throughput, "star_rate_error_e_s": star_rate_error_e_s}
+        return contrast(self.raw_flux, self.throughput, core, star_rate_e_s, time_s, **errors)
 
 
 def contrast(
@@ -142,34 +135,33 @@ def contrast(
     InputError
         If an argument is out of range or not finite.
     """
-    for key, value, unit in (
-        ("throughput", throughput, ""),
-        ("core", core, ""),
-        ("star_rate_e_s", star_rate_e_s, "e-/s"),
-        ("time_s", time_s, "s"),
-    ):
-        require(key, value, check_number(key, value, unit) > 0, unit, "finite and above 0")
-    require("core", core, core <= 1, "", "above 0 and at most 1")
+    for key, value in {"throughput": throughput, "core": core}.items():
+        apertures.check_positive(key, check_number(key, value))
+    apertures.check_positive("star_rate_e_s", check_number("star_rate_e_s", star_rate_e_s, "e-/s"), "e-/s")
+    apertures.check_positive("time_s", check_number("time_s", time_s, "s"), "s")
+    apertures.require("core", core, core <= 1, "", "above 0 and at most 1")
     check_number("flux", flux, "e-")
     for key, value, unit in (("error", error, "e-"), ("star_rate_error_e_s", star_rate_error_e_s, "e-/s")):
-        require(key, value, check_number(key, value, unit) >= 0, unit, "finite and at least 0")
+        apertures.require(key, value, check_number(key, value, unit) >= 0, unit, "finite and at least 0")
     full_scale = float(throughput) * float(core) * float(star_rate_e_s) * float(time_s)
     allowed = "a star whose light over the whole time is a finite number above 0"
-    require("throughput x core x star_rate_e_s x time_s", full_scale, 0 < full_scale < math.inf, "e-", allowed)
+    product = "throughput x core x star_rate_e_s x time_s"
+    apertures.require(product, full_scale, 0 < full_scale < math.inf, "e-", allowed)
     value = flux / full_scale
     spread = math.hypot(error / full_scale, value * (star_rate_error_e_s / star_rate_e_s))
-    require("contrast", value, math.isfinite(value) and math.isfinite(spread), "", "a finite ratio with a finite error")
+    finite = math.isfinite(value) and math.isfinite(spread)
+    apertures.require("contrast", value, finite, "", "a finite ratio with a finite error")
     return Contrast(value, spread)
 
 
 @numeric_context()
 def aperture_photometry(
-    image: npt.ArrayLike,
+    image: ArrayLike,
     x_pixel: float,
     y_pixel: float,
     radius_pixel: float,
     *,
-    background_region: npt.ArrayLike,
+    background_region: ArrayLike,
     exclude: Sequence[tuple[float, float]] = (),
     throughput: float = 1.0,
     em_gain: float = 1.0,
@@ -212,15 +204,14 @@ def aperture_photometry(
     ``w^2`` times its variance, which for an aperture of 0.7 lambda/D makes ``S2`` 4 to 7 % less than the
     flux. Without any noise, ``snr`` and ``significance`` are infinite for a source and 0 for none.
     """
-    data = checked_image(image)
-    hole = np.asarray(background_region)
-    check_region(hole, data.shape)
-    require("throughput", throughput, math.isfinite(throughput) and throughput > 0, "", "finite and above 0")
+    data = apertures.checked_image(image)
+    hole = apertures.check_mask("background_region", background_region, data.shape)
+    apertures.check_positive("throughput", throughput)
     factor2 = float(excess_noise_factor2(em_gain, stages))
-    weights = aperture_weights(data.shape, x_pixel, y_pixel, radius_pixel)
+    weights = apertures.aperture_weights(data.shape, x_pixel, y_pixel, radius_pixel)
     region = _without_sources(hole, [(x_pixel, y_pixel), *exclude], EXCLUSION_RADII * radius_pixel)
     phase = (x_pixel - round(x_pixel), y_pixel - round(y_pixel))
-    sigma, n_apertures = sample_scatter(data, region, radius_pixel, phase_pixel=phase)
+    sigma, n_apertures = apertures.sample_scatter(data, region, radius_pixel, phase_pixel=phase)
     pixels = data[region]
     area, area_background = math.pi * radius_pixel**2, pixels.size
     level = float(pixels.mean())
@@ -248,12 +239,10 @@ def aperture_photometry(
 
 
 def _without_sources(hole: BoolArray, positions: Sequence[tuple[float, float]], radius: float) -> BoolArray:
-    y, x = np.ogrid[: hole.shape[0], : hole.shape[1]]
-    region = hole.copy()
     for position in positions:
         if len(position) != 2 or not all(math.isfinite(value) for value in position):
             raise InputError("exclude", position, unit="px", allowed="finite pairs (x, y)")
-        region &= (x - position[0]) ** 2 + (y - position[1]) ** 2 > radius**2
+    region = apertures.outside_discs(hole, positions, radius)
     if not region.any():
         raise InputError("background_region", "empty", allowed="some pixels away from the known sources")
     return region

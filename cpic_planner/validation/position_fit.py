@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import NDArray
 
 from cpic_core import BoolArray, FloatArray, InputError
 from cpic_planner.validation.reduced import ReducedStack
 from simulator.detectors import excess_noise_factor2
-from simulator.imaging import ExternalPsf, Psf
+from simulator.imaging import AnyPsf
 
 MAX_ITERATIONS = 25
 STILL_PIXELS = 1e-3
@@ -91,9 +91,24 @@ class SpeckleScatter:
     whole_region: bool
 
 
-@dataclass(frozen=True, eq=False)
 class PositionFitter:
-    """One reduced image, made ready for fits; see `of`.
+    """One reduced image, made ready for fits; lengths are given in lambda/D, sources to exclude as (x, y) in arcsec.
+
+    Parameters
+    ----------
+    stack : ReducedStack
+    psf : Psf or ExternalPsf
+    window_lambda_d : float
+        Half width of the window, lambda/D.
+    annulus_lambda_d : float
+        Half width of the annulus, lambda/D.
+    exclude : sequence of tuple of float
+        Pixels that are left out.
+
+    Raises
+    ------
+    InputError
+        If nothing is left of the region, or its noise is not finite and positive (or 0 everywhere).
 
     Attributes
     ----------
@@ -107,91 +122,50 @@ class PositionFitter:
         What the variance of speckles follows: the static light, at least a share of its mean.
     others : ndarray, shape (k, 2)
         Other known sources, pixels from the star.
-    window_pixel, annulus_pixel : float
-        Radius of the fitted disc, and half width of the annulus.
+    window_pixel, annulus_pixel, lambda_d_pixel : float
+        Radius of the fitted disc, half width of the annulus, and lambda/D.
+    quiet : bool
+        Whether the stack has no white noise.
     """
 
-    stack: ReducedStack
-    psf: Psf | ExternalPsf
-    usable: BoolArray
-    weights: FloatArray
-    halo: FloatArray
-    others: FloatArray
-    window_pixel: float
-    annulus_pixel: float
-
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         stack: ReducedStack,
-        psf: Psf | ExternalPsf,
-        *,
+        psf: AnyPsf,
         window_lambda_d: float,
         annulus_lambda_d: float,
         exclude: Sequence[tuple[float, float]],
-    ) -> PositionFitter:
-        """Prepare an image; lengths in lambda/D, sources to exclude as (x, y) in arcsec.
-
-        Parameters
-        ----------
-        stack : ReducedStack
-        psf : Psf or ExternalPsf
-        window_lambda_d : float
-            Half width of the window, lambda/D.
-        annulus_lambda_d : float
-            Half width of the annulus, lambda/D.
-        exclude : sequence of tuple of float
-            Pixels that are left out.
-
-        Raises
-        ------
-        InputError
-            If nothing is left of the region, or its noise is not finite and positive (or 0 everywhere).
-        """
-        geometry = psf.geometry
-        scale = geometry.pixel_scale_arcsec
-        usable = stack.region.copy()
-        others = np.array(exclude, dtype=np.float64).reshape(-1, 2) / scale
-        if not np.isfinite(others).all():
+    ) -> None:
+        scale = psf.geometry.pixel_scale_arcsec
+        self.stack, self.psf, self.lambda_d_pixel = stack, psf, psf.geometry.lambda_d_arcsec / scale
+        self.window_pixel = window_lambda_d * self.lambda_d_pixel
+        self.annulus_pixel = annulus_lambda_d * self.lambda_d_pixel
+        self._excluded_pixel = EXCLUSION_RADII * psf.geometry.aperture_radius_arcsec / scale
+        self.others = np.array(exclude, dtype=np.float64).reshape(-1, 2) / scale
+        if not np.isfinite(self.others).all():
             raise InputError("exclude", exclude, unit="arcsec", allowed="finite pairs (x, y)")
-        for place in others:
-            usable &= ~_disc(usable.shape, place, EXCLUSION_RADII * geometry.aperture_radius_arcsec / scale)
+        self.usable = usable = stack.region.copy()
+        for place in self.others:
+            usable &= ~_disc(usable.shape, place, self._excluded_pixel)
         if not usable.any():
             raise InputError("region", "empty", unit="px", allowed="some pixels away from the excluded sources")
         variance = stack.white_variance_e2[usable]
-        quiet = bool((variance == 0).all())
-        if not quiet and not (np.isfinite(variance) & (variance > 0)).all():
+        self.quiet = bool((variance == 0).all())
+        if not self.quiet and not (np.isfinite(variance) & (variance > 0)).all():
             raise InputError("white_variance_e2", float(variance.min()), unit="e-^2", allowed="above 0 in the region")
-        weights, halo = np.zeros(usable.shape), np.zeros(usable.shape)
-        weights[usable] = 1.0 if quiet else 1.0 / variance
-        lambda_d = geometry.lambda_d_arcsec / scale
+        self.weights, self.halo = np.zeros(usable.shape), np.zeros(usable.shape)
+        self.weights[usable] = 1.0 if self.quiet else 1.0 / variance
         light = np.maximum(stack.halo_e[usable], 0.0)
-        halo[usable] = np.maximum(light, LEAST_HALO * light.mean()) if light.any() else 1.0
-        return cls(stack, psf, usable, weights, halo, others, window_lambda_d * lambda_d, annulus_lambda_d * lambda_d)
+        self.halo[usable] = np.maximum(light, LEAST_HALO * light.mean()) if light.any() else 1.0
 
     @functools.cached_property
-    def quiet(self) -> bool:
-        """Whether the stack has no white noise."""
-        return not self.stack.white_variance_e2[self.usable].any()
-
-    @functools.cached_property
-    def lambda_d_pixel(self) -> float:
-        """lambda/D in pixels."""
-        return float(self.psf.geometry.lambda_d_arcsec / self.psf.geometry.pixel_scale_arcsec)
-
-    @functools.cached_property
-    def aperture_pixel(self) -> float:
-        """Radius of the photometric aperture in pixels."""
-        return float(self.psf.geometry.aperture_radius_arcsec / self.psf.geometry.pixel_scale_arcsec)
-
-    @functools.cached_property
-    def _spectrum(self) -> tuple[npt.NDArray[np.complex128], FloatArray, FloatArray]:
+    def _spectrum(self) -> tuple[NDArray[np.complex128], FloatArray, FloatArray]:
         """Fourier transform of the unmasked PSF, and the frequencies of rows and columns, radians a pixel."""
         from scipy.fft import next_fast_len
 
         size = next_fast_len(len(self.psf.off_axis), real=True)
-        rows: FloatArray = np.asarray(2 * np.pi * np.fft.fftfreq(size)[:, None], dtype=np.float64)
-        columns: FloatArray = np.asarray(2 * np.pi * np.fft.rfftfreq(size), dtype=np.float64)
+        cycles = np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)
+        rows, columns = (2 * np.pi * np.asarray(part, dtype=np.float64) for part in cycles)
         return np.fft.rfft2(self.psf.off_axis, s=(size, size)), rows, columns
 
     def shifted(self, shift: FloatArray) -> FloatArray:
@@ -238,7 +212,8 @@ class PositionFitter:
         place, converged = centre, False
         window = self.usable & _disc(self.usable.shape, centre, self.window_pixel)
         weights = self.weights[window]
-        longest, last = MAX_STEP_LAMBDA_D * self.lambda_d_pixel, np.zeros(2)
+        longest, farthest = MAX_STEP_LAMBDA_D * self.lambda_d_pixel, MAX_WALK_LAMBDA_D * self.lambda_d_pixel
+        last = np.zeros(2)
         for _ in range(MAX_ITERATIONS):
             raw = self.images(place)
             models = self._levelled(self.stack.rdi.project(raw), background)
@@ -248,14 +223,14 @@ class PositionFitter:
             flux = float(theta[0])
             step = theta[1:] / flux if flux > 0 else np.full(2, np.inf)
             size = float(np.hypot(*step))
-            if flux <= 0 or np.hypot(*(place - start)) > MAX_WALK_LAMBDA_D * self.lambda_d_pixel:
+            if flux <= 0 or np.hypot(*(place - start)) > farthest:
                 break
             converged = size < STILL_PIXELS
             last = step * min(TURNED_BACK if step @ last < 0 else 1.0, longest / max(size, longest))
             place = place + last
             if converged:
                 break
-        near = bool(np.hypot(*(place - start)) <= MAX_WALK_LAMBDA_D * self.lambda_d_pixel)
+        near = bool(np.hypot(*(place - start)) <= farthest)
         return PositionFit(place, flux, converged and near, window, design, inverse, raw[0], models[0])
 
     def speckles(self, fit: PositionFit) -> SpeckleScatter:
@@ -294,7 +269,7 @@ class PositionFitter:
         raise InputError("region", "too small", unit="px", allowed="room for the fit at other places than the planet's")
 
     def _fits(
-        self, residual: FloatArray, place: FloatArray, y: npt.NDArray[np.intp], x: npt.NDArray[np.intp]
+        self, residual: FloatArray, place: FloatArray, y: NDArray[np.intp], x: NDArray[np.intp]
     ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Fits at whole-pixel distances from a place: parameters, white covariance and halo form, radial first.
 
@@ -337,9 +312,7 @@ class PositionFitter:
         speckles : SpeckleScatter
         """
         estimator = fit.inverse @ (fit.design * self.weights[fit.window])
-        factor2 = float(excess_noise_factor2(self.stack.em_gain, self.stack.stages))
-        own = np.zeros(fit.window.sum()) if self.quiet else factor2 * np.maximum(fit.flux * fit.planet[fit.window], 0.0)
-        pixels = (estimator * (self.stack.white_variance_e2[fit.window] + own)) @ estimator.T
+        pixels = (estimator * self._variance(fit)) @ estimator.T
         turn = _to_radial(fit.place[:1], fit.place[1:])[0]
         form = turn @ ((estimator * self.halo[fit.window]) @ estimator.T) @ turn.T
         size = np.sqrt(np.diag(form))
@@ -351,15 +324,19 @@ class PositionFitter:
         if self.quiet:
             return 0.0, pixels
         image = self._levelled(self.stack.image_e, self._background(fit.place))[fit.window]
-        factor2 = float(excess_noise_factor2(self.stack.em_gain, self.stack.stages))
-        own = factor2 * np.maximum(fit.flux * fit.planet[fit.window], 0.0)
         residual = image - fit.flux * fit.model[fit.window]
-        return float(np.sum(residual**2 / (self.stack.white_variance_e2[fit.window] + own))), pixels
+        return float(np.sum(residual**2 / self._variance(fit))), pixels
+
+    def _variance(self, fit: PositionFit) -> FloatArray:
+        """White noise and the planet's photons in the fitted pixels; 0 where the stack has no white noise."""
+        factor2 = 0.0 if self.quiet else float(excess_noise_factor2(self.stack.em_gain, self.stack.stages))
+        own = np.maximum(fit.flux * fit.planet[fit.window], 0.0)
+        return np.asarray(self.stack.white_variance_e2[fit.window] + factor2 * own)
 
     def _background(self, place: FloatArray) -> BoolArray:
         """Pixels of the annulus away from the planet; of the whole region where there are none."""
         shape, separation, star = self.usable.shape, float(np.hypot(*place)), np.zeros(2)
-        away = self.usable & ~_disc(shape, place, EXCLUSION_RADII * self.aperture_pixel)
+        away = self.usable & ~_disc(shape, place, self._excluded_pixel)
         annulus = away & _disc(shape, star, separation + self.annulus_pixel)
         annulus &= ~_disc(shape, star, max(separation - self.annulus_pixel, 0.0))
         return annulus if annulus.any() else away

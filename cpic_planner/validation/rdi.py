@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from cpic_core import BoolArray, FloatArray, InputError, numeric_context
 from cpic_planner.validation.apertures import as_images, checked_frames, checked_region, region_rows
@@ -143,7 +143,7 @@ class RdiResult:
     modes: FloatArray = field(repr=False)
     eigenvalues: FloatArray = field(repr=False)
 
-    def project(self, template: npt.ArrayLike) -> FloatArray:
+    def project(self, template: ArrayLike) -> FloatArray:
         """What the subtraction leaves of a planet.
 
         The subtraction is linear in the science frame (plus, for temporal centring, a constant that no planet
@@ -167,9 +167,7 @@ class RdiResult:
             rows = rows - rows.mean(axis=1, keepdims=True)
         return as_images(_remove(rows, self.modes), self.region, images.shape)
 
-    def throughput(
-        self, template: npt.ArrayLike, aperture: npt.ArrayLike, *, background: npt.ArrayLike | None = None
-    ) -> float:
+    def throughput(self, template: ArrayLike, aperture: ArrayLike, *, background: ArrayLike | None = None) -> float:
         """Fraction of a planet's aperture flux that survives the subtraction.
 
         Parameters
@@ -197,24 +195,39 @@ class RdiResult:
         for key, image in (("template", planet), ("aperture", weights)):
             if image.shape != self.region.shape:
                 raise InputError(key, image.shape, unit="px", allowed=f"one image of {self.region.shape}")
-        incoming = float(np.sum(planet * weights))
-        if not incoming > 0:
-            raise InputError("template", incoming, allowed="a positive sum inside the aperture")
-        left = self.project(planet)
-        surviving = float(np.sum(left * weights))
-        if background is not None:
-            pixels = checked_region("background", background, self.region.shape)
-            surviving -= float(left[pixels].mean() * weights.sum())
-        return surviving / incoming
+        return surviving_fraction("template", planet, self.project(planet), weights, background)
+
+
+def surviving_fraction(
+    key: str, template: FloatArray, left: FloatArray, aperture: FloatArray, background: ArrayLike | None
+) -> float:
+    """Aperture sum of what a subtraction leaves of a planet, over that of its image.
+
+    Parameters
+    ----------
+    key : str
+        Name of the image that a refusal gives.
+    template, left, aperture : ndarray, shape (y, x)
+        Image of the planet, what is left of it, and the weights of the aperture.
+    background : array_like of bool or None
+        Pixels whose mean is subtracted.
+    """
+    incoming, surviving = float(np.sum(template * aperture)), float(np.sum(left * aperture))
+    if not incoming > 0:
+        raise InputError(key, incoming, allowed="a positive sum inside the aperture")
+    if background is not None:
+        pixels = checked_region("background", background, left.shape)
+        surviving -= float(left[pixels].mean() * aperture.sum())
+    return surviving / incoming
 
 
 @numeric_context()
 def rdi_subtract(
-    science: npt.ArrayLike,
-    references: npt.ArrayLike,
+    science: ArrayLike,
+    references: ArrayLike,
     n_modes: int,
     *,
-    region: npt.ArrayLike | None = None,
+    region: ArrayLike | None = None,
     centering: Centering = "spatial",
 ) -> RdiResult:
     """Subtract from each science frame its projection on the leading modes of the references.

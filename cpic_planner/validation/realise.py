@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, Outcome
+from cpic_core import BoolArray, FloatArray, Outcome, Status
 from cpic_planner.queries import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
 from cpic_planner.validation.libraries import LibraryPlan, library_plan
 from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.reduced import ReducedStack, pedestal_e, reduce_stack
-from cpic_planner.validation.rejection import filled, reject_cosmic_rays
+from cpic_planner.validation.rejection import filled, rejected_in
 from cpic_planner.validation.roll import RollResult, roll_subtract
 from cpic_planner.validation.task import ConfirmTask
 from simulator.config import Instrument, Scene, validate
@@ -23,7 +24,7 @@ from simulator.observing import HoleStacks, Observation, hole_stackable, hole_st
 
 
 @dataclass(frozen=True, eq=False)
-class Realised:
+class Realisation:
     """One realisation, reduced.
 
     Attributes
@@ -43,7 +44,7 @@ class Realised:
 
 
 @dataclass(frozen=True)
-class FrameStory:
+class FrameStatistics:
     """What happened to frames one by one.
 
     Attributes
@@ -62,10 +63,16 @@ class FrameStory:
     rejected_fraction: float
     hits: int
 
+    @classmethod
+    def of(cls, parts: Sequence[FrameStatistics]) -> FrameStatistics:
+        """The same of several sequences of frames together."""
+        lost_in, lost_outside, rejected, hits = zip(*map(dataclasses.astuple, parts), strict=True)
+        return cls(sum(lost_in), sum(lost_outside), float(np.mean(rejected)), sum(hits))
+
 
 @dataclass(frozen=True, eq=False)
-class Visits:
-    """Science and reference visit of a task, ready to be drawn any number of times; made by `visits_of`.
+class VisitPair:
+    """Science and reference visit of a task, ready to be drawn any number of times; made by `visit_pair`.
 
     Attributes
     ----------
@@ -109,13 +116,13 @@ class Visits:
         """What the science frames show."""
         return self.science.scene
 
-    def with_light(self, extra_e_s: FloatArray) -> Visits:
+    def with_light(self, extra_e_s: FloatArray) -> VisitPair:
         """The same with more light in the science visit (an injected planet), electrons per second and pixel."""
         assert self._stacks is not None  # as stackable says
         science, reference = self._stacks
         return dataclasses.replace(self, _stacks=(science.with_light(extra_e_s), reference))
 
-    def draw(self, realisation: int) -> Realised:
+    def draw(self, realisation: int) -> Realisation:
         """One realisation from sums of frames; only where ``stackable`` is ok."""
         assert self._stacks is not None  # as stackable says
         science, reference = self._stacks
@@ -131,23 +138,17 @@ class Visits:
 
     def reduced(
         self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray
-    ) -> Realised:
+    ) -> Realisation:
         """Reduce images of both visits, each of so many frames."""
-        roll = None
+        roll, n_modes = None, self.strategy.n_modes
         if self.plan.shows_planet:
-            roll = roll_subtract(
-                science_e,
-                reference_e,
-                self.strategy.n_modes,
-                region=region,
-                first_frames=science_n,
-                second_frames=reference_n,
-            )
+            frames = {"first_frames": science_n, "second_frames": reference_n}
+            roll = roll_subtract(science_e, reference_e, n_modes, region=region, **frames)
         reduced = reduce_stack(
             science_e,
             reference_e,
             region=region,
-            n_modes=self.strategy.n_modes,
+            n_modes=n_modes,
             exposure_s=self.task.exposure_s,
             em_gain=self.task.em_gain,
             detector=self.science.instrument.detector,
@@ -157,7 +158,7 @@ class Visits:
             noise_free_reference=self.plan.noise_free,
             smear_e=(self._smear_e(self.science), self._smear_e(self.reference)),
         )
-        return Realised(reduced, roll, science_e.sum(axis=0), reference_e.sum(axis=0))
+        return Realisation(reduced, roll, science_e.sum(axis=0), reference_e.sum(axis=0))
 
     @staticmethod
     def _smear_e(seen: Observation) -> FloatArray:
@@ -165,52 +166,44 @@ class Visits:
         return seen.smear_e[rows, columns]
 
 
-def visits_of(
+def visit_pair(
     task: ConfirmTask, *, full: bool = False, realisation: int = 0, modelling: Modelling | None = None
-) -> Visits:
+) -> VisitPair:
     """Set up the visits of a task.
 
     Parameters
     ----------
     task : ConfirmTask
     full : bool
-        Every effect of the camera, to be run frame by frame (`realised_frames`), whatever the modelling says.
+        Every effect of the camera, to be run frame by frame (`realise_frames`), whatever the modelling says.
     realisation : int
         Of the frames.
     modelling : Modelling, optional
         How the images are made; what `modelling_of` the task says by default.
     """
-    how = modelling_of(task) if modelling is None else modelling
+    how = modelling or modelling_of(task)
     how = how.whole() if full else how
     strategy = validate(Strategy, task.strategy, where="strategy")
     scene = how.scene(validate(Scene, task.scene, where="scene"))
     chosen = how.instrument(validate(Instrument, task.simulator, where="instrument"))
     plan = library_plan(strategy, scene, task.n_frames)
     sums = how.draw == "sums"
-    settings: dict[str, Any] = {
-        "band": task.band,
-        "exposure_s": task.exposure_s,
-        "em_gain": task.em_gain,
-        "seed": task.seed,
-        "fidelity": how.knobs,
-        "instrument": chosen,
-        "window": "hole" if sums else how.region,
-        "realisation": realisation,
-        "max_epochs": 1 if sums else how.epochs,  # the sums draw their own drift
-    }
+    settings: dict[str, Any] = {key: getattr(task, key) for key in ("band", "exposure_s", "em_gain", "seed")}
+    settings |= {"fidelity": how.knobs, "instrument": chosen, "realisation": realisation}
+    # Sums draw their own drift.
+    settings |= {"window": "hole", "max_epochs": 1} if sums else {"window": how.region, "max_epochs": how.epochs}
     shown = (plan.science_scene, plan.science), (plan.reference_scene, plan.reference)
     science, reference = (observe(what, **settings, **visit) for what, visit in shown)
-    answer = hole_stackable(science)
-    if answer.status.value == "ok":
+    answer, stacks = hole_stackable(science), None
+    if answer.status is Status.OK:
         answer = hole_stackable(reference)
-    stacks = None
-    if sums and answer.status.value == "ok":
+    if sums and answer.status is Status.OK:
         stacks = hole_stacks(science, epochs=how.epochs), hole_stacks(reference, epochs=how.epochs)
     scale = science.truth.sources[0].rate_e_s / reference.truth.sources[0].rate_e_s
-    return Visits(task, how, strategy, chosen, plan, science, reference, scale, answer, stacks)
+    return VisitPair(task, how, strategy, chosen, plan, science, reference, scale, answer, stacks)
 
 
-def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
+def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:
     """Draw every frame, calibrate it, take out particles, and reduce.
 
     Notes
@@ -218,26 +211,24 @@ def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
     Pixel-frames that are hit or cut off take the temporal mean of their pixel, so that each frame is whole for the
     projection; pixels with no usable frame leave the region. The white variance grows by the frames that a pixel lost.
     """
-    region = visits.geometry.hole.copy()
-    kept, stories = [], []
+    hole = visits.geometry.hole
+    region, kept, parts, thinning = hole.copy(), [], [], []
     for observation in (visits.science, visits.reference):
         frames = calibrated_frames(observation, cropped=observation.window == "full")
         electrons, usable, hits = cleaned(frames)
         whole, covered = filled(electrons, usable)
         region &= covered
-        stories.append((frames, usable, hits))
+        rejected = float(1.0 - usable[:, hole].mean())
+        parts.append(FrameStatistics(_by_light(frames, hole), frames.lost_outside, rejected, hits))
+        # Variance per pixel of a sum whose pixels were measured in fewer frames.
+        thinning.append(1.0 / (np.maximum(usable.sum(axis=0), 1) / len(usable)))
         # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
         kept.append(whole + pedestal_e(observation.instrument.detector, observation.exposure_s))
-    hole = visits.geometry.hole
-    realised = visits.reduced(kept[0], kept[1], 1, 1, region)
-    thinned = _thinned(realised, [usable for _, usable, _ in stories])
-    rejected = [1.0 - usable[:, hole].mean() for _, usable, _ in stories]
-    return thinned, FrameStory(
-        lost_in=sum(_by_light(frames, hole) for frames, _, _ in stories),
-        lost_outside=sum(frames.lost_outside for frames, _, _ in stories),
-        rejected_fraction=float(np.mean(rejected)),
-        hits=sum(hits for _, _, hits in stories),
-    )
+    realisation = visits.reduced(kept[0], kept[1], 1, 1, region)
+    stack = realisation.reduced
+    variance = np.where(stack.region, stack.white_variance_e2 * (0.5 * (thinning[0] + thinning[1])), 0.0)
+    thinned = dataclasses.replace(stack, white_variance_e2=variance)
+    return dataclasses.replace(realisation, reduced=thinned), FrameStatistics.of(parts)
 
 
 def _by_light(frames: CalibratedFrames, hole: BoolArray) -> int:
@@ -248,23 +239,5 @@ def _by_light(frames: CalibratedFrames, hole: BoolArray) -> int:
 
 def cleaned(frames: CalibratedFrames) -> tuple[FloatArray, BoolArray, int]:
     """Return frames in electrons, the pixel-frames that no particle voids either, and how many were hit."""
-    detector = frames.detector
-    found = reject_cosmic_rays(
-        frames.electrons,
-        frames.usable,
-        em_gain=frames.em_gain,
-        read_noise_e=detector.read_noise_e * detector.switches.read_noise,
-        pedestal_e=frames.pedestal_e,
-        stages=detector.register_stages,
-        gain_e_adu=detector.gain_e_adu,
-    )
+    found = rejected_in(frames, frames.detector.read_noise_e * frames.detector.switches.read_noise)
     return frames.electrons, frames.usable & ~found.rejected, found.n_hit
-
-
-def _thinned(realised: Realised, usable: list[BoolArray]) -> Realised:
-    """Variance per pixel of a sum whose pixels were measured in fewer frames."""
-    counts = [np.maximum(part.sum(axis=0), 1) / len(part) for part in usable]
-    factor = 0.5 * (1.0 / counts[0] + 1.0 / counts[1])
-    stack = realised.reduced
-    variance = np.where(stack.region, stack.white_variance_e2 * factor, 0.0)
-    return dataclasses.replace(realised, reduced=dataclasses.replace(stack, white_variance_e2=variance))

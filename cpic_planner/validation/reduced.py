@@ -11,10 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 
 from cpic_core import BoolArray, FloatArray, InputError, numeric_context
-from cpic_planner.validation.noise_law import limit_of_mean
+from cpic_planner.validation.apertures import check_mask, frame_counts
+from cpic_planner.validation.noise_law import PixelLaw
 from cpic_planner.validation.rdi import RdiResult, rdi_subtract
 from simulator.camera import FrameNoise, MaskBit
 from simulator.config import Detector
@@ -48,8 +49,8 @@ class FrameLevel:
         The same on all pixels.
     """
 
-    pixels: npt.NDArray[np.intp]
-    places: npt.NDArray[np.intp]
+    pixels: NDArray[np.intp]
+    places: NDArray[np.intp]
     mean_adu: FloatArray
     limit_adu: FloatArray
     shapes: FloatArray
@@ -90,7 +91,7 @@ def dark_bar(observation: Observation) -> BoolArray:
 
 
 def frame_level(
-    observation: Observation, level_pixels: npt.ArrayLike | None, *, flaws: npt.NDArray[np.uint8], mean_e: FloatArray
+    observation: Observation, level_pixels: ArrayLike | None, *, flaws: NDArray[np.uint8], mean_e: FloatArray
 ) -> FrameLevel | None:
     """Fit of the level for frames of an observation.
 
@@ -120,22 +121,12 @@ def frame_level(
     waves = switches.interference and structure.interference_adu > 0
     if not drifts and not waves:
         return None
-    chosen = dark_bar(observation) if level_pixels is None else np.asarray(level_pixels)
-    if chosen.dtype != np.bool_ or chosen.shape != observation.shape:
-        raise InputError(
-            "level_pixels",
-            f"{chosen.dtype} array of shape {chosen.shape}",
-            allowed=f"booleans of shape {observation.shape}",
-        )
-    pixels = np.flatnonzero(chosen & (flaws == MaskBit.GOOD))
+    chosen = dark_bar(observation) if level_pixels is None else level_pixels
+    pixels = np.flatnonzero(check_mask("level_pixels", chosen, observation.shape, empty=True) & (flaws == MaskBit.GOOD))
     if pixels.size < _LEAST_PIXELS:
-        raise InputError(
-            "level_pixels",
-            pixels.size,
-            unit="px",
-            allowed=f"at least {_LEAST_PIXELS} pixels",
-            hint="name pixels without light, or switch off bias_drift and interference",
-        )
+        allowed = f"at least {_LEAST_PIXELS} pixels"
+        hint = "name pixels without light, or switch off bias_drift and interference"
+        raise InputError("level_pixels", pixels.size, unit="px", allowed=allowed, hint=hint)
     along_rows, along_columns = wave_angles(detector, observation.shape, *(observation.first_pixel or (0, 0)))
     angle = along_rows[:, None] + along_columns
     shapes = [np.ones(observation.shape)] + ([np.sin(angle), np.cos(angle)] if waves else [])
@@ -143,10 +134,7 @@ def frame_level(
     mean = mean_e.reshape(-1)[pixels]
     rest_e2 = FrameNoise.of(detector, gain, observation.exposure_s).rest_e2
     sigma = math.hypot(math.hypot(detector.read_noise_e, detector.gain_e_adu) / gain, math.sqrt(rest_e2))
-    limit = (
-        limit_of_mean(mean, em_gain=gain, stages=detector.register_stages, sigma_e=sigma, false_alarm=_FALSE_ALARM)
-        - mean
-    )
+    limit = PixelLaw(gain, detector.register_stages, sigma, _FALSE_ALARM).limit_of_mean(mean) - mean
     to_adu = gain / detector.gain_e_adu
     return FrameLevel(
         pixels=pixels,
@@ -200,16 +188,16 @@ class ReducedStack:
 
 @numeric_context()
 def reduce_stack(
-    science_e: npt.ArrayLike,
-    reference_e: npt.ArrayLike,
+    science_e: ArrayLike,
+    reference_e: ArrayLike,
     *,
     region: BoolArray,
     n_modes: int,
     exposure_s: float,
     em_gain: float,
     detector: Detector,
-    science_frames: npt.ArrayLike = 1,
-    reference_frames: npt.ArrayLike = 1,
+    science_frames: ArrayLike = 1,
+    reference_frames: ArrayLike = 1,
     reference_scale: float = 1.0,
     noise_free_reference: bool = False,
     smear_e: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0),
@@ -251,8 +239,11 @@ def reduce_stack(
     median would not do: counts of few electrons are skewed).
     """
     science, reference = np.asarray(science_e, float), np.asarray(reference_e, float)
-    science_n = _counts("science_frames", science_frames, science)
-    reference_n = _counts("reference_frames", reference_frames, reference)
+    for key, images in (("science_e", science), ("reference_e", reference)):
+        if images.ndim != 3:
+            raise InputError(key, images.shape, unit="px", allowed="images (k, y, x)")
+    science_n = frame_counts("science_frames", science_frames, len(science))
+    reference_n = frame_counts("reference_frames", reference_frames, len(reference))
     if not reference_scale > 0:
         raise InputError("reference_scale", reference_scale, allowed="above 0")
     noise = FrameNoise.of(detector, em_gain, exposure_s)
@@ -292,15 +283,6 @@ def pedestal_e(detector: Detector, exposure_s: float) -> float:
         Of the frame.
     """
     return FrameNoise.of(detector, 1.0, exposure_s).pedestal_e
-
-
-def _counts(key: str, value: npt.ArrayLike, images: FloatArray) -> FloatArray:
-    if images.ndim != 3:
-        raise InputError(key.replace("_frames", "_e"), images.shape, unit="px", allowed="images (k, y, x)")
-    counts = np.asarray(value, float)
-    if counts.ndim > 1 or (counts.ndim == 1 and counts.shape != (len(images),)) or not (counts >= 1).all():
-        raise InputError(key, value, allowed=f"at least 1, one number or {len(images)} of them")
-    return np.broadcast_to(counts, (len(images),)).copy()
 
 
 def _smoothed(image: FloatArray, region: BoolArray) -> FloatArray:

@@ -7,13 +7,15 @@ exact law (`cpic_planner.validation.noise_law`) and holds at every gain and leve
 
 import math
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray, InputError, numeric_context
-from cpic_planner.validation.apertures import require
-from cpic_planner.validation.noise_law import limit_beside_others
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, numeric_context
+from cpic_planner.validation.apertures import check_mask, described, require
+from cpic_planner.validation.frames import CalibratedFrames
+from cpic_planner.validation.noise_law import PixelLaw
 
 FALSE_ALARM = 1e-6
 MOST_E = 1e100
@@ -64,7 +66,7 @@ class Combined:
     """
 
     image_e: FloatArray
-    n_usable: npt.NDArray[np.int64]
+    n_usable: IntArray
     n_frames: int
 
     @property
@@ -81,12 +83,12 @@ class Combined:
 
 @numeric_context()
 def reject_cosmic_rays(
-    frames: npt.ArrayLike,
-    usable: npt.ArrayLike,
+    frames: ArrayLike,
+    usable: ArrayLike,
     *,
     em_gain: float,
     read_noise_e: float,
-    pedestal_e: npt.ArrayLike = 0.0,
+    pedestal_e: ArrayLike = 0.0,
     stages: int = 604,
     gain_e_adu: float = 0.0,
     false_alarm: float = FALSE_ALARM,
@@ -132,9 +134,9 @@ def reject_cosmic_rays(
     Notes
     -----
     The limit on one frame follows from the sum of all of them without knowing the mean of the pixel
-    (`limit_beside_others`). Where a pixel is hit twice or more, the sum is too large at first and falls as hits go out:
-    it is repeated until nothing more is found. Charge diffuses by 0.35 pixels (Gaussian) and transfers leave
-    1.6 % of it in the next row and column each, so that the neighbours hold what the limit lets through. They go
+    (`PixelLaw.limit_beside_others`). Where a pixel is hit twice or more, the sum is too large at first and falls as
+    hits go out: it is repeated until nothing more is found. Charge diffuses by 0.35 pixels (Gaussian) and transfers
+    leave 1.6 % of it in the next row and column each, so that the neighbours hold what the limit lets through. They go
     whatever they hold: that takes light out of no mean.
 
     On clean frames of 0.01 to 1e4 e- at gains 1 to 1000 the chance of a false hit is 0.2 ``false_alarm`` at most; the
@@ -158,30 +160,20 @@ def reject_cosmic_rays(
     pedestal = np.broadcast_to(np.asarray(pedestal_e, dtype=np.float64), data.shape[1:])
     sigma = math.sqrt(read_noise_e**2 + gain_e_adu**2 / 12.0) / em_gain
     # Unusable pixel-frames count as empty and are not tested.
-    tested, counted = data.reshape(n_frames, -1), good.reshape(n_frames, -1)
+    tested, counted, flat = data.reshape(n_frames, -1), good.reshape(n_frames, -1), hit.reshape(n_frames, -1)
     total = np.einsum("nyx,nyx->yx", data, good).reshape(-1)
     count = np.count_nonzero(good, axis=0).reshape(-1)
     offset = pedestal.reshape(-1)
-    flat = hit.reshape(n_frames, -1)
+    law = PixelLaw(em_gain, stages, sigma, false_alarm)
     active = np.flatnonzero(count >= 2)
     for _ in range(_MOST_PASSES):
         limit = np.empty(active.size)
         for number in np.unique(count[active]):
             same = count[active] == number
             where = active[same]
-            limit[same] = limit_beside_others(
-                total[where] + number * offset[where],
-                int(number),
-                em_gain=em_gain,
-                stages=stages,
-                sigma_e=sigma,
-                false_alarm=false_alarm,
-                drift=drift,
-            )
+            limit[same] = law.limit_beside_others(total[where] + number * offset[where], int(number), drift)
         columns = slice(None) if active.size == total.size else active  # a choice of columns is a copy
-        above = tested[:, columns] > limit - offset[active]
-        above &= counted[:, columns]
-        above &= ~flat[:, columns]
+        above = (tested[:, columns] > limit - offset[active]) & counted[:, columns] & ~flat[:, columns]
         changed = above.any(axis=0)
         if not changed.any():
             break
@@ -196,8 +188,22 @@ def reject_cosmic_rays(
     return Rejection(_grown(hit) if grow and n_hit else hit, n_hit, True, "")
 
 
+def rejected_in(frames: CalibratedFrames, read_noise_e: float) -> Rejection:
+    """Find the hits of a calibrated sequence.
+
+    Parameters
+    ----------
+    frames : CalibratedFrames
+    read_noise_e : float
+        Read noise at the output of the register, at least 0.
+    """
+    detector, noise = frames.detector, {"read_noise_e": read_noise_e, "gain_e_adu": frames.detector.gain_e_adu}
+    register = {"em_gain": frames.em_gain, "stages": detector.register_stages, "pedestal_e": frames.pedestal_e}
+    return reject_cosmic_rays(frames.electrons, frames.usable, **cast(Any, noise | register))
+
+
 @numeric_context()
-def combine(electrons: npt.ArrayLike, usable: npt.ArrayLike) -> Combined:
+def combine(electrons: ArrayLike, usable: ArrayLike) -> Combined:
     """Sum of frames with holes: the mean of each pixel's usable frames times the number of frames.
 
     Parameters
@@ -215,7 +221,7 @@ def combine(electrons: npt.ArrayLike, usable: npt.ArrayLike) -> Combined:
     return Combined(np.where(count > 0, mean * len(data), np.nan), count, len(data))
 
 
-def filled(electrons: npt.ArrayLike, usable: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
+def filled(electrons: ArrayLike, usable: ArrayLike) -> tuple[FloatArray, BoolArray]:
     """Frames without holes, for reductions that need whole rows.
 
     Parameters
@@ -241,7 +247,7 @@ def filled(electrons: npt.ArrayLike, usable: npt.ArrayLike) -> tuple[FloatArray,
     return np.where(good, data, mean), count > 0
 
 
-def _means(data: FloatArray, good: BoolArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+def _means(data: FloatArray, good: BoolArray) -> tuple[FloatArray, IntArray]:
     """Mean over usable frames, 0 without any, and their number."""
     count = np.count_nonzero(good, axis=0)
     total = np.einsum("nyx,nyx->yx", data, good)
@@ -259,24 +265,16 @@ def _grown(hit: BoolArray) -> BoolArray:
     return grown
 
 
-def _checked(frames: npt.ArrayLike, usable: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
-    data, good = np.asarray(frames), np.asarray(usable)
+def _checked(frames: ArrayLike, usable: ArrayLike) -> tuple[FloatArray, BoolArray]:
+    data = np.asarray(frames)
     if data.dtype.kind not in "iuf" or data.ndim != 3 or data.size == 0:
-        raise InputError("frames", f"{data.dtype} array of shape {data.shape}", unit="e-", allowed="frames (n, y, x)")
-    if good.dtype != np.bool_ or good.shape != data.shape:
-        raise InputError(
-            "usable", f"{good.dtype} array of shape {good.shape}", allowed=f"booleans of shape {data.shape}"
-        )
+        raise InputError("frames", described(data), unit="e-", allowed="frames (n, y, x)")
+    good = check_mask("usable", usable, data.shape, empty=True)
     data = data.astype(np.float64, copy=False)
-    if not np.isfinite(data).all():
-        n, y, x = np.argwhere(~np.isfinite(data))[0]
-        raise InputError(f"frames[{n}, y={y}, x={x}]", float(data[n, y, x]), unit="e-", allowed="finite numbers")
-    if not max(data.max(), -data.min()) <= MOST_E:
-        n, y, x = np.argwhere(np.abs(data) > MOST_E)[0]
-        raise InputError(
-            f"frames[{n}, y={y}, x={x}]",
-            float(data[n, y, x]),
-            unit="e-",
-            allowed=f"{-MOST_E:g} to {MOST_E:g}, so that sums stay finite",
-        )
+    if not max(data.max(), -data.min()) <= MOST_E:  # nor is nan
+        bad, allowed = ~np.isfinite(data), "finite numbers"
+        if not bad.any():
+            bad, allowed = np.abs(data) > MOST_E, f"{-MOST_E:g} to {MOST_E:g}, so that sums stay finite"
+        n, y, x = np.argwhere(bad)[0]
+        raise InputError(f"frames[{n}, y={y}, x={x}]", float(data[n, y, x]), unit="e-", allowed=allowed)
     return data, good

@@ -8,17 +8,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, stream
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, stream
 from cpic_planner.etc import diagonal, threshold_array
-from cpic_planner.validation.apertures import aperture_weights, checked_image, sample_scatter
+from cpic_planner.validation.apertures import aperture_weights, check_positive, checked_image, sample_scatter
 from cpic_planner.validation.detection import search
-from cpic_planner.validation.injection import draw_place, inject, recovered
+from cpic_planner.validation.injection import draw_place, fraction_error, inject, recovered
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.search_field import REPORTED_SIGMA
 from cpic_planner.validation.speckle_maps import SpeckleMaps
-from simulator.imaging import ExternalPsf, Psf
+from simulator.imaging import AnyPsf, Psf
 
 ANNULUS_LAMBDA_D = 1.5
 """Half width of the annulus that holds the background apertures, as in the strategy of the ETC."""
@@ -60,7 +60,7 @@ def contrast_curve(
     *,
     star_rate_e_s: float,
     sigma: float = 5.0,
-    separations_arcsec: npt.ArrayLike | None = None,
+    separations_arcsec: ArrayLike | None = None,
 ) -> ContrastCurve:
     """Measure the contrast limit of a residual.
 
@@ -92,8 +92,7 @@ def contrast_curve(
     `cpic_planner.contrast_limit` answers from the noise model.
     """
     image, geometry = checked_image(stack.image_e), psf.geometry
-    if not (math.isfinite(star_rate_e_s) and star_rate_e_s > 0):
-        raise InputError("star_rate_e_s", star_rate_e_s, unit="e-/s", allowed="finite and above 0")
+    check_positive("star_rate_e_s", star_rate_e_s, "e-/s")
     radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
     if separations_arcsec is None:
         near, far = geometry.zone.inner_corner_arcsec, geometry.zone.outer_corner_arcsec
@@ -106,15 +105,14 @@ def contrast_curve(
         scatter[index] = _scatter(image, geometry.annulus(float(place), ANNULUS_LAMBDA_D) & stack.region, radius)
         x, y = (float(part) for part in diagonal(geometry.zone, place))
         throughput[index] = _throughput(stack, psf, x, y, radius)
-    elements = geometry.resolution_elements(places)
-    threshold = threshold_array(elements, sigma)
+    threshold = threshold_array(geometry.resolution_elements(places), sigma)
     with np.errstate(divide="ignore", invalid="ignore"):
         limit = threshold * scatter / (throughput * star_rate_e_s * stack.integration_s)
     defined = np.isfinite(threshold) & np.isfinite(scatter) & (throughput > 0)
     return ContrastCurve(places, np.where(defined, limit, np.inf), scatter, threshold, throughput, sigma)
 
 
-def _scatter(image: FloatArray, annulus: npt.NDArray[np.bool_], radius: float) -> float:
+def _scatter(image: FloatArray, annulus: BoolArray, radius: float) -> float:
     if not annulus.any():
         return math.inf
     try:
@@ -158,9 +156,9 @@ class RocCurve:
     """
 
     level: FloatArray
-    n_false: npt.NDArray[np.int64]
+    n_false: IntArray
     n_elements: float
-    n_detected: npt.NDArray[np.int64]
+    n_detected: IntArray
     n_planets: int
 
     @property
@@ -181,20 +179,18 @@ class RocCurve:
     @property
     def detection_error(self) -> FloatArray:
         """Binomial standard deviation, from the posterior under a uniform prior; never 0."""
-        hits, misses = self.n_detected + 1.0, self.n_planets - self.n_detected + 1.0
-        total = hits + misses
-        return np.sqrt(hits * misses / (total**2 * (total + 1.0)))
+        return fraction_error(self.n_detected, self.n_planets)
 
 
 def roc_curve(
     stacks: Sequence[ReducedStack],
-    psf: Psf | ExternalPsf,
+    psf: AnyPsf,
     maps: SpeckleMaps,
     *,
     star_rate_e_s: float,
     separation_arcsec: float,
     contrast: float,
-    levels: npt.ArrayLike | None = None,
+    levels: ArrayLike | None = None,
     seed: int = 0,
 ) -> RocCurve:
     """Search each residual without and with a planet.
@@ -225,26 +221,20 @@ def roc_curve(
         raise InputError("levels", levels, unit="sigma", allowed=f"ascending, at least {REPORTED_SIGMA:g}")
     if not len(stacks):
         raise InputError("stacks", 0, allowed="at least one residual")
-    geometry = psf.geometry
     alarms: list[float] = []
-    seen = np.full(len(stacks), -math.inf)
+    seen: list[float] = []
     elements = 0.0
     for visit, stack in enumerate(stacks):
         rng = stream(seed, "roc", visit)
         empty = search(stack, psf, maps, star_rate_e_s=star_rate_e_s, sigma=_SEARCH_SIGMA)
         elements += empty.region.n_elements
         alarms += [one.significance for one in empty.candidates]
-        x, y = draw_place(stack, separation_arcsec, geometry.pixel_scale_arcsec, rng)
+        x, y = draw_place(stack, separation_arcsec, psf.geometry.pixel_scale_arcsec, rng)
         planet = inject(stack, psf, x, y, contrast * star_rate_e_s * stack.integration_s, rng)
-        best = recovered(
-            search(planet, psf, maps, star_rate_e_s=star_rate_e_s, sigma=_SEARCH_SIGMA), x, y, geometry.lambda_d_arcsec
-        )
-        if best is not None:
-            seen[visit] = best.significance
-    return RocCurve(
-        level=level,
-        n_false=np.array([np.count_nonzero(np.array(alarms) >= one) for one in level], np.int64),
-        n_elements=elements,
-        n_detected=np.array([np.count_nonzero(seen >= one) for one in level], np.int64),
-        n_planets=len(stacks),
+        found = search(planet, psf, maps, star_rate_e_s=star_rate_e_s, sigma=_SEARCH_SIGMA)
+        best = recovered(found, x, y, psf.geometry.lambda_d_arcsec)
+        seen += [] if best is None else [best.significance]
+    n_false, n_detected = (
+        np.array([np.count_nonzero(np.array(peaks) >= one) for one in level], np.int64) for peaks in (alarms, seen)
     )
+    return RocCurve(level, n_false, elements, n_detected, len(stacks))

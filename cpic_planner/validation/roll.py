@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from cpic_core import FloatArray, InputError, numeric_context
-from cpic_planner.validation.apertures import aperture_weights, as_images, checked_frames, checked_region, region_rows
+from cpic_planner.validation import apertures
 from cpic_planner.validation.photometry import EXCLUSION_RADII, Photometry, aperture_photometry, ratio
-from cpic_planner.validation.rdi import Centering, RdiResult, rdi_subtract
+from cpic_planner.validation.rdi import Centering, RdiResult, rdi_subtract, surviving_fraction
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +35,10 @@ class RollResult:
     @property
     def image_e(self) -> tuple[FloatArray, FloatArray]:
         """Residuals summed over the frames, first and second roll."""
-        one, two = self.frames
-        return np.tensordot(one, self.first.residuals, 1), np.tensordot(two, self.second.residuals, 1)
+        first, second = self.frames
+        return np.tensordot(first, self.first.residuals, 1), np.tensordot(second, self.second.residuals, 1)
 
-    def project(self, first_template: npt.ArrayLike, second_template: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def project(self, first_template: ArrayLike, second_template: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """What the subtraction leaves of a planet, per frame.
 
         Parameters
@@ -59,20 +59,20 @@ class RollResult:
         references' covariance, as the forward model of Pueyo 2016 (ApJ 824, 117), applied to the mean science frame.
         What is left out stays below 1 % of the flux for a planet of 7 sigma in a single frame.
         """
-        images = [checked_frames(*pair) for pair in self._named(first_template, second_template)]
-        own, other = (region_rows("template", image, self.first.region)[0] for image in images)
+        images = [apertures.checked_frames(*pair) for pair in self._named(first_template, second_template)]
+        own, other = (apertures.region_rows("template", image, self.first.region)[0] for image in images)
         left = [response.left(a, b) for response, a, b in zip(self._responses, (own, other), (other, own), strict=True)]
-        first, second = (as_images(row[None], self.first.region, self.first.region.shape) for row in left)
+        first, second = (apertures.as_images(row[None], self.first.region, self.first.region.shape) for row in left)
         return first, second
 
     def throughput(
         self,
-        first_template: npt.ArrayLike,
-        second_template: npt.ArrayLike,
-        first_aperture: npt.ArrayLike,
-        second_aperture: npt.ArrayLike,
+        first_template: ArrayLike,
+        second_template: ArrayLike,
+        first_aperture: ArrayLike,
+        second_aperture: ArrayLike,
         *,
-        background: npt.ArrayLike | None = None,
+        background: ArrayLike | None = None,
     ) -> tuple[float, float]:
         """Fraction of the planet's aperture flux that survives in each roll.
 
@@ -97,17 +97,10 @@ class RollResult:
         for image, (key, template), weights in zip(left, templates, apertures, strict=True):
             if weights.shape != image.shape:
                 raise InputError("aperture", weights.shape, unit="px", allowed=f"one image of {image.shape}")
-            incoming = float(np.sum(np.asarray(template, float) * weights))
-            if not incoming > 0:
-                raise InputError(key, incoming, allowed="a positive sum inside the aperture")
-            surviving = float(np.sum(image * weights))
-            if background is not None:
-                pixels = checked_region("background", background, image.shape)
-                surviving -= float(image[pixels].mean() * weights.sum())
-            fractions.append(surviving / incoming)
+            fractions.append(surviving_fraction(key, np.asarray(template, float), image, weights, background))
         return fractions[0], fractions[1]
 
-    def _named(self, first: npt.ArrayLike, second: npt.ArrayLike) -> list[tuple[str, npt.ArrayLike]]:
+    def _named(self, first: ArrayLike, second: ArrayLike) -> list[tuple[str, ArrayLike]]:
         named = [("first_template", first), ("second_template", second)]
         for key, image in named:
             if np.shape(image) != self.first.region.shape:
@@ -115,7 +108,6 @@ class RollResult:
         return named
 
 
-@dataclass(frozen=True, eq=False)
 class _Response:
     """Linear answer of the mean residual of one roll to a planet in science and reference frames.
 
@@ -123,26 +115,17 @@ class _Response:
     change of every reference on their left singular vectors, ``target`` is the centred mean science frame.
     """
 
-    centering: Centering
-    used: int
-    modes: FloatArray
-    singular: FloatArray
-    shares: FloatArray
-    target: FloatArray
-
-    @classmethod
-    def of(cls, cut: RdiResult, science: FloatArray, frames: FloatArray, references: FloatArray) -> _Response:
-        region, used = cut.region, cut.modes_used
-        if cut.centering == "temporal" or used == 0:
-            nothing = np.empty(0)
-            return cls(cut.centering, used, cut.modes, nothing, nothing, nothing)
-        target = region_rows("science", np.average(science, axis=0, weights=frames), region)[0]
-        total = region_rows("references", references.sum(axis=0), region)[0]
+    def __init__(self, cut: RdiResult, science: FloatArray, frames: FloatArray, references: FloatArray) -> None:
+        self.centering, self.used, self.modes = cut.centering, cut.modes_used, cut.modes
+        if cut.centering == "temporal" or self.used == 0:
+            return
+        target = apertures.region_rows("science", np.average(science, axis=0, weights=frames), cut.region)[0]
+        total = apertures.region_rows("references", references.sum(axis=0), cut.region)[0]
         if cut.centering == "spatial":
             target, total = target - target.mean(), total - total.mean()
-        every = rdi_subtract(science[0], references, len(references), region=region, centering=cut.centering)
-        singular = np.sqrt(every.eigenvalues)
-        return cls(cut.centering, used, every.modes, singular, every.modes @ total / singular, target)
+        every = rdi_subtract(science[0], references, len(references), region=cut.region, centering=cut.centering)
+        self.modes, self.singular, self.target = every.modes, np.sqrt(every.eigenvalues), target
+        self.shares = every.modes @ total / self.singular
 
     def left(self, own: FloatArray, other: FloatArray) -> FloatArray:
         """Row that a planet ``own`` in the science frames and ``other`` in the references leaves."""
@@ -170,14 +153,14 @@ class _Response:
 
 @numeric_context()
 def roll_subtract(
-    first_e: npt.ArrayLike,
-    second_e: npt.ArrayLike,
+    first_e: ArrayLike,
+    second_e: ArrayLike,
     n_modes: int,
     *,
-    region: npt.ArrayLike | None = None,
+    region: ArrayLike | None = None,
     centering: Centering = "temporal",
-    first_frames: npt.ArrayLike = 1,
-    second_frames: npt.ArrayLike = 1,
+    first_frames: ArrayLike = 1,
+    second_frames: ArrayLike = 1,
 ) -> RollResult:
     """Subtract two rolls of one scene from each other.
 
@@ -208,41 +191,31 @@ def roll_subtract(
     InputError
         As `rdi_subtract`, or if the halves differ in shape or in frames.
     """
-    first, second = checked_frames("first_e", first_e), checked_frames("second_e", second_e)
+    first, second = apertures.checked_frames("first_e", first_e), apertures.checked_frames("second_e", second_e)
     if first.ndim != 3 or second.shape != first.shape:
-        raise InputError(
-            "second_e", second.shape, unit="px", allowed=f"as many frames of one size as the first roll, {first.shape}"
-        )
-    counts = _counts("first_frames", first_frames, len(first)), _counts("second_frames", second_frames, len(second))
-    if counts[0].sum() != counts[1].sum():
-        raise InputError(
-            "second_frames", float(counts[1].sum()), allowed=f"{counts[0].sum():g} in all, as in the first"
-        )
-    first, second = first / counts[0][:, None, None], second / counts[1][:, None, None]
-    one, two = (
-        rdi_subtract(a, b, n_modes, region=region, centering=centering) for a, b in ((first, second), (second, first))
-    )
-    responses = _Response.of(one, first, counts[0], second), _Response.of(two, second, counts[1], first)
-    return RollResult(one, two, counts, responses)
-
-
-def _counts(key: str, value: npt.ArrayLike, images: int) -> FloatArray:
-    counts = np.asarray(value, dtype=np.float64)
-    if counts.shape not in ((), (images,)) or not (counts >= 1).all():
-        raise InputError(key, value, allowed=f"at least 1, one number or {images} of them")
-    return np.broadcast_to(counts, (images,)).copy()
+        allowed = f"as many frames of one size as the first roll, {first.shape}"
+        raise InputError("second_e", second.shape, unit="px", allowed=allowed)
+    n_first = apertures.frame_counts("first_frames", first_frames, len(first))
+    n_second = apertures.frame_counts("second_frames", second_frames, len(second))
+    if n_first.sum() != n_second.sum():
+        raise InputError("second_frames", float(n_second.sum()), allowed=f"{n_first.sum():g} in all, as in the first")
+    first, second = first / n_first[:, None, None], second / n_second[:, None, None]
+    one = rdi_subtract(first, second, n_modes, region=region, centering=centering)
+    two = rdi_subtract(second, first, n_modes, region=region, centering=centering)
+    responses = _Response(one, first, n_first, second), _Response(two, second, n_second, first)
+    return RollResult(one, two, (n_first, n_second), responses)
 
 
 @numeric_context()
 def roll_photometry(
     result: RollResult,
-    first_template: npt.ArrayLike,
-    second_template: npt.ArrayLike,
+    first_template: ArrayLike,
+    second_template: ArrayLike,
     first_pixel: tuple[float, float],
     second_pixel: tuple[float, float],
     radius_pixel: float,
     *,
-    background_region: npt.ArrayLike,
+    background_region: ArrayLike,
     em_gain: float = 1.0,
     stages: int = 604,
 ) -> Photometry:
@@ -281,43 +254,33 @@ def roll_photometry(
     shared pixels cancel: the covariance is ``-sum(w1 w2)`` in units of ``sum(w^2)``.
     """
     places, templates, images = (first_pixel, second_pixel), (first_template, second_template), result.image_e
-    weights = [aperture_weights(images[0].shape, *place, radius_pixel) for place in places]
-    away = checked_region("background_region", background_region, images[0].shape)
-    y, x = np.indices(away.shape)
-    for place in places:
-        away &= np.hypot(x - place[0], y - place[1]) > EXCLUSION_RADII * radius_pixel
+    weights = [apertures.aperture_weights(images[0].shape, *place, radius_pixel) for place in places]
+    hole = apertures.checked_region("background_region", background_region, images[0].shape)
+    away = apertures.outside_discs(hole, places, EXCLUSION_RADII * radius_pixel)
     through = result.throughput(*templates, *weights, background=away)
-    incoming = [
-        float(np.sum(np.asarray(template) * weight)) for template, weight in zip(templates, weights, strict=True)
-    ]
+    incoming = [float(np.sum(np.asarray(image) * weight)) for image, weight in zip(templates, weights, strict=True)]
     throughput = float(np.dot(through, incoming)) / sum(incoming)
     if not throughput > 0:
-        raise InputError(
-            "second_pixel",
-            second_pixel,
-            unit="px",
-            allowed="a place far enough from the first for some of the planet to be left",
-        )
+        allowed = "a place far enough from the first for some of the planet to be left"
+        raise InputError("second_pixel", second_pixel, unit="px", allowed=allowed)
     first, second = (
         aperture_photometry(image, *place, radius_pixel, background_region=away, em_gain=em_gain, stages=stages)
         for image, place in zip(images, places, strict=True)
     )
     shared = float(np.sum(weights[0] * weights[1]))
-    return _mean_of(
-        first, second, throughput, shared / math.sqrt(float(np.sum(weights[0] ** 2) * np.sum(weights[1] ** 2)))
-    )
+    overlap = shared / math.sqrt(float(np.sum(weights[0] ** 2) * np.sum(weights[1] ** 2)))
+    return _mean_of(first, second, throughput, overlap)
 
 
 def _mean_of(first: Photometry, second: Photometry, throughput: float, overlap: float) -> Photometry:
     """Photometry of the mean of two aperture sums whose noise has the correlation ``-overlap``."""
-    both = (first, second)
     raw = (first.raw_flux + second.raw_flux) / 2.0
     one, two = first.sigma_background, second.sigma_background
     sigma = math.sqrt(max(one**2 + two**2 - 2.0 * overlap * one * two, 0.0)) / 2.0
     widening = 1.0 + first.aperture_area_pixels / first.background_area_pixels
-    own = sum(part.error**2 - part.sigma_background**2 * widening for part in both) / 4.0
+    own = (first.error**2 - one**2 * widening + second.error**2 - two**2 * widening) / 4.0
     error = math.sqrt(sigma**2 * widening + max(own, 0.0))
-    paper = math.hypot(*(part.flux_paper_error for part in both)) / 2.0
+    paper = math.hypot(first.flux_paper_error, second.flux_paper_error) / 2.0
     return replace(
         first,
         flux=raw / throughput,

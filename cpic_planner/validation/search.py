@@ -4,9 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, InputError, Outcome, Reason, Status
+from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status
+from cpic_planner.validation.apertures import check_positive, described
 
 MIN_ELEMENTS = 3.0
 MIN_SIGMA, MAX_SIGMA = 2.0, 20.0
@@ -63,25 +64,17 @@ def searched_region(region: BoolArray, lambda_d_pixels: float) -> SearchedRegion
     """
     pixels = np.asarray(region)
     if pixels.dtype != np.bool_ or pixels.ndim != 2:
-        raise InputError("region", f"{pixels.dtype} array of shape {pixels.shape}", allowed="booleans (y, x)")
-    if not (math.isfinite(lambda_d_pixels) and lambda_d_pixels > 0):
-        raise InputError("lambda_d_pixels", lambda_d_pixels, unit="px", allowed="finite and above 0")
+        raise InputError("region", described(pixels), allowed="booleans (y, x)")
+    check_positive("lambda_d_pixels", lambda_d_pixels, "px")
     points = int(np.count_nonzero(pixels))
     upright = pixels[1:] & pixels[:-1]
     edges = int(np.count_nonzero(upright) + np.count_nonzero(pixels[:, 1:] & pixels[:, :-1]))
     squares = int(np.count_nonzero(upright[:, 1:] & upright[:, :-1]))
-    return SearchedRegion(
-        area_pixels=float(squares),
-        half_perimeter_pixels=float(edges - 2 * squares),
-        euler=float(points - edges + squares),
-        n_positions=points,
-        n_elements=points / lambda_d_pixels**2,
-    )
+    half_perimeter, euler = float(edges - 2 * squares), float(points - edges + squares)
+    return SearchedRegion(float(squares), half_perimeter, euler, points, points / lambda_d_pixels**2)
 
 
-def false_alarms(
-    threshold: npt.ArrayLike, region: SearchedRegion, roughness: float, dof: float = math.inf
-) -> npt.NDArray[np.float64]:
+def false_alarms(threshold: ArrayLike, region: SearchedRegion, roughness: float, dof: float = math.inf) -> FloatArray:
     """Expected number of noise peaks of a search at or above a level.
 
     Parameters
@@ -140,10 +133,9 @@ def _mean_scale(dof: float) -> float:
     half = 0.5 * dof
     if half < _SERIES_FROM:
         return math.sqrt(half) * float(gamma(half + 0.5) / gamma(half + 1.0))
-    square = 1.0 / half**2
-    tail = -1.0 / 8.0 + square * (
-        1.0 / 192.0 + square * (-1.0 / 640.0 + square * (17.0 / 14336.0 - square * 31.0 / 18432.0))
-    )
+    tail = 0.0
+    for term in (-31.0 / 18432.0, 17.0 / 14336.0, -1.0 / 640.0, 1.0 / 192.0, -1.0 / 8.0):
+        tail = term + tail / half**2
     return math.exp(tail / half)
 
 
@@ -190,12 +182,8 @@ def search_threshold(
         raise InputError("sigma", sigma, unit="sigma", allowed=f"{MIN_SIGMA:g} to {MAX_SIGMA:g}")
     _check_noise(roughness, max(dof, 1.0))
     if region.n_elements < MIN_ELEMENTS or dof < 1.0:
-        return Outcome.refuse(
-            Status.UNREACHABLE,
-            Reason.TOO_FEW_ELEMENTS,
-            f"{region.n_elements:.3g} resolution elements, {dof:.3g} degrees of freedom: too few to know the noise",
-            unit="sigma",
-        )
+        text = f"{region.n_elements:.3g} resolution elements, {dof:.3g} degrees of freedom: too few to know the noise"
+        return Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
     asked = math.log(float(ndtr(-sigma)) * (1.0 if per_search else region.n_elements))
 
     def excess(log_level: float) -> float:
@@ -208,7 +196,6 @@ def search_threshold(
 
 
 def _check_noise(roughness: float, dof: float) -> None:
-    if not (math.isfinite(roughness) and roughness > 0):
-        raise InputError("roughness", roughness, unit="1/px2", allowed="finite and above 0")
+    check_positive("roughness", roughness, "1/px2")
     if not dof > 0:
         raise InputError("dof", dof, allowed="above 0")

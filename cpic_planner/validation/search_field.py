@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from cpic_planner.validation.noise_law import NoiseFit, NoiseTerms, equivalent_s
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.search import searched_region
 from cpic_planner.validation.speckle_maps import SpeckleMaps, matched_sum
-from simulator.imaging import ExternalPsf, Psf
+from simulator.imaging import AnyPsf
 
 REPORTED_SIGMA = 2.5
 _MARGIN = 0.3  # by which a source lifts the noise that it is counted in
@@ -59,27 +59,20 @@ class SearchField:
     """
 
     def __init__(
-        self,
-        stack: ReducedStack,
-        psf: Psf | ExternalPsf,
-        maps: SpeckleMaps,
-        star_e: float,
-        known: Sequence[tuple[float, float]],
+        self, stack: ReducedStack, psf: AnyPsf, maps: SpeckleMaps, star_e: float, known: Sequence[tuple[float, float]]
     ) -> None:
-        geometry = psf.geometry
-        self._stack, self._psf, self._maps = stack, psf, maps
+        self._stack, self._psf, self._maps, self._kernel = stack, psf, maps, maps.kernel
         self.region: BoolArray = np.asarray(stack.region, np.bool_)
-        self._pixel = geometry.pixel_scale_arcsec
-        self._lambda_d = geometry.lambda_d_arcsec / self._pixel
+        self._pixel = psf.geometry.pixel_scale_arcsec
+        self._lambda_d = psf.geometry.lambda_d_arcsec / self._pixel
         self.size = searched_region(self.region, self._lambda_d)
         self._y, self._x = np.nonzero(self.region)
-        self._kernel = maps.kernel
         middle, half = len(psf.off_axis) // 2, len(maps.kernel) // 2
-        template = np.asarray(psf.off_axis, float)[middle - half : middle + half + 1, middle - half : middle + half + 1]
+        cut = slice(middle - half, middle + half + 1)
+        template = np.asarray(psf.off_axis, float)[cut, cut]
         self._response = float(np.sum(maps.kernel * template) / np.sum(maps.kernel**2))
         # Positions that share their noise, of a white residual: the sum of the squared autocorrelation of the kernel.
-        reach = len(self._kernel) - 1
-        alone = matched_sum(np.pad(self._kernel, reach), self._kernel)
+        alone = matched_sum(np.pad(maps.kernel, len(maps.kernel) - 1), maps.kernel)
         self._shared = float(np.sum(alone**2) / alone.max() ** 2)
         self.samples = self.size.n_positions / self._shared
         self.free = np.ones(self._y.size, np.bool_)
@@ -88,16 +81,15 @@ class SearchField:
         self._box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)) if rows.size else (slice(0),) * 2
         self._index = np.full(self.region.shape, -1)
         self._index[self.region] = np.arange(self._y.size)
-        pattern = np.stack(
-            [np.ones(self._y.size), self._y, self._x, maps.nominal[self.region], maps.stray[self.region]]
+        variance, *seen = (
+            image[self.region]
+            for image in (stack.white_variance_e2, maps.nominal, maps.stray, maps.linear, maps.square)
         )
-        white = smooth_white(stack.white_variance_e2[self.region], pattern) if self._y.size else pattern[0]
+        pattern = np.stack([np.ones(self._y.size), self._y, self._x, *seen[:2]])
+        white = smooth_white(variance, pattern) if self._y.size else pattern[0]
         least = _LEAST_DYNAMIC * float(np.abs(stack.image_e).max(initial=0.0))
-        floor = max(least**2, np.finfo(float).tiny)
-        scale = star_e**2
-        self.terms = NoiseTerms(
-            np.maximum(white, floor), scale * maps.linear[self.region], scale * maps.square[self.region]
-        )
+        white = np.maximum(white, max(least**2, np.finfo(float).tiny))
+        self.terms = NoiseTerms(white, star_e**2 * seen[2], star_e**2 * seen[3])
         for x_arcsec, y_arcsec in known:
             self.exclude(x_arcsec / self._pixel + self._centre[1], y_arcsec / self._pixel + self._centre[0])
 
@@ -121,9 +113,8 @@ class SearchField:
         y_pixel : float
             Row of the place, pixels.
         """
-        return np.asarray(
-            (self._x - x_pixel) ** 2 + (self._y - y_pixel) ** 2 <= (_EXCLUDED_LAMBDA_D * self._lambda_d) ** 2
-        )
+        square = (self._x - x_pixel) ** 2 + (self._y - y_pixel) ** 2
+        return np.asarray(square <= (_EXCLUDED_LAMBDA_D * self._lambda_d) ** 2)
 
     def exclude(self, x_pixel: float, y_pixel: float) -> None:
         """Take a source out of noise and search.
@@ -152,8 +143,7 @@ class SearchField:
             logs = fit.logs
         factor = np.sqrt(fit.variance / assumed)
         normal = snr / factor
-        share = self.laplace(fit.logs, fit.variance)
-        gauss = np.where(self.free, equivalent_sigma(normal, share), 0.0)
+        gauss = np.where(self.free, equivalent_sigma(normal, self.laplace(fit)), 0.0)
         sigma_e = factor / (np.sqrt(spread) * self._response)
         return FilteredState(normal, assumed, sigma_e, fit, self._roughness(gauss))
 
@@ -164,10 +154,10 @@ class SearchField:
     def _speckled(self, logs: FloatArray, variance: FloatArray) -> FloatArray:
         return np.asarray(1.0 - math.exp(logs[0]) * self.terms.white / variance)
 
-    def laplace(self, logs: FloatArray, variance: FloatArray) -> FloatArray:
+    def laplace(self, fit: NoiseFit) -> FloatArray:
         """Share of a Laplace law with the kurtosis of the speckles."""
-        drift = math.exp(logs[1])
-        square, linear = drift**2 * self.terms.square / variance, drift * self.terms.linear / variance
+        drift = math.exp(fit.logs[1])
+        square, linear = drift**2 * self.terms.square / fit.variance, drift * self.terms.linear / fit.variance
         return np.sqrt(self._maps.tail_square * square**2 + 2.0 * self._maps.tail_cross * square * linear)
 
     def dof(self, fit: NoiseFit) -> FloatArray:
@@ -175,7 +165,7 @@ class SearchField:
         slopes = self.terms.slopes(fit.logs, fit.variance)
         relative = np.sum(slopes * np.linalg.solve(fit.information, slopes), axis=0)
         if self._maps.n_visits:
-            heavy = 1.0 + 1.5 * self.laplace(fit.logs, fit.variance) ** 2
+            heavy = 1.0 + 1.5 * self.laplace(fit) ** 2
             relative = relative + 2.0 / self._maps.n_visits * self._speckled(fit.logs, fit.variance) ** 2 * heavy
         return np.asarray(2.0 / relative)
 
@@ -194,27 +184,19 @@ class SearchField:
     def peaks(self, state: FilteredState) -> list[Peak]:
         """Local maxima, most significant first, each judged by the noise without it."""
         sep = load_quietly("sep")
-        box_region = self.region[self._box]
         image = self.unfold(np.where(self._hidden, 0.0, state.snr))[self._box]
-        found = sep.extract(
-            np.ascontiguousarray(image),
-            REPORTED_SIGMA - _MARGIN,
-            err=np.ones(image.shape),
-            mask=~box_region,
-            filter_kernel=None,  # the image is filtered, with the noise of every pixel
-            minarea=1,
-            deblend_nthresh=64,
-            deblend_cont=1e-6,
-            clean=False,
-        )
+        # No filter: the image is filtered, with the noise of every pixel.
+        single = {"filter_kernel": None, "minarea": 1, "deblend_nthresh": 64, "deblend_cont": 1e-6, "clean": False}
+        pixels, mask = np.ascontiguousarray(image), ~self.region[self._box]
+        found = sep.extract(pixels, REPORTED_SIGMA - _MARGIN, err=np.ones(image.shape), mask=mask, **single)
         peaks = []
         for column, row in zip(found["xpeak"], found["ypeak"], strict=True):
             place = self._index[row + self._box[0].start, column + self._box[1].start]
             if place >= 0 and not self._hidden[place]:
-                peaks.append(self._judged(state, int(place), image, int(row), int(column)))
+                peaks.append(self._measured_peak(state, int(place), image, int(row), int(column)))
         return sorted(peaks, key=lambda peak: -peak.significance)
 
-    def _judged(self, state: FilteredState, place: int, image: FloatArray, row: int, column: int) -> Peak:
+    def _measured_peak(self, state: FilteredState, place: int, image: FloatArray, row: int, column: int) -> Peak:
         box_region, height = self.region[self._box], float(image[row, column])
         shift = [0.0, 0.0]
         for axis, (down, right) in enumerate(((1, 0), (0, 1))):
@@ -235,19 +217,14 @@ class SearchField:
         measured = state.snr**2 * fit.variance / state.assumed
         alone = fit_noise(measured, state.assumed, self.terms, weight, fit.logs)
         ratio = math.sqrt(fit.variance[place] / alone.variance[place])
-        laplace, dof = (float(part[place]) for part in (self.laplace(alone.logs, alone.variance), self.dof(alone)))
-        snr = height * ratio
-        return Peak(
-            x_pixel,
-            y_pixel,
-            snr,
-            float(equivalent_sigma(snr, laplace, dof)[0]),
-            laplace,
-            dof,
-            height * float(state.sigma_e[place]),
-        )
+        return self._peak(x_pixel, y_pixel, height * ratio, height * float(state.sigma_e[place]), place, alone)
 
-    def rejudged(self, peak: Peak, state: FilteredState) -> Peak:
+    def _peak(self, x_pixel: float, y_pixel: float, snr: float, flux_e: float, place: int, fit: NoiseFit) -> Peak:
+        """A maximum in the noise of a fit."""
+        laplace, dof = (float(part[place]) for part in (self.laplace(fit), self.dof(fit)))
+        return Peak(x_pixel, y_pixel, snr, float(equivalent_sigma(snr, laplace, dof)[0]), laplace, dof, flux_e)
+
+    def with_final_noise(self, peak: Peak, state: FilteredState) -> Peak:
         """The same source in the noise that is known once all sources are out.
 
         Parameters
@@ -256,11 +233,12 @@ class SearchField:
         state : FilteredState
         """
         place = int(self._index[round(peak.y_pixel), round(peak.x_pixel)])
-        fit = state.fit
-        laplace, dof = (float(part[place]) for part in (self.laplace(fit.logs, fit.variance), self.dof(fit)))
         snr = peak.flux_e / float(state.sigma_e[place])
-        sigma = float(equivalent_sigma(snr, laplace, dof)[0])
-        return replace(peak, snr=snr, significance=sigma, laplace=laplace, dof=dof)
+        return self._peak(peak.x_pixel, peak.y_pixel, snr, peak.flux_e, place, state.fit)
+
+    def offset_arcsec(self, peak: Peak) -> tuple[float, float]:
+        """Place from the star on the detector, x and y."""
+        return (peak.x_pixel - self._centre[1]) * self._pixel, (peak.y_pixel - self._centre[0]) * self._pixel
 
     def source(self, peak: Peak) -> FloatArray:
         """What a source leaves in the residual."""

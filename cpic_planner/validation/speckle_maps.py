@@ -2,15 +2,15 @@
 
 import functools
 import hashlib
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, announce, compute_once
+from cpic_core import FloatArray, InputError, announce, compute_once
 from cpic_planner.validation.apertures import aperture_weights
 from simulator.config import Drift, content_hash
-from simulator.imaging import ExternalPsf, Psf, centred_axis, metrics_key, visit_responses
+from simulator.imaging import AnyPsf, ExternalPsf, Psf, centred_axis, metrics_key, visit_responses
 
 FilterName = Literal["matched", "aperture"]
 
@@ -55,7 +55,7 @@ class SpeckleMaps:
     kernel: FloatArray
 
 
-def filter_kernel(psf: Psf | ExternalPsf, name: FilterName = "matched") -> FloatArray:
+def filter_kernel(psf: AnyPsf, name: FilterName = "matched") -> FloatArray:
     """Weights of a filter, odd shape, centred.
 
     ``matched`` is the image of a unit source, cut to a disc of 1.5 lambda/D. ``aperture`` is the photometric aperture,
@@ -96,9 +96,7 @@ def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
     return np.stack([correlate(one, kernel, mode="constant") for one in flat]).reshape(image.shape)
 
 
-def speckle_maps(
-    psf: Psf | ExternalPsf, drift: Drift, *, kernel: FilterName = "matched", n_visits: int = N_VISITS
-) -> SpeckleMaps:
+def speckle_maps(psf: AnyPsf, drift: Drift, *, kernel: FilterName = "matched", n_visits: int = N_VISITS) -> SpeckleMaps:
     """Maps by Monte Carlo over visits: a few seconds a band, once; they are kept in the cache of the program.
 
     Parameters
@@ -122,22 +120,13 @@ def speckle_maps(
     visit_nm = drift.visit_nm or drift.walk_nm_per_sqrt_hour
     weights = filter_kernel(psf, kernel)
     if isinstance(psf, ExternalPsf) or not visit_nm > 0:
-        hole = psf.geometry.hole
-        empty = np.zeros(hole.shape)
-        nominal = np.where(hole, np.asarray(psf.on_axis, float), 0.0)
+        nominal = np.where(psf.geometry.hole, np.asarray(psf.on_axis, float), 0.0)
+        empty = np.zeros(nominal.shape)
         return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, weights)
-    unit = _unit_maps(_Held(psf, _key(psf, drift.psd_slope, n_visits, kernel)), drift.psd_slope, n_visits, kernel)
-    return SpeckleMaps(
-        linear=visit_nm**2 * unit["linear"],
-        square=visit_nm**4 * unit["square"],
-        nominal=unit["nominal"],
-        stray=visit_nm**2 * unit["stray"],
-        tail_square=float(unit["tails"][0]),
-        tail_cross=float(unit["tails"][1]),
-        visit_nm=visit_nm,
-        n_visits=n_visits,
-        kernel=weights,
-    )
+    unit = _unit_maps(_KeyedPsf(psf, _key(psf, drift.psd_slope, n_visits, kernel)), drift.psd_slope, n_visits, kernel)
+    linear, square, stray = visit_nm**2 * unit["linear"], visit_nm**4 * unit["square"], visit_nm**2 * unit["stray"]
+    tails = float(unit["tails"][0]), float(unit["tails"][1])
+    return SpeckleMaps(linear, square, unit["nominal"], stray, *tails, visit_nm, n_visits, weights)
 
 
 def _key(psf: Psf, slope: float, n_visits: int, name: FilterName) -> str:
@@ -159,31 +148,24 @@ def _key(psf: Psf, slope: float, n_visits: int, name: FilterName) -> str:
     )
 
 
-class _Held:
+@dataclass(frozen=True)
+class _KeyedPsf:
     """A PSF that counts as equal to any other of its key."""
 
-    def __init__(self, psf: Psf, key: str) -> None:
-        self.psf, self.key = psf, key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Held) and other.key == self.key
+    psf: Psf = field(compare=False)
+    key: str
 
 
 @functools.lru_cache(maxsize=16)
-def _unit_maps(held: _Held, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
+def _unit_maps(keyed: _KeyedPsf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
     """Maps of an offset of 1 nm, from the cache or measured."""
-    return compute_once(f"speckles-{held.key}", lambda: _measured(held.psf, slope, n_visits, name))
+    return compute_once(f"speckles-{keyed.key}", lambda: _measured(keyed.psf, slope, n_visits, name))
 
 
 def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
     announce(f"measuring how drift moves the speckles in {psf.band}, once: some seconds")
     kernel = filter_kernel(psf, name)
-    hole: BoolArray = psf.geometry.hole
-    empty = np.zeros(hole.shape)
-    imager = psf.imager
+    hole, imager = psf.geometry.hole, psf.imager
     rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
     offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
     axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
@@ -198,17 +180,11 @@ def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[s
         whole = np.zeros((len(images), *inside.shape))
         whole[(slice(None), *place)] = images
         sums = matched_sum(np.where(inside, whole, 0.0), kernel)[:, inside]
-        result: FloatArray = sums - sums.mean(axis=0)
-        return result
+        return np.asarray(sums - sums.mean(axis=0))
 
-    def unfolded(values: FloatArray) -> FloatArray:
-        image = empty.copy()
-        image[hole] = values
-        return image
-
-    def on_stamp(image: FloatArray) -> FloatArray:
-        stamp = empty.copy()
-        stamp[np.ix_(rows, columns)] = image.reshape(rows.size, columns.size)
+    def on_stamp(pixels: tuple[Any, ...], values: FloatArray) -> FloatArray:
+        stamp = np.zeros(hole.shape)
+        stamp[pixels] = values
         return np.where(hole, stamp, 0.0)
 
     linear, square = filtered(responses[1]), filtered(responses[2])
@@ -217,10 +193,11 @@ def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[s
     fourth = float(np.sum((square**4).mean(axis=0) - 3.0 * of_square**2) / (6.0 * np.sum(of_square**2)))
     crossed = np.sum((linear**2 * square**2).mean(axis=0) - of_linear * of_square - 2.0 * both**2)
     tails = [max(fourth, 0.0), max(float(crossed / (2.0 * np.sum(of_linear * of_square))), 0.0)]
+    sampled, box_shape = np.ix_(rows, columns), (rows.size, columns.size)
     return {
-        "linear": unfolded(2.0 * of_linear / spread),
-        "square": unfolded(2.0 * of_square / spread),
-        "nominal": on_stamp(responses[0]),
-        "stray": on_stamp(responses[2].mean(axis=0)),
+        "linear": on_stamp(np.nonzero(hole), 2.0 * of_linear / spread),
+        "square": on_stamp(np.nonzero(hole), 2.0 * of_square / spread),
+        "nominal": on_stamp(sampled, responses[0].reshape(box_shape)),
+        "stray": on_stamp(sampled, responses[2].mean(axis=0).reshape(box_shape)),
         "tails": np.array(tails),
     }

@@ -4,6 +4,8 @@ Either short exposures of the star moved off the mask, or a star of known magnit
 measured like the planet.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,13 +13,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_core import FloatArray, InputError, Outcome, Reason, Status
-from cpic_planner.validation.apertures import aperture_weights, require
+from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status
+from cpic_planner.validation.apertures import aperture_weights, check_positive, require
 from cpic_planner.validation.frames import MOST_LOST, calibrated_frames, transferred
 from cpic_planner.validation.photometry import Photometry
-from cpic_planner.validation.rejection import combine, reject_cosmic_rays
+from cpic_planner.validation.rejection import combine, rejected_in
 from simulator.config import Detector, Instrument, Scene, load_instrument, load_scene
 from simulator.imaging import AnyPsf, single_band_psf
 from simulator.observing import Observation, observe
@@ -66,6 +67,11 @@ class StarFlux:
     time_s: float
     rate_ratio: float = 1.0
 
+    @classmethod
+    def known(cls, rate_e_s: float) -> StarFlux:
+        """A rate that is known without a measurement, as the scene's own."""
+        return cls(rate_e_s, 0.0, "off_mask", rate_e_s, 1.0, 1.0)
+
 
 def off_mask_exposure_s(
     rate_e_s: float, peak: float, detector: Detector, *, em_gain: float = 1.0, fill: float = _FILL
@@ -96,20 +102,16 @@ def off_mask_exposure_s(
     InputError
         If an argument is out of range.
     """
-    for key, value, unit in (("rate_e_s", rate_e_s, "e-/s"), ("peak", peak, "")):
-        require(key, value, math.isfinite(value) and value > 0, unit, "finite and above 0")
+    check_positive("rate_e_s", rate_e_s, "e-/s")
+    check_positive("peak", peak)
     require("fill", fill, 0 < fill <= 1, "", "above 0 and at most 1")
     require("em_gain", em_gain, math.isfinite(em_gain) and 1 <= em_gain <= 1e4, "", "1 to 1e4")
     hottest = rate_e_s * peak
     shortest = detector.exposure_min_s
     least = pixel_saturated(hottest * shortest, em_gain, detector, _MARGIN_SIGMA)
     if least.status is not Status.OK:
-        return Outcome.refuse(
-            Status.SATURATED,
-            least.reason,
-            f"even the shortest exposure, {shortest:g} s, saturates off the mask: {least.message}",
-            unit="s",
-        )
+        text = f"even the shortest exposure, {shortest:g} s, saturates off the mask: {least.message}"
+        return Outcome.refuse(Status.SATURATED, least.reason, text, unit="s")
     converter_e = (detector.adc_max_adu - detector.bias_adu) * detector.gain_e_adu
     converter_e -= _MARGIN_SIGMA * detector.read_noise_e
     limit = min(detector.full_well_e, detector.register_full_well_e / em_gain, converter_e / em_gain)
@@ -167,18 +169,9 @@ def observe_off_mask(
         if answer.value is None:
             return Outcome.refuse(answer.status, answer.reason, answer.message)
         exposure_s = answer.value
-    usual: dict[str, Any] = {"kind": "CALS", "role": "calibration", "window": "hole"}
-    seen = observe(
-        scene,
-        band=band,
-        instrument=config,
-        exposure_s=exposure_s,
-        n_frames=n_frames,
-        em_gain=em_gain,
-        star_offset_arcsec=offset_arcsec,
-        **(usual | settings),
-    )
-    return Outcome.ok(seen)
+    series: dict[str, Any] = {"kind": "CALS", "role": "calibration", "window": "hole"} | settings
+    frames = {"exposure_s": exposure_s, "n_frames": n_frames, "em_gain": em_gain, "star_offset_arcsec": offset_arcsec}
+    return Outcome.ok(observe(scene, band=band, instrument=config, **(series | frames)))
 
 
 def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
@@ -210,16 +203,7 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     """
     frames = calibrated_frames(observation)
     detector = observation.instrument.detector
-    hits = reject_cosmic_rays(
-        frames.electrons,
-        frames.usable,
-        em_gain=frames.em_gain,
-        read_noise_e=detector.read_noise_e,
-        pedestal_e=frames.pedestal_e,
-        stages=detector.register_stages,
-        gain_e_adu=detector.gain_e_adu,
-    )
-    summed = combine(frames.electrons, frames.usable & ~hits.rejected)
+    summed = combine(frames.electrons, frames.usable & ~rejected_in(frames, detector.read_noise_e).rejected)
     template = observation.psf.at(*observation.star_offset_arcsec)
     rows, columns, part = observation.area.stamp(len(template))
     first_row, first_column = observation.first_pixel or (0, 0)
@@ -230,22 +214,13 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     aperture, weights = _weights(observation, template.shape, (rows.start, columns.start), seen)
     lost = frames.n_lost[rows, columns][aperture > 0]
     if lost.max() > MOST_LOST * frames.n_frames:
-        return Outcome.refuse(
-            Status.SATURATED,
-            _limit(observation, template),
-            f"{np.count_nonzero(lost)} pixels of the aperture are cut off in up to {lost.max()} of "
-            f"{frames.n_frames} frames; shorten the exposure",
-            unit="e-/s",
-        )
-    core = float(np.sum(weights * template))
+        cut = f"{np.count_nonzero(lost)} pixels of the aperture are cut off in up to {lost.max()}"
+        text = f"{cut} of {frames.n_frames} frames; shorten the exposure"
+        return Outcome.refuse(Status.SATURATED, _limit(observation, template), text, unit="e-/s")
+    core, offset = float(np.sum(weights * template)), observation.star_offset_arcsec
     if not core > 0.01 * _open_core(observation.psf):
-        raise InputError(
-            "star_offset_arcsec",
-            observation.star_offset_arcsec,
-            unit="arcsec",
-            allowed="a place off the mask",
-            hint="along a diagonal, beyond 0.35 arcsec",
-        )
+        allowed, hint = "a place off the mask", "along a diagonal, beyond 0.35 arcsec"
+        raise InputError("star_offset_arcsec", offset, unit="arcsec", allowed=allowed, hint=hint)
     light = np.where(summed.covered, summed.image_e, 0.0)
     variance = frames.n_frames * frames.variance_e2(light / frames.n_frames) * summed.variance_factor
     flux, time = float(np.sum(weights * light[rows, columns])), frames.n_frames * frames.exposure_s
@@ -286,16 +261,10 @@ def field_star_ratio(
     InputError
         If the scene has no star of that name, or an argument is out of range.
     """
-    require(
-        "magnitude_error",
-        magnitude_error,
-        math.isfinite(magnitude_error) and magnitude_error >= 0,
-        "mag",
-        "finite and at least 0",
-    )
-    scene = load_scene(scene)
+    good = math.isfinite(magnitude_error) and magnitude_error >= 0
+    require("magnitude_error", magnitude_error, good, "mag", "finite and at least 0")
     config = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
-    sources = scene_sources(scene, config, band)
+    sources = scene_sources(load_scene(scene), config, band)
     rates = {source.name: source.rate_e_s for source in sources[1:] if source.kind == "star"}
     if name not in rates:
         raise InputError("name", name, allowed=", ".join(rates) or "a scene with stars in the field")
@@ -325,19 +294,10 @@ def star_flux_of_field_star(
     InputError
         If an argument is out of range, or the measured flux is not above 0.
     """
-    for key, value, unit, high in (
-        ("measured.flux", measured.flux, "e-", math.inf),
-        ("core", core, "", 1.0),
-        ("time_s", time_s, "s", math.inf),
-        ("rate_ratio", rate_ratio, "", math.inf),
-    ):
-        require(
-            key,
-            value,
-            math.isfinite(value) and 0 < value <= high,
-            unit,
-            "finite and above 0" + (f", at most {high:g}" if math.isfinite(high) else ""),
-        )
+    check_positive("measured.flux", measured.flux, "e-")
+    check_positive("core", core, most=1.0)
+    check_positive("time_s", time_s, "s")
+    check_positive("rate_ratio", rate_ratio)
     good = math.isfinite(ratio_relative_error) and ratio_relative_error >= 0
     require("ratio_relative_error", ratio_relative_error, good, "", "finite and at least 0")
     rate = measured.flux * rate_ratio / (core * time_s)
@@ -346,15 +306,13 @@ def star_flux_of_field_star(
 
 
 def _weights(
-    observation: Observation, shape: tuple[int, int], corner: tuple[int, int], seen: npt.NDArray[np.bool_]
+    observation: Observation, shape: tuple[int, int], corner: tuple[int, int], seen: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Aperture, and aperture less its background, on the stamp; 0 where no frame is usable."""
     geometry, area = observation.psf.geometry, observation.area
     pixel = geometry.pixel_scale_arcsec
-    x, y = (
-        area.centre[axis] - corner[axis] + offset / pixel
-        for axis, offset in zip((1, 0), observation.star_offset_arcsec, strict=True)
-    )
+    x = area.centre[1] - corner[1] + observation.star_offset_arcsec[0] / pixel
+    y = area.centre[0] - corner[0] + observation.star_offset_arcsec[1] / pixel
     aperture = aperture_weights(shape, x, y, geometry.aperture_radius_arcsec / pixel)
     rows, columns = np.indices(shape)
     distance = np.hypot(columns - x, rows - y) * pixel / geometry.lambda_d_arcsec

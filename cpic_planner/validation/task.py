@@ -3,25 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple, Required, TypedDict, Unpack
 
 import numpy as np
 
 from cpic_core import Reason, Status
-from cpic_planner.etc import (
-    EtcModel,
-    StackNoise,
-    aperture_rates,
-    build_model,
-    diagonal_pa_deg,
-    needed_margin,
-    planet_offsets,
-    reference_distance_au,
-    stack_noise,
-    threshold_array,
-    verdict_of,
-    visit_chances,
-)
+from cpic_planner import etc
 from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides
 from cpic_planner.ranking import best_in_band, no_frame_status
 from cpic_planner.results import BandConfirmation
@@ -39,13 +26,35 @@ _REFUSALS = {
 }
 
 
-@dataclass(frozen=True)
-class Frames:
+class Frames(NamedTuple):
     """Frames of the science visit."""
 
     exposure_s: float
     n_frames: int
     em_gain: float
+
+
+class ImageSettings(TypedDict, total=False):
+    """How images are drawn.
+
+    Attributes
+    ----------
+    seed : int
+        Seed of all random streams; always given.
+    fidelity, tolerance
+        The dial (`simulator.knobs.dial_of`): ``quick``, ``standard`` or ``reference``, or the largest error of planet
+        flux and SNR that is accepted, 0 to 0.5; ``standard`` without any.
+    realisations : int
+        Draws of drift and noise; 1 by default.
+    audit : bool
+        Whether one more realisation runs frame by frame with every effect of the camera; not by default.
+    """
+
+    seed: Required[int]
+    fidelity: str | None
+    tolerance: float | None
+    realisations: int
+    audit: bool
 
 
 @dataclass(frozen=True)
@@ -64,16 +73,12 @@ class ConfirmTask:
         Frames of the science visit.
     strategy : dict
         How it is observed and reduced (`cpic_planner.etc.model.Strategy`).
-    seed, realisations
-        Of the images; every realisation has its own drift and noise.
-    fidelity, tolerance
-        The dial (`simulator.knobs.dial_of`): a name or a tolerance; ``standard`` without any.
-    audit : bool
-        Whether one more realisation runs frame by frame with every effect of the camera.
     predictions : list of dict
         What `expected_of` says of each planet that is measured.
     planets : list of str
         Their names in the scene.
+    seed, fidelity, tolerance, realisations, audit
+        `ImageSettings`.
     """
 
     name: str
@@ -84,13 +89,18 @@ class ConfirmTask:
     n_frames: int
     em_gain: float
     strategy: dict[str, Any]
-    seed: int
-    fidelity: str | None
-    realisations: int
-    audit: bool
     predictions: list[dict[str, Any]]
     planets: list[str]
+    seed: int
+    fidelity: str | None = None
     tolerance: float | None = None
+    realisations: int = 1
+    audit: bool = False
+
+    @property
+    def frames_of_both_visits(self) -> float:
+        """Science and reference frames of one realisation."""
+        return self.n_frames * (1.0 + float(self.strategy["reference_ratio"]))
 
     @property
     def dial(self) -> Dial:
@@ -161,34 +171,17 @@ def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", 
     exozodi_zodis : float, optional
         Dust around the star, in units of the solar system's.
     """
-    star = SceneStar(
-        name=str(target.name[0]),
-        v_mag=float(target.v_mag[0]),
-        teff_k=float(target.teff_k[0]),
-        log_g=float(target.log_g[0]),
-        metallicity=float(target.metallicity[0]),
-        distance_pc=_known(target.distance_pc[0]),
-        luminosity_lsun=_known(target.luminosity_lsun[0]),
-        ra_deg=_known(target.ra_deg[0]),
-        dec_deg=_known(target.dec_deg[0]),
-    )
-    near = companion_of(
-        star.model_dump(),
-        separation_arcsec=_known(target.companion_separation_arcsec[0]),
-        pa_deg=_known(target.companion_pa_deg[0]),
-        v_mag=_known(target.companion_v_mag[0]),
-        teff_k=_known(target.companion_teff_k[0]),
-    )
+    always = {key: float(getattr(target, key)[0]) for key in ("v_mag", "teff_k", "log_g", "metallicity")}
+    columns = ("distance_pc", "luminosity_lsun", "ra_deg", "dec_deg")
+    sometimes = {key: _known(getattr(target, key)[0]) for key in columns}
+    star = SceneStar.model_validate({"name": str(target.name[0])} | always | sometimes)
+    place = ("separation_arcsec", "pa_deg", "v_mag", "teff_k")
+    near = companion_of(star.model_dump(), **{key: _known(getattr(target, f"companion_{key}")[0]) for key in place})
     stars = tuple(SceneStar(**body) for body in near)
     disc = exozodi_disc(exozodi_zodis)
-    return Scene(
-        name=name or star.name,
-        cstar=star,
-        planets=planets,
-        stars=stars,
-        extended=() if disc is None else (disc,),
-        companions=target.companions,
-    )
+    extended = () if disc is None else (disc,)
+    around = {"planets": planets, "stars": stars, "extended": extended, "companions": target.companions}
+    return Scene(name=name or star.name, cstar=star, **around)
 
 
 def _known(value: float) -> float | None:
@@ -196,7 +189,7 @@ def _known(value: float) -> float | None:
 
 
 def expected_of(
-    model: EtcModel, target: Targets, band: str, place_arcsec: tuple[Any, Any], contrast: float, frames: Frames
+    model: etc.EtcModel, target: Targets, band: str, place_arcsec: tuple[Any, Any], contrast: float, frames: Frames
 ) -> dict[str, Any]:
     """What the ETC expects of a planet in given frames.
 
@@ -219,56 +212,43 @@ def expected_of(
         detection (``chance_blind``, ``chance_known_place``; None where no law was measured) that follow, and
         ``snr_full`` and ``significance_full`` with the frames that particles void.
     """
-    x, y = (np.asarray(part, float).reshape(1, 1) for part in place_arcsec)
+    x, y, faint = (np.asarray(part, float).reshape(1, 1) for part in (*place_arcsec, contrast))
     separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
+    visit_s = frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)
     elements = model.metrics[band].resolution_elements(separation)
-    found: dict[str, Any] = {
+    threshold = float(etc.threshold_array(elements, model.strategy.sigma)[0, 0])
+    sums = etc.build_model(images_of(model.instrument), [band], model.strategy)
+    noise, full = (
+        etc.stack_noise(etc.aperture_rates(one, target, band, x, y, faint), *frames, one.camera(band), one.strategy)
+        for one in (sums, model)
+    )
+    margin = noise.significance / threshold
+    chances = etc.visit_chances(sums, band, separation, visit_s, noise, margin)
+    return {
         "contrast": float(contrast),
         "separation_arcsec": float(separation[0, 0]),
         "pa_deg": float(pa_deg[0, 0]),
-        "time_s": _wall_s(model, band, frames),
+        "time_s": float(model.time_s(visit_s)),
+        "threshold": threshold,
+        "snr": float(noise.snr[0, 0]),
+        "significance": float(noise.significance[0, 0]),
+        "chance_blind": _known(chances.blind[0, 0]),
+        "chance_known_place": _known(chances.known_place[0, 0]),
+        "verdict": etc.verdict_of(Status.OK, bool(margin[0, 0] >= etc.needed_margin(model, band))),
+        "snr_full": float(full.snr[0, 0]),
+        "significance_full": float(full.significance[0, 0]),
     }
-    found["threshold"] = float(threshold_array(elements, model.strategy.sigma)[0, 0])
-    sums = build_model(images_of(model.instrument), [band], model.strategy)
-    for suffix, seen in (("", sums), ("_full", model)):
-        noise = _noise(seen, target, band, (x, y), contrast, frames)
-        found["snr" + suffix] = float(noise.snr[0, 0])
-        found["significance" + suffix] = float(noise.significance[0, 0])
-        if seen is sums:
-            margin = noise.significance / found["threshold"]
-            visit_s = frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)
-            chances = visit_chances(seen, band, separation, visit_s, noise, margin)
-            found["chance_blind"] = _known(chances.blind[0, 0])
-            found["chance_known_place"] = _known(chances.known_place[0, 0])
-            found["verdict"] = verdict_of(Status.OK, bool(margin[0, 0] >= needed_margin(model, band)))
-    return found
-
-
-def _wall_s(model: EtcModel, band: str, frames: Frames) -> float:
-    return float(model.time_s(frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)))
-
-
-def _noise(
-    model: EtcModel, target: Targets, band: str, place_arcsec: tuple[Any, Any], contrast: float, frames: Frames
-) -> StackNoise:
-    rates = aperture_rates(model, target, band, *place_arcsec, np.full((1, 1), contrast))
-    setting = frames.exposure_s, frames.n_frames, frames.em_gain
-    return stack_noise(rates, *setting, model.camera(band), model.strategy)
 
 
 def prepare_task(
-    model: EtcModel,
+    model: etc.EtcModel,
     target: Targets,
     band: str,
     *,
     time_s: float,
     planet: ReferencePlanet,
-    seed: int,
-    fidelity: str | None = None,
-    tolerance: float | None = None,
-    realisations: int = 1,
-    audit: bool = False,
     overrides: SimulatorOverrides | None = None,
+    **settings: Unpack[ImageSettings],
 ) -> ConfirmTask | BandConfirmation:
     """Predict one band's reference planet where that band sees it best: a final refusal, or work to do.
 
@@ -281,23 +261,16 @@ def prepare_task(
     time_s : float
         Wall time, s, overheads and reference frames included.
     planet : ReferencePlanet
-    seed : int
-        Seed of all random streams.
-    fidelity : str, optional
-        ``quick``, ``standard`` or ``reference``.
-    tolerance : float, optional
-        Largest error of planet flux and SNR that is accepted, 0 to 0.5.
-    realisations : int, optional
-        Draws of drift and noise.
-    audit : bool, optional
-        Whether one more realisation runs frame by frame.
     overrides : SimulatorOverrides, optional
+        What the images have otherwise.
+    **settings
+        `ImageSettings`; at least the seed.
     """
     best = best_in_band(model, target, band, time_s, planet)
     separation = float(best.separation_arcsec[0])
     parity = model.instrument.detector.parity
     # Two rolls put it to either side of the diagonal; the ETC counts one of them.
-    pa_deg = diagonal_pa_deg(model.metrics[band].zone, parity)
+    pa_deg = etc.diagonal_pa_deg(model.metrics[band].zone, parity)
     if not 1 <= best.n_frames[0] <= MAX_FRAMES:
         status, reason = no_frame_status(best, 0, model.camera(band))
         if best.n_frames[0] > MAX_FRAMES:
@@ -312,63 +285,40 @@ def prepare_task(
             true_contrast=float(best.contrast[0]),
             verdict="not observed",
         )
-    distance = float(reference_distance_au(target, np.array([separation]), planet)[0, 0])
+    distance = float(etc.reference_distance_au(target, np.array([separation]), planet)[0, 0])
     frames = Frames(float(best.exposure_s[0]), int(best.n_frames[0]), float(best.em_gain[0]))
     # Dust is part of the scene: where the simulator's differs, it is in the images alone.
     zodis = (overrides or SimulatorOverrides()).instrument(model.instrument).sky.exozodi_zodis
     scene = target_scene(target, planet, separation, distance, pa_deg, exozodi_zodis=zodis)
     expected = expected_of(
-        model, target, band, planet_offsets(model, band, separation), float(best.contrast[0]), frames
+        model, target, band, etc.planet_offsets(model, band, separation), float(best.contrast[0]), frames
     )
-    return task_of(
-        model,
-        scene,
-        band,
-        frames,
-        [expected],
-        seed=seed,
-        fidelity=fidelity,
-        tolerance=tolerance,
-        realisations=realisations,
-        audit=audit,
-        overrides=overrides,
-    )
+    return task_of(model, scene, band, frames, [expected], overrides=overrides, **settings)
 
 
 def task_of(
-    model: EtcModel,
+    model: etc.EtcModel,
     scene: Scene,
     band: str,
     frames: Frames,
     predictions: Sequence[dict[str, Any]],
     *,
-    seed: int,
-    fidelity: str | None = None,
-    tolerance: float | None = None,
-    realisations: int,
-    audit: bool,
-    overrides: SimulatorOverrides | None,
     planets: Sequence[str] | None = None,
+    overrides: SimulatorOverrides | None = None,
+    **settings: Unpack[ImageSettings],
 ) -> ConfirmTask:
     """The work itself; what is overridden changes the images and nothing else. All planets unless some are named."""
     altered = overrides or SimulatorOverrides()
-    shown = altered.scene(scene)
     return ConfirmTask(
-        name=scene.name,
-        band=band,
-        simulator=altered.instrument(model.instrument).model_dump(mode="json"),
-        scene=shown.model_dump(mode="json"),
-        exposure_s=frames.exposure_s,
-        n_frames=frames.n_frames,
-        em_gain=frames.em_gain,
-        strategy=model.strategy.model_dump(mode="json"),
-        seed=seed,
-        fidelity=fidelity,
-        realisations=realisations,
-        audit=audit,
-        predictions=list(predictions),
-        planets=[planet.name for planet in scene.planets] if planets is None else list(planets),
-        tolerance=tolerance,
+        scene.name,
+        band,
+        altered.instrument(model.instrument).model_dump(mode="json"),
+        altered.scene(scene).model_dump(mode="json"),
+        *frames,
+        model.strategy.model_dump(mode="json"),
+        list(predictions),
+        [planet.name for planet in scene.planets] if planets is None else list(planets),
+        **settings,
     )
 
 

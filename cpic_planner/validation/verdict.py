@@ -2,28 +2,22 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from cpic_core import Reason
+from cpic_core import FloatArray, Reason
 from cpic_planner.results import AuditRecord, BandConfirmation
+from cpic_planner.validation import findings
 from cpic_planner.validation.astrometry import Astrometry
-from cpic_planner.validation.findings import (
-    MIN_JACKKNIFE,
-    MIN_SNR,
-    PREDICTION_ERROR,
-    calibrate,
-    mean_snr,
-    optimism,
-    standing,
-)
 from cpic_planner.validation.measure import Measurement
 from cpic_planner.validation.modelling import Modelling, modelling_of
-from cpic_planner.validation.realise import FrameStory
+from cpic_planner.validation.realise import FrameStatistics
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.task import ConfirmTask
 
+AT_KNOWN_PLACE = "seen at its known place, not confirmed blind"
 _ADVICE = {
     "quick": "take --fidelity standard, or a --tolerance",
     "standard": "take --fidelity reference, or a --tolerance",
@@ -31,58 +25,65 @@ _ADVICE = {
 }
 
 
+@dataclass(frozen=True)
+class Evidence:
+    """What the images of a task say of all its planets together.
+
+    Attributes
+    ----------
+    task : ConfirmTask
+    modelling : Modelling
+        How the images were made.
+    star : StarFlux or None
+        What contrasts refer to; None where the scene's own rate had to do.
+    false_detections : int
+        Of all searches.
+    statistics : FrameStatistics or None
+        Of frames that were run one by one; None for sums.
+    """
+
+    task: ConfirmTask
+    modelling: Modelling
+    star: StarFlux | None
+    false_detections: int
+    statistics: FrameStatistics | None
+
+
 def confirmation_of(
-    task: ConfirmTask,
-    modelling: Modelling,
+    seen: Evidence,
     number: int,
     measured: Sequence[Measurement],
-    *,
-    star: StarFlux | None,
     core: float,
-    false_detections: int,
-    story: FrameStory | None,
-    position: Astrometry | None,
-    audit: AuditRecord | None,
+    position: Astrometry | None = None,
+    audit: AuditRecord | None = None,
 ) -> BandConfirmation:
     """Answer for planet ``number`` of a task.
 
     Parameters
     ----------
-    task : ConfirmTask
-    modelling : Modelling
-        How the images were made.
+    seen : Evidence
     number : int
         Of the planet among those of the task.
     measured : sequence of Measurement
         One a realisation.
-    star : StarFlux or None
-        What contrasts refer to; None where the scene's own rate had to do.
     core : float
         Core throughput at the planet's place.
-    false_detections : int
-        Of all searches.
-    story : FrameStory or None
-        Of frames that were run one by one; None for sums.
-    position : Astrometry or None
+    position : Astrometry, optional
         Fit of the first realisation that shows the planet.
-    audit : AuditRecord or None
+    audit : AuditRecord, optional
     """
-    expected = task.predictions[number]
-    contrast = np.array([item.contrast for item in measured])
-    error = np.array([item.contrast_error for item in measured])
-    sigma = np.array([item.contrast_sigma for item in measured])
-    snr, snr_error = mean_snr(
-        contrast, error, significance=expected["significance"], n_apertures=measured[0].n_apertures
-    )
-    n = len(measured)
+    task, star, statistics, sky = seen.task, seen.star, seen.statistics, position.sky if position else None
+    expected, n, n_apertures = task.predictions[number], len(measured), measured[0].n_apertures
+    contrast, error, sigma = contrasts_of(measured)
+    snr, snr_error = findings.mean_snr(contrast, error, significance=expected["significance"], n_apertures=n_apertures)
     # A few values do not tell their scatter.
-    spread = float(contrast.std(ddof=1)) if n >= MIN_JACKKNIFE else float(np.sqrt((error**2).mean()))
+    spread = float(contrast.std(ddof=1)) if n >= findings.MIN_JACKKNIFE else float(np.sqrt((error**2).mean()))
     found = sum(item.found for item in measured)
     at_place = sum(item.significance >= expected["threshold"] for item in measured)
-    lost = 0 if story is None else story.lost_in
+    lost = 0 if statistics is None else statistics.lost_in
     ratio = snr / expected["snr"]
-    ratio_error = math.hypot(snr_error / expected["snr"], PREDICTION_ERROR * ratio)
-    factor = optimism(ratio, ratio_error) if ratio > MIN_SNR * ratio_error else (None, None)
+    ratio_error = math.hypot(snr_error / expected["snr"], findings.PREDICTION_ERROR * ratio)
+    factor = findings.optimism(ratio, ratio_error) if ratio > findings.MIN_SNR * ratio_error else (None, None)
     detected = bool(2 * found >= n and not lost)
     return BandConfirmation(
         **_asked(task, number),
@@ -90,8 +91,8 @@ def confirmation_of(
         reason=Reason.PIXEL_FULL_WELL.value if lost else "",
         message=f"{lost} pixels of the hole were cut off by a limit" if lost else "",
         realisations=n,
-        drawn_as=modelling.draw,
-        modelled=modelling.record(),
+        drawn_as=seen.modelling.draw,
+        modelled=seen.modelling.record(),
         recovered_snr=snr,
         recovered_snr_error=snr_error,
         recovered_significance=float(contrast.mean() / np.sqrt((sigma**2).mean())),
@@ -105,21 +106,19 @@ def confirmation_of(
         rdi_throughput=float(np.mean([item.throughput for item in measured])),
         rdi_modes_used=measured[0].modes,
         core_throughput=core,
-        n_background_apertures=measured[0].n_apertures,
+        n_background_apertures=n_apertures,
         saturated_in_hole=lost,
-        saturated_outside=None
-        if story is None
-        else story.lost_outside / (task.n_frames * (1.0 + task.strategy["reference_ratio"]) * n),
+        saturated_outside=statistics and statistics.lost_outside / (task.frames_of_both_visits * n),
         n_detected=found,
         search_snr=_mean([item.search_snr for item in measured]),
         search_threshold=_mean([item.search_threshold for item in measured]),
         n_significant=at_place,
-        false_detections=false_detections,
+        false_detections=seen.false_detections,
         detected=detected,
-        found_separation_arcsec=None if position is None else position.sky.separation_arcsec,
-        found_separation_error_arcsec=None if position is None else position.sky.separation_error_arcsec,
-        found_pa_deg=None if position is None else position.sky.pa_deg % 360.0,
-        found_pa_error_deg=None if position is None else position.sky.pa_error_deg,
+        found_separation_arcsec=sky and sky.separation_arcsec,
+        found_separation_error_arcsec=sky and sky.separation_error_arcsec,
+        found_pa_deg=sky and sky.pa_deg % 360.0,
+        found_pa_error_deg=sky and sky.pa_error_deg,
         verdict=_verdict(expected, detected, (found, at_place, n), ratio, ratio_error),
         audit=audit,
     )
@@ -149,46 +148,58 @@ def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
     }
 
 
-def cut_off(task: ConfirmTask, modelling: Modelling, number: int, story: FrameStory) -> BandConfirmation:
+def contrasts_of(measured: Sequence[Measurement]) -> FloatArray:
+    """Contrasts, their errors and their errors without the planet's noise, one a realisation; shape (3, n)."""
+    rows = [(item.contrast, item.contrast_error, item.contrast_sigma) for item in measured]
+    return np.ascontiguousarray(np.array(rows).T)
+
+
+def cut_off(seen: Evidence, number: int) -> BandConfirmation:
     """Answer where limits left nothing of a planet's aperture, or of the background around it.
 
     Parameters
     ----------
-    task : ConfirmTask
-    modelling : Modelling
+    seen : Evidence
     number : int
-        Realisations.
-    story : FrameStory
+        Of the planet among those of the task.
     """
-    return BandConfirmation(
-        **_asked(task, number),
-        status="saturated",
-        reason=Reason.PIXEL_FULL_WELL.value,
-        message="limits cut off the aperture or the background around it",
-        drawn_as="frames",
-        modelled=modelling.record(),
-        saturated_in_hole=story.lost_in,
-        detected=False,
-        verdict="saturated",
-    )
+    text = "limits cut off the aperture or the background around it"
+    lost = {"saturated_in_hole": seen.statistics.lost_in if seen.statistics else None, "drawn_as": "frames"}
+    return _not_measured(seen, number, "saturated", Reason.PIXEL_FULL_WELL, text, verdict="saturated", **lost)
+
+
+def not_shown(seen: Evidence, number: int, reason: Reason, message: str) -> BandConfirmation:
+    """Answer where a planet cannot be measured whatever the frames hold.
+
+    Parameters
+    ----------
+    seen : Evidence
+    number : int
+        Of the planet among those of the task.
+    reason, message
+        As `cpic_planner.validation.measure.obstacle` says.
+    """
+    drawn = seen.modelling.draw
+    return _not_measured(seen, number, "unreachable", reason, message, verdict="not observed", drawn_as=drawn)
+
+
+def _not_measured(
+    seen: Evidence, number: int, status: str, reason: Reason, message: str, **given: Any
+) -> BandConfirmation:
+    answer = {"status": status, "reason": reason.value, "message": message, "detected": False}
+    return BandConfirmation(**_asked(seen.task, number), modelled=seen.modelling.record(), **(answer | given))
 
 
 def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
     """Answers of a task whose tier is not good enough for its scene, one a planet; empty where it is."""
     modelling = modelling_of(task)
-    if modelling.outcome.value is not None:
+    refused = modelling.outcome
+    if refused.value is not None:
         return []
-    return [
-        BandConfirmation(
-            **(_asked(task, number) | {"image": None}),
-            status=modelling.outcome.status.value,
-            reason=modelling.outcome.reason.value,
-            message=f"{modelling.outcome.message}: {_ADVICE[modelling.dial.fidelity]}",
-            modelled=modelling.record(),
-            verdict="not modelled",
-        )
-        for number in range(len(task.planets))
-    ]
+    why = {"status": refused.status.value, "reason": refused.reason.value, "verdict": "not modelled"}
+    why["message"] = f"{refused.message}: {_ADVICE[modelling.dial.fidelity]}"
+    asked = [_asked(task, number) | why | {"image": None} for number in range(len(task.planets))]
+    return [BandConfirmation(**answer, modelled=modelling.record()) for answer in asked]
 
 
 def _verdict(expected: dict[str, Any], detected: bool, counts: tuple[int, int, int], ratio: float, error: float) -> str:
@@ -197,19 +208,18 @@ def _verdict(expected: dict[str, Any], detected: bool, counts: tuple[int, int, i
     if detected:
         word = "confirmed" if likely else "detected, though predicted below threshold"
     elif 2 * at_place >= realisations:
-        word = "seen at its known place, not confirmed blind"
+        word = AT_KNOWN_PLACE
     else:
         word = "not confirmed" if likely else "not detected, as predicted"
-    if realisations > 1:
-        word += f" ({found} of {realisations})"
-    return f"{word}; {_etc(ratio, error)}"
+    counted = f" ({found} of {realisations})" if realisations > 1 else ""
+    return f"{word}{counted}; {_etc(ratio, error)}"
 
 
 def _etc(ratio: float, error: float) -> str:
-    if ratio <= MIN_SNR * error:
+    if ratio <= findings.MIN_SNR * error:
         return "too faint to measure the ETC by"
-    word = standing(ratio, error)
-    factor, spread = optimism(ratio, error)
+    word = findings.standing(ratio, error)
+    factor, spread = findings.optimism(ratio, error)
     return f"ETC {word}{', ' if word == 'agrees' else ' by '}{factor:.2f} +- {spread:.2f}"
 
 
@@ -219,27 +229,26 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 
 def audit_of(
-    task: ConfirmTask, number: int, measured: Measurement, story: FrameStory, false_detections: int
+    task: ConfirmTask, number: int, measured: Measurement, statistics: FrameStatistics, false_detections: int
 ) -> AuditRecord:
     """Record of the realisation that ran frame by frame with every effect on."""
     expected = task.predictions[number]
-    frames = task.n_frames * (1.0 + task.strategy["reference_ratio"])
     return AuditRecord.of(
         task,
         measured,
-        story,
+        statistics,
         predicted_snr=expected["snr_full"],
         recovered_snr=measured.snr,
         recovered_significance=measured.significance,
         deviation_sigma=(measured.contrast - expected["contrast"]) / measured.contrast_error,
-        detected=bool(measured.found and not story.lost_in),
+        detected=bool(measured.found and not statistics.lost_in),
         false_detections=false_detections,
-        saturated_in_hole=story.lost_in,
-        saturated_outside=story.lost_outside / frames,
+        saturated_in_hole=statistics.lost_in,
+        saturated_outside=statistics.lost_outside / task.frames_of_both_visits,
     )
 
 
-def seen_at_place(band: BandConfirmation) -> bool:
+def significant_at_place(band: BandConfirmation) -> bool:
     """Whether at least half of the realisations are significant at the known place, limits aside."""
     return band.status == "ok" and 2 * (band.n_significant or 0) >= (band.realisations or 1)
 
@@ -251,17 +260,14 @@ def target_verdict(bands: Sequence[BandConfirmation]) -> tuple[str, float | None
     if not tried:
         word = "saturated" if any(band.verdict == "saturated" for band in bands) else "not observed"
         return f"{word}: " + ", ".join(sorted({band.reason for band in bands})), None, None
-    if any(band.status == "saturated" for band in tried) and not seen:
-        word = "saturated"
-    elif seen:
+    if seen:
         word = "confirmed in " + ", ".join(band.band for band in seen)
-    elif any(seen_at_place(band) for band in tried):
-        word = "seen at its known place, not confirmed blind"
+    elif any(band.status == "saturated" for band in tried):
+        word = "saturated"
     else:
-        word = "not confirmed"
-    mean = calibrate(tried)
+        word = AT_KNOWN_PLACE if any(significant_at_place(band) for band in tried) else "not confirmed"
+    mean = findings.calibrate(tried)
     assert mean.ratio is not None  # there is a band
     assert mean.error is not None
-    if mean.ratio <= MIN_SNR * mean.error:
-        return f"{word}; {_etc(mean.ratio, mean.error)}", None, None
-    return f"{word}; {_etc(mean.ratio, mean.error)}", *optimism(mean.ratio, mean.error)
+    factor = findings.optimism(mean.ratio, mean.error) if mean.ratio > findings.MIN_SNR * mean.error else (None, None)
+    return f"{word}; {_etc(mean.ratio, mean.error)}", *factor

@@ -11,7 +11,7 @@ from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.queries import ReferencePlanet, SimulatorOverrides
 from cpic_planner.targets import find_target
-from cpic_planner.validation import ConfirmTask, Visits, prepare_task, visits_of
+from cpic_planner.validation import ConfirmTask, VisitPair, prepare_task, visit_pair
 from simulator.config import load_instrument
 
 TIME_S = 36000.0
@@ -59,9 +59,9 @@ def without_planets(task: ConfirmTask) -> ConfirmTask:
 
 
 @functools.lru_cache(maxsize=2)
-def star_alone(star: str, band: str, seed: int) -> Visits:
+def star_alone(star: str, band: str, seed: int) -> VisitPair:
     """Visits without planets, kept for the blocks of one worker."""
-    return visits_of(without_planets(task_for(star, band, seed=seed)))
+    return visit_pair(without_planets(task_for(star, band, seed=seed)))
 
 
 def in_blocks(work: Callable[..., list[Any]], arguments: Sequence[tuple[Any, ...]], workers: int) -> list[Any]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from cases import FIVE_STARS, in_blocks, nominal, task_for
 
-from cpic_planner.validation import mean_snr, realised_frames, subjects_of, visits_of
+from cpic_planner.validation import mean_snr, planet_templates, realise_frames, visit_pair
 from cpic_planner.validation.measure import forced_photometry
 
 SEEDS, BLOCK = 400, 50
@@ -16,17 +16,16 @@ FULL_RUNS, FULL_CASES = 20, (("eps Eri", "F520"), ("tau Cet", "F520"), ("alf Cen
 
 def sums_block(star: str, band: str, first: int, count: int) -> list[dict[str, Any]]:
     """Realisations of one case as sums of frames."""
-    visits = visits_of(task_for(star, band, seed=21))
-    return [
-        _row(visits, subjects_of(visits)[0], visits.draw(number), star, band) for number in range(first, first + count)
-    ]
+    visits = visit_pair(task_for(star, band, seed=21))
+    planet, numbers = planet_templates(visits)[0], range(first, first + count)
+    return [_row(visits, planet, visits.draw(number), star, band) for number in numbers]
 
 
 def frames_block(star: str, band: str, number: int) -> list[dict[str, Any]]:
     """One realisation frame by frame, with all effects of the camera, calibration and rejection."""
-    visits = visits_of(task_for(star, band, seed=22), full=True, realisation=number)
-    realised, story = realised_frames(visits)
-    return [_row(visits, subjects_of(visits)[0], realised, star, band) | {"rejected": story.rejected_fraction}]
+    visits = visit_pair(task_for(star, band, seed=22), full=True, realisation=number)
+    realised, story = realise_frames(visits)
+    return [_row(visits, planet_templates(visits)[0], realised, star, band) | {"rejected": story.rejected_fraction}]
 
 
 def _row(visits: Any, subject: Any, realised: Any, star: str, band: str) -> dict[str, Any]:

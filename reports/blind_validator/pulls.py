@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from cases import star_alone
 
-from cpic_planner.validation import Subject, Visits, aperture_weights, fit_position
+from cpic_planner.validation import PlanetTemplate, VisitPair, aperture_weights, fit_position
 from cpic_planner.validation.measure import forced_photometry
 from simulator.detectors import excess_noise_factor2
 
@@ -18,7 +18,7 @@ PER_PLACE = 10
 MIN_APERTURES, MIN_ELEMENTS = 25.0, 3.0  # where the ETC lets a planet stand
 
 
-def random_subject(visits: Visits, rng: np.random.Generator) -> Subject:
+def random_subject(visits: VisitPair, rng: np.random.Generator) -> PlanetTemplate:
     """A planet anywhere in the hole where a detection is defined."""
     geometry = visits.geometry
     edge, pixel, middle = geometry.zone.outer_arcsec, geometry.pixel_scale_arcsec, geometry.stamp_pixels // 2
@@ -33,7 +33,8 @@ def random_subject(visits: Visits, rng: np.random.Generator) -> Subject:
     template = visits.optics.at(x, y)
     radius = geometry.aperture_radius_arcsec / pixel
     weights = aperture_weights(template.shape, middle + x / pixel, middle + y / pixel, radius)
-    return Subject("injected", ((x, y),), (template,), (weights,), (float(np.sum(template * weights)),), annulus, ())
+    core = float(np.sum(template * weights))
+    return PlanetTemplate("injected", ((x, y),), (template,), (weights,), (core,), annulus, ())
 
 
 def pull_block(star: str, band: str, seed: int, block: int, snr: float = SNR) -> list[dict[str, Any]]:

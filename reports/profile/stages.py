@@ -85,8 +85,8 @@ STAGES: dict[str, tuple[str, ...]] = {
     ),
     "blind search": ("cpic_planner.validation.detection:search",),
     "photometry and positions": (
-        "cpic_planner.validation.measure:measure",
-        "cpic_planner.validation.measure:subjects_of",
+        "cpic_planner.validation.measure:measure_planets",
+        "cpic_planner.validation.measure:planet_templates",
         "cpic_planner.validation.measure:positions_of",
     ),
     "rate of the star": (

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cpic_core import Outcome, Reason, Status
+from cpic_planner import validation
 from cpic_planner.confirm import checked_answers, etc_images, needs_images
 from cpic_planner.etc import build_model, closed_form_fidelity, contrast_limit
 from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
@@ -167,8 +168,8 @@ def test_what_images_refuse_is_typed(tau_ceti, answer, monkeypatch):
     assert record.status == "saturated"
     assert "fidelity reference" in record.message
     refusal = Outcome.refuse(Status.INVALID, Reason.TIER_TOO_COARSE, "too coarse here")
-    made = etc_images.modelling_of
-    monkeypatch.setattr(etc_images, "modelling_of", lambda task: dataclasses.replace(made(task), outcome=refusal))
+    made = validation.modelling_of
+    monkeypatch.setattr(validation, "modelling_of", lambda task: dataclasses.replace(made(task), outcome=refusal))
     record = check(model_of("F520"), tau_ceti, [answer])[0].fidelity
     assert (record.status, record.reason, record.message) == ("invalid", "tier_too_coarse", "too coarse here")
 

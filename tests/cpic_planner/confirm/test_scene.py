@@ -10,7 +10,7 @@ import cpic_planner
 from cpic_core import InputError, dump_json
 from cpic_planner.cli.main import main
 from cpic_planner.confirm import confirm_job, confirm_scene, scene_target
-from cpic_planner.confirm.scene import prepared_tasks
+from cpic_planner.confirm.scene import _work
 from cpic_planner.etc import build_model, planet_offsets, reference_distance_au
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
@@ -239,6 +239,22 @@ def test_overrides_alter_the_images_alone(finished):
     assert result.bands[0].predicted_snr >= nominal.predicted_snr
 
 
+@pytest.mark.parametrize(("pa_deg", "draw"), [(331, "sums"), (333, "frames")])
+def test_a_planet_that_one_of_two_rolls_hides_has_an_answer(pa_deg, draw):
+    """Beside the cross it stands behind it at one roll: nothing to measure there, and it says so."""
+    planets = [planet("b", 0.6, 315), planet("c", 0.6, pa_deg)]
+    scene = {"name": "rolls", "cstar": STAR | {"v_mag": 4.0}, "planets": planets}
+    rolls = Strategy(library="roll", roll_deg=24.0)
+    settings = {"strategy": rolls, "realisations": 1, "n_frames": 10, "fidelity": "quick"}
+    shown, hidden = confirm_scene(config(scene, **settings)).result.bands
+    assert (shown.planet, shown.status, shown.drawn_as) == ("b", "ok", draw)
+    assert (hidden.planet, hidden.status, hidden.reason) == ("c", "unreachable", "inside_inner_edge")
+    assert "at one of the two rolls" in hidden.message
+    assert (hidden.verdict, hidden.detected, hidden.drawn_as) == ("not observed", False, draw)
+    assert hidden.recovered_snr is None
+    assert hidden.predicted_snr > 0
+
+
 FAINT = {
     "name": "faint",
     "cstar": {"v_mag": 5.5, "teff_k": 5500, "distance_pc": 4.0},
@@ -260,7 +276,7 @@ def tier_task(tier):
         realisations=1,
         fidelity=tier,
     )
-    (expected,) = [task for task in prepared_tasks(config) if task.band == "F850"]
+    (expected,) = [task for task in _work(config).tasks if task.band == "F850"]
     return expected.to_dict()
 
 

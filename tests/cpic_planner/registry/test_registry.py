@@ -24,7 +24,7 @@ from cpic_planner.report import print_explanation, print_rank
 from cpic_planner.report.words import flag_text
 from cpic_planner.results import Explanation, RankResult
 from cpic_planner.targets import find_target, rank_sample
-from cpic_planner.validation import prepare_task, visits_of
+from cpic_planner.validation import prepare_task, visit_pair
 from simulator.config import load_instrument
 
 FEW = rank_sample(v_mag_max=2.5)
@@ -170,7 +170,7 @@ def test_a_library_is_one_entry():
         assert "master_of_many" in signal_to_noise(model, star, time_s=3600.0, separation_arcsec=0.5)[0].flags
         assert flag_text("master_of_many") == "the stars of the master are not modelled"
         task = prepare_task(model, star, "F520", time_s=1800.0, planet=ReferencePlanet(), seed=5, fidelity="quick")
-        visits = visits_of(task)
+        visits = visit_pair(task)
         assert visits.plan.name == "master"
         assert visits.reference.scene.cstar.v_mag == 4.0
         assert visits.scale == pytest.approx(10 ** (-0.4 * (float(star.v_mag[0]) - 4.0)), rel=1e-9)

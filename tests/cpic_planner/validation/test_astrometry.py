@@ -96,9 +96,7 @@ def test_projection_is_in_the_model(field: Field) -> None:
 
 
 def test_shifts_are_exact(field: Field) -> None:
-    fitter = PositionFitter.of(
-        field.stack(field.planet(25.0, 25.0)), field.psf, window_lambda_d=1.5, annulus_lambda_d=2.0, exclude=()
-    )
+    fitter = PositionFitter(field.stack(field.planet(25.0, 25.0)), field.psf, 1.5, 2.0, exclude=())
     x, y, step = 25.37, -30.46, 1e-3
     image, along_x, along_y = fitter.images(np.array([x, y]))
     peak = image.max()

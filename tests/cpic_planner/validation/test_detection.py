@@ -243,7 +243,7 @@ def test_a_candidate_says_how_often_noise_does_as_much(significance):
         + 2704.0 * roughness * level * curve / math.sqrt(2.0 * math.pi)
     )
     for threshold, detected in ((significance, True), (math.nextafter(significance, 99.0), False)):
-        found = _candidate(peak, 68, 0.016, threshold, 5.9, region, roughness)
+        found = _candidate(peak, (-27.5 * 0.016, 2.0 * 0.016), threshold, 5.9, region, roughness)
         assert found.false_alarms == pytest.approx(expected, rel=1e-12)
         assert found.detected is detected
         assert (found.x_arcsec, found.y_arcsec) == pytest.approx((-27.5 * 0.016, 2.0 * 0.016), rel=1e-12)

@@ -8,9 +8,9 @@ import pytest
 
 from cpic_planner.confirm.scene import _work
 from cpic_planner.queries import ConfirmQuestion
-from cpic_planner.validation import StarFlux, subjects_of, visits_of
+from cpic_planner.validation import StarFlux, planet_templates, visit_pair
 from cpic_planner.validation.confirm import _false
-from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure, positions_of
+from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure_planets, obstacle, positions_of
 from simulator import load_instrument, load_scene
 
 SCENE = {
@@ -44,8 +44,8 @@ def prepared():
         audit=False,
     )
     (task,) = _work(config).tasks
-    visits = visits_of(task)
-    return visits, subjects_of(visits)
+    visits = visit_pair(task)
+    return visits, planet_templates(visits)
 
 
 def star():
@@ -81,7 +81,7 @@ def test_neighbours_do_not_count_as_background():
 def test_both_planets_are_found_and_placed():
     visits, subjects = prepared()
     realised = visits.draw(1)
-    measured, blind = measure(visits, realised, subjects, star())
+    measured, blind = measure_planets(visits, realised, subjects, star())
     for item, subject, source in zip(measured, subjects, visits.science.truth.sources[1:], strict=True):
         assert item.found
         assert item.search_snr > item.search_threshold
@@ -99,13 +99,13 @@ def test_a_detection_elsewhere_is_not_the_planet():
     aside = 1.2 * MATCH_LAMBDA_D * visits.geometry.lambda_d_arcsec
     x, y = subjects[0].places_arcsec[0]
     moved = replace(subjects[0], places_arcsec=((x, y - aside),))
-    (item, _), _ = measure(visits, realised, (moved, subjects[1]), star())
+    (item, _), _ = measure_planets(visits, realised, (moved, subjects[1]), star())
     assert not item.found
 
 
 def test_detections_of_known_sources_are_not_false():
     visits, subjects = prepared()
-    _, blind = measure(visits, visits.draw(1), subjects, star())
+    _, blind = measure_planets(visits, visits.draw(1), subjects, star())
     assert len(blind.detections) >= 2
     assert _false(blind, visits) == len(blind.detections) - 2
     alone = replace(
@@ -121,6 +121,18 @@ def test_what_limits_take_away_is_not_measured():
     region = realised.reduced.region.copy()
     region[subjects[0].apertures[0] > 0] = False
     stack = replace(realised.reduced, region=region, image_e=np.where(region, realised.reduced.image_e, 0.0))
-    measured, _ = measure(visits, replace(realised, reduced=stack), subjects, star())
+    measured, _ = measure_planets(visits, replace(realised, reduced=stack), subjects, star())
     assert measured[0] is None
     assert measured[1] is not None
+
+
+def test_what_stands_in_the_way_of_a_planet_is_named():
+    visits, (planet, _) = prepared()
+    assert obstacle(planet, visits.geometry) is None
+    crowded = replace(planet, background=np.zeros_like(planet.background))
+    assert obstacle(crowded, visits.geometry)[0].value == "too_few_resolution_elements"
+    corner = visits.geometry.zone.outer_arcsec
+    behind = replace(planet, places_arcsec=((0.0, 0.4),), apertures=(np.roll(planet.apertures[0], 30, axis=1),))
+    beyond = replace(behind, places_arcsec=((corner, corner),))
+    reasons = [obstacle(one, visits.geometry)[0].value for one in (behind, beyond)]
+    assert reasons == ["inside_inner_edge", "outside_outer_edge"]

@@ -21,11 +21,11 @@ from cpic_planner.validation import (
     images_of,
     modelling_of,
     prepare_task,
-    realised_frames,
+    realise_frames,
     refusals_of,
     task_cost,
     task_of,
-    visits_of,
+    visit_pair,
 )
 from simulator import load_instrument, load_scene, observe
 from simulator.detectors import excess_noise_factor2
@@ -124,7 +124,7 @@ def test_a_source_that_does_not_matter_is_not_drawn():
     task = made(more=tuple(tuple(star.items()) for star in far), tolerance=0.05)
     how = modelling_of(task)
     assert how.left_out == ("far",)
-    visits = visits_of(task, modelling=how)
+    visits = visit_pair(task, modelling=how)
     assert [source.name for source in visits.science.truth.sources] == ["faint", "b"]
     standard = modelling_of(made(more=tuple(tuple(star.items()) for star in far)))
     assert standard.left_out == ()
@@ -145,9 +145,9 @@ def test_sums_hold_the_noise_of_the_smear_and_not_its_mean():
     (row,) = (row for row in how.rows if row.key == "smear")
     assert (row.decision, row.size > how.dial.tolerance["snr"]) == ("kept", True)
     assert decisions(how)["flat"] == "skipped"
-    held = visits_of(task, modelling=how)
+    held = visit_pair(task, modelling=how)
     off = replace(task, simulator=load_instrument({"detector": {"switches": {"smear": False}}}).model_dump(mode="json"))
-    without = visits_of(off, modelling=how)
+    without = visit_pair(off, modelling=how)
     hole = held.geometry.hole
     whole = observe(task.scene, band=task.band, exposure_s=task.exposure_s, em_gain=task.em_gain, window="full")
     rows, columns, _ = whole.area.stamp(len(hole))
@@ -165,7 +165,7 @@ def test_sums_hold_the_noise_of_the_smear_and_not_its_mean():
 
 
 def test_an_idealised_library_has_the_same_mean():
-    visits = visits_of(made("bright", library="idealised"))
+    visits = visit_pair(made("bright", library="idealised"))
     stack = visits.draw(0).reduced
     mean, spread = stack.image_e[stack.region].mean(), stack.image_e[stack.region].std()
     assert abs(mean) < 4 * spread / np.sqrt(stack.region.sum())
@@ -173,8 +173,8 @@ def test_an_idealised_library_has_the_same_mean():
 
 def test_frames_and_sums_have_the_same_white_noise_where_smear_counts():
     task = replace(made("bright"), n_frames=4)
-    sums = visits_of(task).draw(0)
-    frames, _ = realised_frames(visits_of(task, modelling=modelling_of(task, by_frames=True)))
+    sums = visit_pair(task).draw(0)
+    frames, _ = realise_frames(visit_pair(task, modelling=modelling_of(task, by_frames=True)))
     region = frames.reduced.region & sums.reduced.region
     noise = [item.reduced.white_variance_e2[region].mean() for item in (frames, sums)]
     assert noise[0] == pytest.approx(noise[1], rel=0.1)
@@ -201,7 +201,7 @@ def test_quick_is_wrong_where_it_is_refused():
     """Residual speckles of two wavelengths and of seven differ where the planet stands."""
     task, rms = made("speckles"), {}
     for tier in ("quick", "standard", "reference"):
-        visits = visits_of(task, modelling=replace(modelling_of(task), knobs=FIDELITIES[tier], epochs=1))
+        visits = visit_pair(task, modelling=replace(modelling_of(task), knobs=FIDELITIES[tier], epochs=1))
         science, reference = visits._stacks
         annulus = visits.geometry.annulus(0.9, 1.0)
         kept = [(science.mean_rates(k) - reference.mean_rates(k))[0][annulus].std() for k in range(4)]
@@ -214,7 +214,7 @@ def test_a_search_is_judged_by_a_planet_in_the_hole():
     how = modelling_of(made(planets=0))
     assert (how.draw, how.epochs) == ("sums", SUM_EPOCHS)
     assert set(how.predicted_error) == {"planet_flux", "snr"}
-    assert visits_of(made(planets=0)).science.truth.sources[-1].kind == "cstar"
+    assert visit_pair(made(planets=0)).science.truth.sources[-1].kind == "cstar"
 
 
 def test_the_record_is_plain_and_finite():
@@ -229,12 +229,12 @@ def test_whole_frames_and_sums_reduce_to_the_same_planet():
     """The reference beside standard on few frames: flux and noise of the same planet."""
     short = replace(made(), n_frames=4)
     reference = replace(short, fidelity="reference")
-    visits = visits_of(reference)
-    realised, story = realised_frames(visits)
+    visits = visit_pair(reference)
+    realised, story = realise_frames(visits)
     assert visits.science.shape == (1050, 1080)
     assert realised.reduced.image_e.shape == visits.geometry.hole.shape
     assert story.lost_in == 0
-    sums = visits_of(short).draw(0)
+    sums = visit_pair(short).draw(0)
     region = realised.reduced.region & sums.reduced.region
     assert region.sum() > 0.95 * visits.geometry.hole.sum()
     noise = [np.sqrt(item.reduced.white_variance_e2[region].mean()) for item in (realised, sums)]

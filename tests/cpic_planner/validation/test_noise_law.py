@@ -13,10 +13,9 @@ from scipy.stats import norm, t as student
 
 from cpic_planner.validation.noise_law import (
     NoiseTerms,
+    PixelLaw,
     equivalent_sigma,
     fit_noise,
-    limit_beside_others,
-    limit_of_mean,
     log_tail,
     smooth_white,
     snr_at,
@@ -142,7 +141,7 @@ def exact_tail(mean: float, gain: float, sigma: float, limit: float) -> tuple[fl
 def test_known_mean(gain: float, mean: float) -> None:
     """The chance is below what is asked for, not by much; the mean loses less than 1e-3, or 1e-6 of the read noise."""
     sigma, asked = READ_NOISE_E / gain, 1e-6
-    limit = float(limit_of_mean(mean, em_gain=gain, stages=STAGES, sigma_e=sigma, false_alarm=asked))
+    limit = float(PixelLaw(gain, STAGES, sigma, asked).limit_of_mean(mean))
     chance, cut_off = exact_tail(mean, gain, sigma, limit)
     # Where hardly a frame holds an electron the bound gives away most.
     assert (0.02 if mean > 0.1 or sigma > 1.0 else 0.002) * asked < chance < 0.5 * asked
@@ -159,9 +158,8 @@ def test_unknown_mean(gain: float, n_frames: int) -> None:
         shape = (n_frames, size // n_frames)
         seen = multiply(rng.poisson(mean, shape), gain, rng=rng) / gain
         seen += rng.normal(0.0, READ_NOISE_E / gain, shape)
-        limit = limit_beside_others(
-            seen.sum(axis=0), n_frames, em_gain=gain, stages=STAGES, sigma_e=READ_NOISE_E / gain, false_alarm=asked
-        )
+        law = PixelLaw(gain, STAGES, READ_NOISE_E / gain, asked)
+        limit = law.limit_beside_others(seen.sum(axis=0), n_frames)
         chances.append(float(np.mean(seen > limit)) / asked)
     assert max(chances) < 0.35
     assert max(chances) > 0.03
@@ -172,18 +170,18 @@ def test_drift_is_allowed_for() -> None:
     rng = np.random.default_rng(3)
     seen = rng.poisson(1e4, (10, 20_000)).astype(float)
     seen[4] = rng.poisson(1.1e4, 20_000)
-    options = {"em_gain": 1.0, "stages": STAGES, "sigma_e": 1.0, "false_alarm": 1e-6}
+    law = PixelLaw(1.0, STAGES, sigma_e=1.0, false_alarm=1e-6)
     total = seen.sum(axis=0)
-    assert np.mean(seen[4] > limit_beside_others(total, 10, **options)) > 0.5
-    assert not np.any(seen[4] > limit_beside_others(total * 9 / 9.09, 10, **options, drift=0.12))
+    assert np.mean(seen[4] > law.limit_beside_others(total, 10)) > 0.5
+    assert not np.any(seen[4] > law.limit_beside_others(total * 9 / 9.09, 10, drift=0.12))
 
 
 def test_each_pixel_has_its_own_limit() -> None:
     """Many pixels at once take nearly the limits that they get alone; none is below."""
     mean = np.geomspace(1e-3, 1e5, 5000)
-    options = {"em_gain": 300.0, "stages": STAGES, "sigma_e": 0.4, "false_alarm": 1e-6}
-    together = limit_of_mean(mean, **options)
-    alone = np.array([float(limit_of_mean(one, **options)) for one in mean[::500]])
+    law = PixelLaw(300.0, STAGES, sigma_e=0.4, false_alarm=1e-6)
+    together = law.limit_of_mean(mean)
+    alone = np.array([float(law.limit_of_mean(one)) for one in mean[::500]])
     assert (together[::500] >= alone * (1 - 1e-12)).all()
     assert together[::500] == pytest.approx(alone, rel=2e-3)
-    assert limit_of_mean(np.zeros(0), **options).shape == (0,)
+    assert law.limit_of_mean(np.zeros(0)).shape == (0,)

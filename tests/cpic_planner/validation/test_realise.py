@@ -10,7 +10,7 @@ from cpic_planner.etc import build_model
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.queries.shared import ReferenceStar
 from cpic_planner.targets import find_target
-from cpic_planner.validation import ConfirmTask, prepare_task, realised_frames, visits_of
+from cpic_planner.validation import ConfirmTask, prepare_task, realise_frames, visit_pair
 from simulator import load_instrument
 
 STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
@@ -31,9 +31,9 @@ def task_of(library="same_star_planet_free", still=True, star="tau Cet", **chang
 def test_sums_and_frames_reduce_to_the_same_image():
     """Mean residual over realisations: the planet as the subtraction leaves it, from sums and from every frame."""
     task = replace(task_of(), n_frames=12)
-    visits = visits_of(task)
+    visits = visit_pair(task)
     assert visits.stackable.status.value == "ok"
-    every = [realised_frames(visits_of(task, full=True, realisation=number))[0].reduced for number in range(5)]
+    every = [realise_frames(visit_pair(task, full=True, realisation=number))[0].reduced for number in range(5)]
     means = {
         "sums": np.mean([visits.draw(number).reduced.image_e for number in range(40)], axis=0),
         "frames": np.mean([stack.image_e for stack in every], axis=0),
@@ -49,7 +49,7 @@ def test_sums_and_frames_reduce_to_the_same_image():
 
 def test_white_variance_of_real_draws():
     task = task_of()
-    visits = visits_of(replace(task, scene=task.scene | {"planets": []}, planets=[], predictions=[]))
+    visits = visit_pair(replace(task, scene=task.scene | {"planets": []}, planets=[], predictions=[]))
     pulls = []
     for number in range(12):
         stack = visits.draw(number).reduced
@@ -59,14 +59,14 @@ def test_white_variance_of_real_draws():
 
 
 def test_an_idealised_library_adds_no_noise():
-    plain, ideal = visits_of(task_of()), visits_of(task_of("idealised"))
+    plain, ideal = visit_pair(task_of()), visit_pair(task_of("idealised"))
     ratio = [
         visits.draw(0).reduced.white_variance_e2[visits.geometry.hole].mean()
         / (visits.task.exposure_s * visits.task.n_frames)
         for visits in (plain, ideal)
     ]
     assert ratio[1] / ratio[0] == pytest.approx(0.5, rel=0.1)
-    drifting = visits_of(task_of("idealised", still=False, star="alf Cen A"))
+    drifting = visit_pair(task_of("idealised", still=False, star="alf Cen A"))
     science, reference = drifting._stacks  # the expectation has the wavefront of the very visit
     hole = drifting.geometry.hole
     planet = science.static_e_s - reference.static_e_s
@@ -75,7 +75,7 @@ def test_an_idealised_library_adds_no_noise():
 
 
 def test_a_reference_star_is_scaled_by_its_light():
-    visits = visits_of(task_of("reference_star"))
+    visits = visit_pair(task_of("reference_star"))
     assert visits.scale == pytest.approx(10 ** (0.4 * (4.5 - 3.5)), rel=0.1)
     residual = np.mean([visits.draw(number).reduced.image_e for number in range(10)], axis=0)
     dark = visits.geometry.hole & (visits.optics.at(*_place(visits)) < 1e-4 * visits.optics.off_axis.max())
@@ -96,7 +96,7 @@ def _place(visits):
 
 
 def test_rolls_see_the_planet_twice():
-    visits = visits_of(task_of("roll", roll_deg=40.0))
+    visits = visit_pair(task_of("roll", roll_deg=40.0))
     realised = visits.draw(0)
     assert realised.roll is not None
     places = [sequence.truth.sources[1] for sequence in (visits.science, visits.reference)]
@@ -111,8 +111,8 @@ def test_frames_lose_what_is_hit_and_what_is_bad():
     target, _ = find_target("tau Cet")
     task = prepare_task(model, target, "F520", time_s=1800.0, planet=ReferencePlanet(), seed=5, fidelity="quick")
     task = replace(task, n_frames=16)
-    visits = visits_of(task, full=True)
-    realised, story = realised_frames(visits)
+    visits = visit_pair(task, full=True)
+    realised, story = realise_frames(visits)
     assert story.hits > 100
     # Particles fill pixels too; the star's own light does not.
     assert story.lost_in == 0
@@ -120,7 +120,7 @@ def test_frames_lose_what_is_hit_and_what_is_bad():
     flaws = visits.geometry.hole & ~realised.reduced.region
     assert np.count_nonzero(flaws) < 0.02 * visits.geometry.hole.sum()
     clean = replace(task, simulator=model.instrument.switched({"cosmic_rays": False}).model_dump(mode="json"))
-    other, _ = realised_frames(visits_of(clean, full=True))
+    other, _ = realise_frames(visit_pair(clean, full=True))
     both = realised.reduced.region & other.reduced.region
     grown = realised.reduced.white_variance_e2[both].mean() / other.reduced.white_variance_e2[both].mean()
     assert grown == pytest.approx(1.0 / (1.0 - story.rejected_fraction), rel=0.1)

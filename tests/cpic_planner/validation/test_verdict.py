@@ -7,8 +7,8 @@ import pytest
 
 from cpic_core import Outcome
 from cpic_planner.results import BandConfirmation
-from cpic_planner.validation import ConfirmTask, FrameStory, Measurement, Modelling, StarFlux, target_verdict
-from cpic_planner.validation.verdict import audit_of, confirmation_of, cut_off
+from cpic_planner.validation import ConfirmTask, FrameStatistics, Measurement, Modelling, StarFlux, target_verdict
+from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of, cut_off
 from simulator.knobs import FIDELITIES, dial_of
 from simulator.ledger import EffectRow
 
@@ -76,9 +76,7 @@ def measurement(contrast=1e-8, snr=10.0, found=True):
 
 def answer(measured, *, task=TASK, story=None, star=STAR):
     how = MODELLING if story is None else MODELLING.whole()
-    return confirmation_of(
-        task, how, 0, measured, star=star, core=0.13, false_detections=0, story=story, position=None, audit=None
-    )
+    return confirmation_of(Evidence(task, how, star, 0, story), 0, measured, 0.13)
 
 
 def realisations(n=24, factor=1.0, found=lambda k: True):
@@ -139,7 +137,7 @@ def test_the_etc_is_named_where_it_is_off(factor, word):
 
 
 def test_light_that_a_limit_cuts_off_in_the_hole_is_no_detection():
-    story = FrameStory(lost_in=7, lost_outside=400, rejected_fraction=0.01, hits=3)
+    story = FrameStatistics(lost_in=7, lost_outside=400, rejected_fraction=0.01, hits=3)
     found = answer(realisations(2), story=story)
     assert found.contrast_mean_error == pytest.approx(1e-9 / np.sqrt(2))
     assert found.status == "saturated"
@@ -150,7 +148,7 @@ def test_light_that_a_limit_cuts_off_in_the_hole_is_no_detection():
 
 
 def test_an_audit_is_compared_with_all_that_is_predicted():
-    story = FrameStory(lost_in=0, lost_outside=10, rejected_fraction=0.02, hits=40)
+    story = FrameStatistics(lost_in=0, lost_outside=10, rejected_fraction=0.02, hits=40)
     record = audit_of(TASK, 0, measurement(1.15e-8), story, 1)
     assert record.predicted_snr == 9.9
     assert record.deviation_sigma == pytest.approx(1.5)
@@ -175,7 +173,7 @@ def test_a_target_in_words():
     unseen = bad.model_copy(update={"n_significant": 3})
     assert target_verdict([unseen])[0].startswith("not confirmed; ETC optimistic by 1.4")
     assert target_verdict([refused]) == ("not observed: adc_range", None, None)
-    cut = answer(realisations(2), story=FrameStory(5, 0, 0.0, 0))
+    cut = answer(realisations(2), story=FrameStatistics(5, 0, 0.0, 0))
     assert target_verdict([cut])[0].startswith("saturated")
     faint = answer(realisations(24, 0.02, lambda k: False)).model_copy(update={"n_significant": 0})
     assert target_verdict([faint]) == ("not confirmed; too faint to measure the ETC by", None, None)
@@ -188,5 +186,5 @@ def test_how_the_images_were_made_stands_beside_the_answer():
     assert found.modelled.tolerance == {"planet_flux": 0.01, "snr": 0.03}
     (row,) = found.modelled.effects
     assert (row.key, row.decision, row.size) == ("summed_frames", "skipped", 0.004)
-    gone = cut_off(TASK, MODELLING.whole(), 0, FrameStory(5, 0, 0.0, 0))
+    gone = cut_off(Evidence(TASK, MODELLING.whole(), STAR, 0, FrameStatistics(5, 0, 0.0, 0)), 0)
     assert (gone.status, gone.drawn_as, gone.modelled.draw) == ("saturated", "frames", "frames")
