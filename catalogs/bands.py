@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs.spectra import Curve
-from cpic_core import InputError, Provenance, load_yaml, read_text, split_sourced
+from cpic_core import ArrayLike, InputError, Provenance, load_yaml, read_text, split_sourced
 
 #: The two cameras.
 CAMERAS = ("VIS", "NIR")

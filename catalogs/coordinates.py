@@ -6,9 +6,8 @@ Pure numpy; angles in degrees, ICRS throughout. Proper motion in right ascension
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError
+from cpic_core import ArrayLike, FloatArray, InputError
 
 #: km/s of one au per Julian year (IAU 2012 au, 365.25 d).
 _KM_S_PER_AU_YR = 149597870.7 / (365.25 * 86400.0)

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from catalogs.known_planet_columns import COLUMNS, COUNTED, INPUT_ONLY
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
-from cpic_core import InputError
+from cpic_core import ArrayLike, InputError, NDArray
 
 TABLE_COLUMNS = tuple(name for name in COLUMNS if name not in INPUT_ONLY)
 TEXTS = tuple(name for name in TABLE_COLUMNS if COLUMNS[name].kind == "text")

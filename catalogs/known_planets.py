@@ -18,7 +18,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs.known_planet_columns import (
     COLUMNS,
@@ -41,7 +40,7 @@ from catalogs.known_planet_table import (
 )
 from catalogs.table_cells import Row, Rows, read_rows
 from catalogs.table_files import RawTable, parse_table, read_bytes
-from cpic_core import InputError
+from cpic_core import InputError, NDArray
 
 DATA_FILE = "known_planets.csv"
 UPDATES_FILE = "known_planets_updates.csv"

@@ -14,7 +14,6 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs.coordinates import separation_arcsec
 from catalogs.names import snapshot_aliases
@@ -24,7 +23,7 @@ from catalogs.star_systems import is_blend_id
 from catalogs.stars import StarTable
 from catalogs.table_cells import Column, Columns, Rows, read_rows
 from catalogs.table_files import RawColumn, RawTable, raw_column
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray, InputError, NDArray
 
 _ANY = (-np.inf, np.inf)
 # Headings are those of TAP, of ``add_votable_fields``, and of astroquery before 0.4.8.

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs import stellar_physics
 from catalogs.coordinates import position_angle, separation_arcsec, tangent_offset
@@ -27,6 +26,7 @@ from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.star_columns import parallax_flags, type_flags
 from catalogs.star_systems import CLOSE_COMPANION_ARCSEC, Adopted, Member, adopt_parallaxes, group_systems
 from catalogs.stars import StarTable, star_table
+from cpic_core import NDArray
 
 _KEPT_LETTERS = ("F", "G", "K")
 _OTHER_CLASS = "not of class F, G or K"

@@ -27,11 +27,10 @@ from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from catalogs.nomenclature import designation_key
 from catalogs.star_columns import COLUMNS
-from cpic_core import InputError
+from cpic_core import ArrayLike, InputError, NDArray
 
 _DATA = Path(__file__).resolve().parent / "data"
 _UPDATES = _DATA / "companion_updates.csv"

@@ -9,9 +9,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import InputError
+from cpic_core import ArrayLike, InputError
 
 #: Planck constant times speed of light (exact SI values), erg A.
 HC_ERG_ANGSTROM = 6.62607015e-27 * 2.99792458e18

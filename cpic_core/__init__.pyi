@@ -16,10 +16,12 @@ from cpic_core.files import (
 )
 from cpic_core.outcome import Outcome as Outcome, Reason as Reason, Status as Status
 from cpic_core.quantities import (
+    ArrayLike as ArrayLike,
     BoolArray as BoolArray,
     ComplexArray as ComplexArray,
     FloatArray as FloatArray,
     IntArray as IntArray,
+    NDArray as NDArray,
     check_finite as check_finite,
     check_number as check_number,
     check_pair as check_pair,

@@ -24,9 +24,9 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cpic_core.errors import InputError
+from cpic_core.quantities import NDArray
 from cpic_core.user_files import open_file
 
 

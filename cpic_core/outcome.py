@@ -1,7 +1,5 @@
 """Typed answers: a value, or the named reason why there is none."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -84,7 +82,7 @@ class Outcome(Generic[T]):
             raise ValueError("an Outcome has no nan: its status says why there is no number")
 
     @classmethod
-    def ok(cls, value: T, *, unit: str = "", flags: tuple[str, ...] = ()) -> Outcome[T]:
+    def ok(cls, value: T, *, unit: str = "", flags: tuple[str, ...] = ()) -> "Outcome[T]":
         """Answer with a value.
 
         Parameters
@@ -99,7 +97,7 @@ class Outcome(Generic[T]):
         return cls(value, unit=unit, flags=flags)
 
     @classmethod
-    def refuse(cls, status: Status, reason: Reason, message: str, *, unit: str = "") -> Outcome[T]:
+    def refuse(cls, status: Status, reason: Reason, message: str, *, unit: str = "") -> "Outcome[T]":
         """Answer without a value.
 
         Parameters
@@ -125,7 +123,7 @@ class Outcome(Generic[T]):
             raise NotOk(f"{self.status}: {self.reason}: {self.message}")
         return self.value
 
-    def map(self, function: Callable[[T], U]) -> Outcome[U]:
+    def map(self, function: Callable[[T], U]) -> "Outcome[U]":
         """Apply ``function`` to the value of an ``ok`` outcome, pass any other through."""
         value = None if self.value is None else function(self.value)
         return Outcome(value, self.status, self.reason, self.message, self.flags, self.unit)

@@ -10,9 +10,9 @@ import hashlib
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cpic_core.errors import InputError
+from cpic_core.quantities import NDArray
 
 PathPart: TypeAlias = str | int
 MAX_SEED = 2**63 - 1

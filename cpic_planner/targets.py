@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs import Catalogue, StarTable, open_catalogue, resolve_star
-from cpic_core import FloatArray, InputError, IntArray
+from cpic_core import FloatArray, InputError, IntArray, NDArray
 from simulator.config import ASSUMED_PA_DEG
 
 if TYPE_CHECKING:

@@ -9,10 +9,9 @@ Sampling of a product of two sampled functions, so that it may again be taken as
 import functools
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs import Band, load_johnson_v, load_reference_spectrum
-from cpic_core import InputError
+from cpic_core import ArrayLike, InputError
 
 LENGTHS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "microns": 1e3, "angstrom": 0.1, "angstroms": 0.1} | {
     prefix + metres: scale

@@ -3,17 +3,14 @@
 Albedos that depend on how strongly the star shines on the planet.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Literal, cast, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Field
 
 from catalogs import Albedo, bracket
-from cpic_core import InputError, check_number, real_array
+from cpic_core import ArrayLike, InputError, check_number, real_array
 from simulator.config import FrozenModel
 
 Fidelity = Literal["quick", "standard", "reference"]
@@ -105,7 +102,7 @@ class Dial(FrozenModel):
     tolerance: dict[Quantity, float]
     knobs: Knobs | None
 
-    def of(self, *quantities: Quantity) -> Dial:
+    def of(self, *quantities: Quantity) -> "Dial":
         """The same dial for some quantities alone."""
         return self.model_copy(update={"tolerance": {name: self.tolerance[name] for name in quantities}})
 

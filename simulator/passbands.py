@@ -16,11 +16,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 import catalogs
 from catalogs import Albedo, Band, Spectrum, StellarGrid
-from cpic_core import InputError, check_finite, check_number, numeric_context
+from cpic_core import ArrayLike, InputError, check_finite, check_number, numeric_context
 from simulator import band_integrals as integrals
 from simulator.knobs import AlbedoFamily
 

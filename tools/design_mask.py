@@ -18,9 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, write_npz
+from cpic_core import FloatArray, InputError, NDArray, write_npz
 
 DECIMALS = 9  # transmissions are rounded to this many decimals; the contrast changes by less than 1e-16
 

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import write_npz
+from cpic_core import NDArray, write_npz
 from simulator.config import Instrument, load_instrument, preset_names
 from simulator.imaging import metrics_key
 from simulator.imaging.build import dig

@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, Reason, Status
+from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, Reason, Status
+from cpic_core import FloatArray, InputError, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.detection import default_law, threshold_array
 from cpic_planner.etc.fidelity import etc_dial, etc_fidelity

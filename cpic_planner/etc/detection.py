@@ -10,10 +10,9 @@ from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
-from numpy.typing import ArrayLike
 from pydantic import Field
 
-from cpic_core import FloatArray, InputError, Outcome, Reason, Status, load_yaml, split_sourced
+from cpic_core import ArrayLike, FloatArray, InputError, Outcome, Reason, Status, load_yaml, split_sourced
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
 from cpic_planner.results import VerdictText

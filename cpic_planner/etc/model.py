@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import InputError, Reason, Status, digest_of
+from cpic_core import ArrayLike, InputError, NDArray, Reason, Status, digest_of
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.queries import Strategy
 from cpic_planner.registry import LibraryNoise, StarSettings

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, checked_array, checked_scalar
+from cpic_core import ArrayLike, FloatArray, checked_array, checked_scalar
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.frames import FrameProblem
 from cpic_planner.etc.photon_counting import CountingLaw, CountingLight, counted, counting_law

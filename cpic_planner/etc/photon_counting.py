@@ -10,9 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import FloatArray, InputError, checked_array, checked_scalar
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, checked_array, checked_scalar
 from cpic_planner.etc.searches import CaseArrays
 from simulator.detectors import GAIN_LIMIT, generating_function, stage_probability
 

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, IntArray
+from cpic_core import ArrayLike, FloatArray, IntArray
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import Targets

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import FloatArray
+from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
 from simulator.config import Instrument

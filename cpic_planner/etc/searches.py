@@ -6,17 +6,14 @@ best gain depends on ``u = B / A`` and on the largest gain alone. ``F^2`` rises 
 largest gain.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, NDArray
 from simulator.detectors import frame_variance_e2, noise_factor2
 
 _COARSE, _FINE, _ROUNDS = 24, 17, 6
@@ -27,7 +24,7 @@ _MAX_STEPS = 200
 class CaseArrays:
     """Base of dataclasses whose arrays have one shape, a case each; what is no array is the same for all cases."""
 
-    def _combined(self, function: Callable[..., Any], *others: CaseArrays) -> Self:
+    def _combined(self, function: Callable[..., Any], *others: "CaseArrays") -> Self:
         """These cases with every array changed by a function of it and of those of others."""
         parts = dict(vars(self))
         for name, own in parts.items():

@@ -1,15 +1,12 @@
 """From solved frames to typed answers."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, Reason, Status
+from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc import budget
 from cpic_planner.etc.cases import BandCases
 from cpic_planner.etc.detection import Chances, needed_margin, verdict_of, visit_chances
@@ -111,7 +108,7 @@ class Solved:
             answers.append(EtcAnswer(value=value, **fields))
         return answers
 
-    def _standing(self, most: _Most, index: tuple[int, ...], level: float | None) -> tuple[Status, Reason, str]:
+    def _standing(self, most: "_Most", index: tuple[int, ...], level: float | None) -> tuple[Status, Reason, str]:
         """Status of one case, with the reason and a sentence where it is not ok."""
         place = self.cases.places[index[1]]
         if place[0] is not Status.OK:
@@ -169,7 +166,7 @@ class _Most:
     dark_visit_s: FloatArray
 
     @classmethod
-    def of(cls, cases: BandCases, problem: FrameProblem, lost: NDArray[np.bool_], level: FloatArray | None) -> _Most:
+    def of(cls, cases: BandCases, problem: FrameProblem, lost: NDArray[np.bool_], level: FloatArray | None) -> "_Most":
         parts = np.zeros((6, *lost.shape))
         parts[4:] = np.inf
         if lost.any():
@@ -198,7 +195,7 @@ class _Detection:
     longest_s: float
 
     @classmethod
-    def of(cls, cases: BandCases, choice: FrameChoice, noise: StackNoise, time_s: float | None) -> _Detection:
+    def of(cls, cases: BandCases, choice: FrameChoice, noise: StackNoise, time_s: float | None) -> "_Detection":
         model, band = cases.model, cases.band
         possible = (choice.n_frames >= 1) & cases.usable
         with np.errstate(invalid="ignore"):

@@ -11,8 +11,6 @@ that it makes of their bodies. `run` does everything else, the same for every ki
         return Job("squares", 1, lambda: {"n": n}, work)
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os
@@ -143,7 +141,7 @@ class Job(Generic[R]):
     kind: str
     results: int
     decides: Callable[[], Mapping[str, Any]]
-    work: Callable[[Runner], R]
+    work: "Callable[[Runner], R]"
     write: Callable[[RunFolder, R, Mapping[str, Any]], None] = lambda folder, result, bodies: None
     products: Sequence[str] = ()
     cost: Callable[[], Cost] | None = None

@@ -1,7 +1,5 @@
 """A Dask cluster on this machine: the scheduler in this process, workers below it that are replaced when they die."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os
@@ -44,7 +42,7 @@ def quiet_dask() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def local_cluster(workers: int) -> Iterator[tuple[str, LocalWorkers]]:
+def local_cluster(workers: int) -> "Iterator[tuple[str, LocalWorkers]]":
     """Yield the address of a scheduler and its workers, single-threaded processes that end with this one."""
     where: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
     with (

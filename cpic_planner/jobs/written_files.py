@@ -11,8 +11,6 @@ A file belongs to the run if the list names it and it still has one of the conte
 file with another content was changed by somebody: it is renamed, never removed. Links are not followed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import json
@@ -71,13 +69,13 @@ class WrittenFiles:
     _temporary: list[str] = field(default_factory=list)
 
     @classmethod
-    def begin(cls, root: Path, kind: str, config_hash: str) -> WrittenFiles:
+    def begin(cls, root: Path, kind: str, config_hash: str) -> "WrittenFiles":
         """Begin an empty list; it takes the place of an earlier one, which must name nothing that still exists."""
         write_text(root / LIST_NAME, _line(_HEAD | {"kind": kind, "config_hash": config_hash}))
         return cls(root, kind, config_hash)
 
     @classmethod
-    def read(cls, root: Path) -> WrittenFiles | None:
+    def read(cls, root: Path) -> "WrittenFiles | None":
         """Read the list of a folder; None where there is none.
 
         A last line without an end is that of a file which never got its name: the run was killed. It is cut off.

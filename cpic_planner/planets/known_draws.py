@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs import KnownPlanetTable
-from cpic_core import FloatArray, InputError, check_finite, stream
+from cpic_core import ArrayLike, FloatArray, InputError, check_finite, stream
 from cpic_planner.planets.known_rows import QUANTITIES, DrawnRows
 from cpic_planner.planets.orbits import ORBIT, OrbitingPlanets, OrbitPlaces
 from cpic_planner.planets.population import Planets

@@ -6,10 +6,9 @@ What the columns of a table of known planets leave open: each quantity as a func
 import functools
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs import KnownPlanetTable
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, check_finite
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, check_finite
 from cpic_planner.planets.laws import Isotropic, Law
 from cpic_planner.planets.population_config import load_population
 

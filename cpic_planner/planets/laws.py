@@ -1,7 +1,5 @@
 """Laws that quantities of a population follow, each drawn through its quantile function."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeAlias, cast, get_args
@@ -20,7 +18,7 @@ class _Between(FrozenModel):
     high: Real
 
     @model_validator(mode="after")
-    def _ordered(self) -> _Between:
+    def _ordered(self) -> "_Between":
         if not self.low < self.high:
             raise InputError("low", self.low, allowed=f"below high = {self.high:g}")
         return self
@@ -61,7 +59,7 @@ class _Positive(_Between):
     """A law between two limits above 0."""
 
     @model_validator(mode="after")
-    def _above_zero(self) -> _Positive:
+    def _above_zero(self) -> "_Positive":
         if self.low <= 0.0:
             raise InputError("low", self.low, allowed="above 0")
         return self
@@ -97,7 +95,7 @@ class BrokenPowerLaw(_Positive):
     turn: Real
 
     @model_validator(mode="after")
-    def _turn_between(self) -> BrokenPowerLaw:
+    def _turn_between(self) -> "BrokenPowerLaw":
         if not self.low < self.turn < self.high:
             raise InputError("turn", self.turn, allowed=f"between low = {self.low:g} and high = {self.high:g}")
         return self
@@ -125,7 +123,7 @@ class Normal(_Between):
     sd: Annotated[Real, Field(gt=0)]
 
     @model_validator(mode="after")
-    def _reached(self) -> Normal:
+    def _reached(self) -> "Normal":
         # Beyond 6 sd less than 1e-9 is left of the law: what is meant is another one.
         if self.low > self.mean + 6.0 * self.sd or self.high < self.mean - 6.0 * self.sd:
             raise InputError("mean", self.mean, allowed="within 6 sd of a value between low and high")
@@ -205,7 +203,7 @@ class Table(FrozenModel):
     weights: tuple[Annotated[Real, Field(ge=0)], ...] | None = None
 
     @model_validator(mode="after")
-    def _weighed(self) -> Table:
+    def _weighed(self) -> "Table":
         weights = self.weights
         if weights is not None and (len(weights) != len(self.values) or not sum(weights) > 0.0):
             raise InputError("weights", list(weights), allowed=f"{len(self.values)} numbers, at least one above 0")

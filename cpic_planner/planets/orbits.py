@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, check_finite
+from cpic_core import ArrayLike, FloatArray, InputError, check_finite
 
 ECCENTRICITY_MAX = 0.999
 """Largest eccentricity for which Kepler's equation is solved to rounding."""

@@ -1,7 +1,5 @@
 """Seeded draws of a population of planets."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
@@ -116,7 +114,7 @@ class PopulationChoice:
     seed: int = 1
 
     @classmethod
-    def default(cls) -> PopulationChoice:
+    def default(cls) -> "PopulationChoice":
         """The shipped population of giant planets."""
         return cls(load_population())
 

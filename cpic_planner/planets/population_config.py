@@ -1,7 +1,5 @@
 """What is assumed of planets: a population as configuration, its presets and its loader."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
@@ -129,7 +127,7 @@ mean_anomaly_deg : Law
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
-    def _complete(self) -> PopulationConfig:
+    def _complete(self) -> "PopulationConfig":
         for key in _LAWS:
             own = [getattr(kind, key) is not None for kind in self.kinds]
             if getattr(self, key) is None and not (own and all(own)):

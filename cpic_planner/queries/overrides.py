@@ -11,8 +11,6 @@ An override is a key and what becomes of its value::
     companions=on                   light of companions, which the prediction leaves out
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, cast
@@ -53,7 +51,7 @@ class SimulatorOverrides(FrozenModel):
         return tuple(sorted(entries, key=lambda entry: entry.key))
 
     @classmethod
-    def of(cls, source: OverrideSource, nominal: Instrument | None = None) -> SimulatorOverrides:
+    def of(cls, source: "OverrideSource", nominal: Instrument | None = None) -> "SimulatorOverrides":
         """Read alterations as people give them.
 
         Parameters

@@ -1,14 +1,11 @@
 """How many planets of a population one observation of each star detects."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, check_finite, real_array
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, check_finite, real_array
 from cpic_planner import etc
 from cpic_planner.planets import Planets
 from cpic_planner.targets import Targets

@@ -1,7 +1,5 @@
 """How likely one observation of each star detects its known planets: completeness star by star."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs import KnownPlanetTable, load_known_planets
-from cpic_core import InputError, check_finite, check_whole
+from cpic_core import ArrayLike, InputError, check_finite, check_whole
 from cpic_planner.etc import EtcModel
 from cpic_planner.planets import Planets, PopulationChoice, draw_known, known_uniforms, planets_of
 from cpic_planner.queries import RankedQuestion, ReferencePlanet
@@ -80,7 +77,7 @@ class KnownChoice:
         *,
         n_draws: int,
         seed: int,
-    ) -> KnownChoice:
+    ) -> "KnownChoice":
         """Return the choice of a table and a date as people write them.
 
         Parameters

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import BoolArray, FloatArray, InputError, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, Reason, Status
 from cpic_planner import etc
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import Targets

@@ -1,16 +1,13 @@
 """How the ranking depends on what nobody knows yet: the same stars ranked under other assumptions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import BoolArray, FloatArray, IntArray, announce
+from cpic_core import BoolArray, FloatArray, IntArray, NDArray, announce
 from cpic_planner.etc import EtcModel, check_range
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import Change, ReferencePlanet, changed
@@ -39,7 +36,7 @@ class Order:
     margin: FloatArray
     detected: BoolArray
 
-    def select(self, stars: BoolArray) -> Order:
+    def select(self, stars: BoolArray) -> "Order":
         """Some of the stars, with the ranks that they have among all."""
         return Order(self.rank[stars], self.score[stars], self.margin[stars], self.detected[stars])
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cpic_core import NDArray
 from cpic_planner.report import drawing
 from cpic_planner.report.drawing import Look, Picture, literal, new_figure, place_labels, save, style
 from cpic_planner.report.numbers import duration_text, pretty_name

@@ -5,8 +5,6 @@ the page. One that makes no block is not shown. Texts are plain, or hold marks (
 markup, so that names from outside stay text.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeAlias, TypeVar, Union
@@ -255,7 +253,7 @@ class Group(_Templated):
 
     anchor: str
     title: str
-    blocks: Sequence[Block]
+    blocks: "Sequence[Block]"
 
 
 @dataclass(frozen=True)
@@ -263,7 +261,7 @@ class Fold(_Templated):
     """Blocks that show when asked for."""
 
     summary: str
-    blocks: Sequence[Block]
+    blocks: "Sequence[Block]"
     open: bool = False
 
 

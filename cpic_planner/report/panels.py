@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray, InputError, NDArray
 from simulator.imaging import HoleMode, HoleSide, HoleZone
 from simulator.target import sky_to_detector
 

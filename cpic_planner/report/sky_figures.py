@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from cpic_core import ArrayLike, NDArray
 from cpic_planner.registry import SCORES
 from cpic_planner.report import drawing
 from cpic_planner.report.drawing import STATUS_STYLE, Look, Picture, literal, new_figure, place_labels, save, style

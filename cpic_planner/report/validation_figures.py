@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_core import FloatArray, InputError
+from cpic_core import ArrayLike, FloatArray, InputError
 from cpic_planner.report import drawing
 from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, band_style, literal, new_figure, save, style
 from cpic_planner.report.numbers import decimals, significant
@@ -173,7 +172,7 @@ def albedo_figure(
     *,
     title: str = "",
     truth: tuple[float, float] | None = None,
-    spectrum: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    spectrum: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Figure:
     """Draw the posterior of metallicity and clouds, and the measured contrasts.
 
@@ -232,7 +231,7 @@ def albedo_picture(fit: AlbedoFit, model: AlbedoModel, *, title: str = "", **kno
         )
 
 
-def _columns(spectrum: tuple[npt.ArrayLike, npt.ArrayLike]) -> tuple[FloatArray, FloatArray]:
+def _columns(spectrum: tuple[ArrayLike, ArrayLike]) -> tuple[FloatArray, FloatArray]:
     wavelength, contrast = (np.asarray(column, dtype=np.float64) for column in spectrum)
     if wavelength.ndim != 1 or wavelength.shape != contrast.shape or wavelength.size == 0:
         raise InputError("spectrum", f"{wavelength.shape}, {contrast.shape}", allowed="two columns of equal length")

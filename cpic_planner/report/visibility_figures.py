@@ -8,9 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, NDArray
 from cpic_planner.report.drawing import BAND_STYLE, Look, date_axis, literal, new_figure, style
 from cpic_planner.report.numbers import full_name, pretty_name
 from cpic_planner.report.summary import day_text

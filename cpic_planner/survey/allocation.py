@@ -1,7 +1,5 @@
 """Bounds on what any schedule can be worth, and the allocation by mixed-integer programming that comes near them."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os
@@ -77,7 +75,7 @@ def make_schedule(problem: Problem) -> Schedule:
 
 
 def _allocated(
-    problem: Problem, everyone: _Programme, made: dict[int, list[Visit]]
+    problem: Problem, everyone: "_Programme", made: dict[int, list[Visit]]
 ) -> tuple[dict[int, list[Visit]], float]:
     """Whole visits of all stars, group after group, and the bound where there is one group."""
     groups = problem.groups()

@@ -1,7 +1,5 @@
 """The calendar of a survey: when each star can be seen, and what a visit costs of the telescope's time."""
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass, replace
@@ -62,12 +60,12 @@ class Calendar:
         """Slots."""
         return len(self.slot_h)
 
-    def select(self, rows: IntArray) -> Calendar:
+    def select(self, rows: IntArray) -> "Calendar":
         """The calendar of some of the stars."""
         names = ("fraction", "allowed_h", "window_s", "day", "sun_pa_deg")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
-    def closed_before(self, mjd: float) -> Calendar:
+    def closed_before(self, mjd: float) -> "Calendar":
         """The calendar without the slots that began before a time."""
         begins = np.concatenate([[0.0], np.cumsum(self.slot_h)[:-1]]) / 24.0
         open_slots = self.start_mjd + begins >= mjd

@@ -4,10 +4,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs import KnownPlanetTable, star_key
-from cpic_core import BoolArray, FloatArray, InputError, IntArray
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray
 from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, frame_problem, planet_offsets
 from cpic_planner.planets import OrbitPlaces, PopulationConfig, draw_population
 from cpic_planner.queries import ReferencePlanet

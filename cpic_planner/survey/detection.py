@@ -7,9 +7,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray
+from cpic_core import ArrayLike, BoolArray, FloatArray
 from cpic_planner.etc import (
     EtcModel,
     StackNoise,

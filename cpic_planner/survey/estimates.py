@@ -4,9 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError
+from cpic_core import ArrayLike, FloatArray, InputError
 
 LEVEL = 0.90
 _SAME, _NEXT = 1e-12, 1e-9

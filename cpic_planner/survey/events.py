@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import BoolArray, FloatArray, IntArray
+from cpic_core import BoolArray, FloatArray, IntArray, NDArray
 from cpic_planner.results import Row, column, columns_of
 from cpic_planner.survey.schedule import PlannedVisit
 from cpic_planner.survey.store import Table

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import InputError
+from cpic_core import InputError, NDArray
 from cpic_planner.queries import MAX_FRAMES
 from cpic_planner.results import ImageSample
 from cpic_planner.survey.assumed import imaged_model

@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, NDArray
 from cpic_planner import results
 from cpic_planner.survey.estimates import convergence, difference_interval, mean_interval, spread
 from cpic_planner.survey.schedule import PlannedVisit

@@ -3,8 +3,6 @@
 The greedy schedule: the visits of most expected detections per hour, with a look ahead, into the calendar.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -40,7 +38,7 @@ class StarValue:
     upper: float
 
     @classmethod
-    def none(cls, star: Candidate, needed: int) -> StarValue:
+    def none(cls, star: Candidate, needed: int) -> "StarValue":
         """Before any visit.
 
         Parameters
@@ -54,7 +52,7 @@ class StarValue:
         return cls(star, needed, counts, 0.0, 0.0)
 
     @classmethod
-    def of(cls, star: Candidate, needed: int, visits: Iterable[Visit]) -> StarValue:
+    def of(cls, star: Candidate, needed: int, visits: Iterable[Visit]) -> "StarValue":
         """After a set of visits.
 
         Parameters
@@ -69,7 +67,7 @@ class StarValue:
             state = state.after(visit)
         return state
 
-    def after(self, visit: Visit) -> StarValue:
+    def after(self, visit: Visit) -> "StarValue":
         """After one more visit."""
         option, slot = visit
         p = self.star.chance[option, slot].astype(np.float64)
@@ -174,7 +172,7 @@ class Room:
     visits: dict[int, list[Visit]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, problem: Problem, booked: Iterable[tuple[int, Visit]] = ()) -> Room:
+    def of(cls, problem: Problem, booked: Iterable[tuple[int, Visit]] = ()) -> "Room":
         """All of a strategy's time, less that of visits of stars.
 
         Parameters

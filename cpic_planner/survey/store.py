@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import InputError, read_file
+from cpic_core import ArrayLike, InputError, NDArray, read_file
 from cpic_planner.jobs import DamagedPartError, RunFolder
 from cpic_planner.results import Column, arrow_schema
 

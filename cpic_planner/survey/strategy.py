@@ -1,7 +1,5 @@
 """What a survey does: targets, visits, revisits, detection and stop rules as frozen configuration."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
@@ -69,7 +67,7 @@ class VisitRule(FrozenModel):
     em_gain: Annotated[Real, Field(ge=1, le=1e4)] | None = None
 
     @model_validator(mode="after")
-    def _goal(self) -> VisitRule:
+    def _goal(self) -> "VisitRule":
         if (self.goal == "snr") != (self.snr is not None):
             raise InputError("snr", self.snr, allowed="a value with goal snr, and with no other goal")
         return self
@@ -224,7 +222,7 @@ class SurveyStrategy(FrozenModel):
         return self._varied
 
     @model_validator(mode="after")
-    def _consistent(self) -> SurveyStrategy:
+    def _consistent(self) -> "SurveyStrategy":
         needed, most = self.detection.visits_needed, self.revisits.max_visits
         if needed > most:
             hint = "detection.visits_needed asks for that many"

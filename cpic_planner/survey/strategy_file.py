@@ -1,7 +1,5 @@
 """Strategies as people write them: a YAML file or preset, and what it leaves out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -69,7 +67,7 @@ class UniverseConfig(FrozenModel):
         return max(1, int(-(-self.duration_days // self.slot_days)))
 
     @model_validator(mode="after")
-    def _slots(self) -> UniverseConfig:
+    def _slots(self) -> "UniverseConfig":
         if self.slot_days > self.duration_days:
             allowed = f"at most duration_days, {self.duration_days:g}"
             raise InputError("slot_days", self.slot_days, unit="d", allowed=allowed)
@@ -85,7 +83,7 @@ class StrategiesConfig(FrozenModel):
     strategies: Annotated[tuple[SurveyStrategy, ...], Field(min_length=1, max_length=MAX_STRATEGIES)]
 
     @model_validator(mode="after")
-    def _named(self) -> StrategiesConfig:
+    def _named(self) -> "StrategiesConfig":
         names = [item.name for item in self.strategies]
         for name in names:
             if names.count(name) > 1:

@@ -1,15 +1,12 @@
 """Synthetic universes: which planets each star has, seeded per star and draw, and where they stand at any date."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs import KnownPlanetTable
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, stream
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, stream
 from cpic_planner.planets import OrbitingPlanets, OrbitPlaces, PopulationConfig, chosen_entry, draw_known
 from cpic_planner.planets.known_rows import QUANTITIES as KNOWN_QUANTITIES
 from cpic_planner.planets.population_config import QUANTITIES
@@ -50,12 +47,12 @@ class PlanetSample(OrbitingPlanets):
     def __len__(self) -> int:
         return len(self.universe)
 
-    def select(self, rows: ArrayLike) -> PlanetSample:
+    def select(self, rows: ArrayLike) -> "PlanetSample":
         """Planets of a mask or of row numbers."""
         return PlanetSample(**{name: getattr(self, name)[rows] for name in PlanetSample.__dataclass_fields__})
 
     @classmethod
-    def joined(cls, parts: Sequence[PlanetSample]) -> PlanetSample:
+    def joined(cls, parts: "Sequence[PlanetSample]") -> "PlanetSample":
         """Planets of several, one after the other."""
         names = cls.__dataclass_fields__
         return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

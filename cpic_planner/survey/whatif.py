@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import Advance, announce, untold
+from cpic_core import Advance, NDArray, announce, untold
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
 from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult

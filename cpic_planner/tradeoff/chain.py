@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import BoolArray, FloatArray, InputError
+from cpic_core import BoolArray, FloatArray, InputError, NDArray
 from cpic_planner.confirm import scene_target
 from cpic_planner.etc import EtcModel, StackNoise, aperture_rates, build_model, stack_noise
 from cpic_planner.queries import Strategy

@@ -5,10 +5,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs import Band, Spectrum, bracket
-from cpic_core import FloatArray, InputError, numeric_context
+from cpic_core import ArrayLike, FloatArray, InputError, numeric_context
 from simulator.band_integrals import band_quadrature, check_covers, check_table
 from simulator.config import LOG10_FSED_MAX, ParametricAlbedo
 from simulator.target import LitPlanet, contrast_at, load_parametric_grid, parametric_family, phase_value

@@ -7,9 +7,8 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray, InputError, check_number, checked_array, load_quietly
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_number, checked_array, load_quietly
 
 
 def described(array: np.ndarray) -> str:

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import Status, announce
+from cpic_core import NDArray, Status, announce
 from cpic_planner.results import AuditRecord, CandidateRecord, SearchRecord
 from cpic_planner.validation.astrometry import Astrometry
 from cpic_planner.validation.detection import BlindSearch

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import InputError
+from cpic_core import ArrayLike, InputError
 from cpic_planner.results import AlbedoRecord, BandConfirmation, PositionRecord
 from cpic_planner.validation.albedo_fit import AlbedoFit, fit_albedo
 from cpic_planner.validation.albedo_model import AlbedoModel, planet_albedo_model

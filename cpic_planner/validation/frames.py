@@ -9,15 +9,12 @@ clock-induced charge; pixel curve; dark current; smear; flat. Charge left behind
 a template of a source is compared after `transferred`.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, numeric_context
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, numeric_context
 from cpic_planner.validation.noise_law import PixelLaw
 from cpic_planner.validation.reduced import frame_level
 from simulator import detectors

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, IntArray, stream
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray, stream
 from cpic_planner.validation.apertures import require
 from cpic_planner.validation.detection import BlindSearch, Candidate, search
 from cpic_planner.validation.reduced import ReducedStack

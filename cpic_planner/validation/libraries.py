@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import TypedDict
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, check_finite, check_number, check_whole, numeric_context
+from cpic_core import ArrayLike, FloatArray, InputError, check_finite, check_number, check_whole, numeric_context
 from cpic_planner.queries import Strategy
 from cpic_planner.validation.apertures import checked_frames, checked_region, region_rows
 from simulator.config import Scene

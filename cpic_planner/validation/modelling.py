@@ -3,8 +3,6 @@
 How the images of a task are made: sums or frames, hole or whole frames, which knobs, what is left out.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass
@@ -81,7 +79,7 @@ def task_cost(task: ConfirmTask) -> TaskCost:
     return TaskCost(work, runs, one_by_one, _BASE_MB + whole + stack)
 
 
-def _frames_s(how: Modelling, region: str, n_frames: int, frames: int, stamp_s: float) -> float:
+def _frames_s(how: "Modelling", region: str, n_frames: int, frames: int, stamp_s: float) -> float:
     return 2 * min(how.epochs, n_frames) * stamp_s + frames * _FRAME_S[region]
 
 
@@ -132,7 +130,7 @@ class Modelling(Choice):
         }
         return scene.model_copy(update=kept) if self.left_out else scene
 
-    def whole(self) -> Modelling:
+    def whole(self) -> "Modelling":
         """Every frame with every effect, by the same knobs."""
         epochs = max(self.epochs, MAX_EPOCHS)
         return dataclasses.replace(self, draw="frames", epochs=epochs, switches={}, left_out=())

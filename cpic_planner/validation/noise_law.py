@@ -18,9 +18,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray
+from cpic_core import ArrayLike, BoolArray, FloatArray
 from simulator.detectors import generating_function, stage_probability
 
 _LEAST_SHARE, _MOST_SHARE = 1e-3, 0.98

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, InputError, check_number, numeric_context
+from cpic_core import ArrayLike, BoolArray, InputError, check_number, numeric_context
 from cpic_planner.validation import apertures
 from simulator.detectors import excess_noise_factor2
 

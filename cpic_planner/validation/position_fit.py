@@ -3,17 +3,14 @@
 All in pixels from the star. Parameters are flux, flux x shift in x and flux x shift in y: in these the model is linear.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import BoolArray, FloatArray, InputError
+from cpic_core import BoolArray, FloatArray, InputError, NDArray
 from cpic_planner.validation.reduced import ReducedStack
 from simulator.detectors import excess_noise_factor2
 from simulator.imaging import AnyPsf

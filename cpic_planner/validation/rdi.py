@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray, InputError, numeric_context
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, numeric_context
 from cpic_planner.validation.apertures import as_images, checked_frames, checked_region, region_rows
 
 # Smallest eigenvalue of the rows' Gram matrix that counts as a mode, relative to the largest.

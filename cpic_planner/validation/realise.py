@@ -1,7 +1,5 @@
 """Realisations of one observation: science and reference visits drawn as sums of frames, or frame by frame."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,7 +62,7 @@ class FrameStatistics:
     hits: int
 
     @classmethod
-    def of(cls, parts: Sequence[FrameStatistics]) -> FrameStatistics:
+    def of(cls, parts: "Sequence[FrameStatistics]") -> "FrameStatistics":
         """The same of several sequences of frames together."""
         lost_in, lost_outside, rejected, hits = zip(*map(dataclasses.astuple, parts), strict=True)
         return cls(sum(lost_in), sum(lost_outside), float(np.mean(rejected)), sum(hits))
@@ -116,7 +114,7 @@ class VisitPair:
         """What the science frames show."""
         return self.science.scene
 
-    def with_light(self, extra_e_s: FloatArray) -> VisitPair:
+    def with_light(self, extra_e_s: FloatArray) -> "VisitPair":
         """The same with more light in the science visit (an injected planet), electrons per second and pixel."""
         assert self._stacks is not None  # as stackable says
         science, reference = self._stacks

@@ -11,9 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import BoolArray, FloatArray, InputError, numeric_context
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, numeric_context
 from cpic_planner.validation.apertures import check_mask, frame_counts
 from cpic_planner.validation.noise_law import PixelLaw
 from cpic_planner.validation.rdi import RdiResult, rdi_subtract

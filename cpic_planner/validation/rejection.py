@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, numeric_context
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, numeric_context
 from cpic_planner.validation.apertures import check_mask, described, require
 from cpic_planner.validation.frames import CalibratedFrames
 from cpic_planner.validation.noise_law import PixelLaw

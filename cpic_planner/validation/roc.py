@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, stream
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, stream
 from cpic_planner.etc import diagonal, threshold_array
 from cpic_planner.validation.apertures import aperture_weights, check_positive, checked_image, sample_scatter
 from cpic_planner.validation.detection import search

@@ -1,14 +1,11 @@
 """Angular differential imaging by roll: two rolls of one star, each the other's reference."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, numeric_context
+from cpic_core import ArrayLike, FloatArray, InputError, numeric_context
 from cpic_planner.validation import apertures
 from cpic_planner.validation.photometry import EXCLUSION_RADII, Photometry, aperture_photometry, ratio
 from cpic_planner.validation.rdi import Centering, RdiResult, rdi_subtract, surviving_fraction
@@ -30,7 +27,7 @@ class RollResult:
     first: RdiResult
     second: RdiResult
     frames: tuple[FloatArray, FloatArray]
-    _responses: tuple[_Response, _Response] = field(repr=False)
+    _responses: "tuple[_Response, _Response]" = field(repr=False)
 
     @property
     def image_e(self) -> tuple[FloatArray, FloatArray]:

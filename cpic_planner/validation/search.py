@@ -4,9 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Outcome, Reason, Status
 from cpic_planner.validation.apertures import check_positive, described
 
 MIN_ELEMENTS = 3.0

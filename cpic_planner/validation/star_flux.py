@@ -4,8 +4,6 @@ Either short exposures of the star moved off the mask, or a star of known magnit
 measured like the planet.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -68,7 +66,7 @@ class StarFlux:
     rate_ratio: float = 1.0
 
     @classmethod
-    def known(cls, rate_e_s: float) -> StarFlux:
+    def known(cls, rate_e_s: float) -> "StarFlux":
         """A rate that is known without a measurement, as the scene's own."""
         return cls(rate_e_s, 0.0, "off_mask", rate_e_s, 1.0, 1.0)
 

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_core import FloatArray, InputError, element_name, write_bytes
+from cpic_core import FloatArray, InputError, NDArray, element_name, write_bytes
 from simulator.camera.frame import MaskBit
 from simulator.config import AnyDetector
 from simulator.effects import unit_factor
@@ -157,7 +156,7 @@ def write_calibration_set(
     return paths
 
 
-def _write_map(path: Path, kind: str, values: npt.NDArray[Any]) -> None:
+def _write_map(path: Path, kind: str, values: NDArray[Any]) -> None:
     from astropy.io import fits
 
     hdu = fits.PrimaryHDU(values)
@@ -174,7 +173,7 @@ def _key(kind: str) -> str:
     return f"detector.calibration_files.{kind}"
 
 
-def _checked_values(rule: _Kind, key: str, path: str, data: npt.NDArray[Any], factor: float) -> FloatArray:
+def _checked_values(rule: _Kind, key: str, path: str, data: NDArray[Any], factor: float) -> FloatArray:
     if data.dtype.kind not in "fiub":
         raise InputError(key, path, allowed="a map of real numbers", hint=f"found {data.dtype.name} numbers")
     values = np.array(data, dtype=np.float64) * factor

@@ -5,8 +5,6 @@ What makes the pixels of a camera differ: response, dark current, clock-induced 
 Every flaw draws from its own stream of ``flaws.seed``, so that changing one leaves the others as they are.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Mapping
@@ -15,9 +13,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_core import BoolArray, FloatArray, InputError, stream
+from cpic_core import BoolArray, FloatArray, InputError, NDArray, stream
 from simulator.camera.calibration_files import file_print, read_calibration_map
 from simulator.camera.frame import MaskBit
 from simulator.config import AnyDetector, Section
@@ -74,7 +71,7 @@ def warm_from_e_s(dark_e_s: FloatArray, pixels: tuple[slice, slice]) -> float:
     return WARM_FACTOR * max(float(np.median(dark_e_s[pixels])), LEAST_MEDIAN_E_S)
 
 
-def flaw_mask(bad: BoolArray, dark_e_s: FloatArray, pixels: tuple[slice, slice]) -> npt.NDArray[np.uint8]:
+def flaw_mask(bad: BoolArray, dark_e_s: FloatArray, pixels: tuple[slice, slice]) -> NDArray[np.uint8]:
     """`MaskBit` of the flaws: bad as given; hot or warm by the dark current against the median of ``pixels``."""
     warm = warm_from_e_s(dark_e_s, pixels)
     mask = np.where(bad, np.uint8(MaskBit.BAD), np.uint8(MaskBit.GOOD))
@@ -124,7 +121,7 @@ class CalibrationSet:
     cic_e: FloatArray
     stripe_adu: FloatArray
     bias_adu: FloatArray | None
-    mask: npt.NDArray[np.uint8]
+    mask: NDArray[np.uint8]
     sensitivity: FloatArray
     dark_smooth_e_s: FloatArray
     dead: BoolArray
@@ -146,7 +143,7 @@ class CalibrationSet:
         rows, columns = self.mask.shape
         return rows, columns
 
-    def window(self, rows: slice, columns: slice) -> CalibrationSet:
+    def window(self, rows: slice, columns: slice) -> "CalibrationSet":
         """The set of a window, without copying.
 
         Parameters
@@ -199,7 +196,7 @@ class CalibrationSet:
         dark[raised] += self.dark_e_s[raised] - self.dark_smooth_e_s[raised]
         return dark
 
-    def mask_of(self, switches: Switches) -> npt.NDArray[np.uint8]:
+    def mask_of(self, switches: Switches) -> NDArray[np.uint8]:
         """Mask with the flaws that are switched on."""
         columns = _columns_on(switches)
         if switches.dark and switches.dark_structure and switches.bad_pixels and columns:

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_core import BoolArray, FloatArray, Outcome, PathPart, checked_array, checked_scalar
+from cpic_core import ArrayLike, BoolArray, FloatArray, Outcome, PathPart, checked_array, checked_scalar
 from simulator.camera.calibration_set import bias_level_adu
 from simulator.camera.frame import Frame
 from simulator.camera.visible import VisibleCamera
@@ -65,7 +64,7 @@ class GainSetting:
         return Outcome.ok(float(self.voltage_v[index]), unit="V", flags=self.flags(index))
 
 
-def em_gain_of(voltage_v: npt.ArrayLike, temperature_k: npt.ArrayLike) -> GainSetting:
+def em_gain_of(voltage_v: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
     """Gain of the register at a clock voltage and temperature.
 
     Parameters
@@ -94,7 +93,7 @@ def em_gain_of(voltage_v: npt.ArrayLike, temperature_k: npt.ArrayLike) -> GainSe
     return _setting(np.exp(np.maximum(log_gain, 0.0)), voltage, temperature, log_gain < 0.0)
 
 
-def em_voltage_of(em_gain: npt.ArrayLike, temperature_k: npt.ArrayLike) -> GainSetting:
+def em_voltage_of(em_gain: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
     """Clock voltage that gives a gain at a temperature: the inverse of `em_gain_of`.
 
     Parameters
@@ -145,7 +144,7 @@ def _shift(temperature: FloatArray) -> FloatArray:
     return _REFERENCE_V + _V_PER_K * (temperature - _REFERENCE_K)
 
 
-def _checked_temperature(temperature_k: npt.ArrayLike) -> FloatArray:
+def _checked_temperature(temperature_k: ArrayLike) -> FloatArray:
     low, high = TEMPERATURE_RANGE_K
     return checked_array("temperature_k", temperature_k, low=low, high=high, unit="K")
 
@@ -163,7 +162,7 @@ def _outside(values: FloatArray, limits: tuple[float, float]) -> BoolArray:
 _MOST_ADU = 1e100
 
 
-def expected_adu_map(rate_e_s_map: npt.ArrayLike, exposure_s: float, em_gain: float, detector: Detector) -> FloatArray:
+def expected_adu_map(rate_e_s_map: ArrayLike, exposure_s: float, em_gain: float, detector: Detector) -> FloatArray:
     """Mean ADU of every pixel, without noise and without rounding.
 
     Parameters
@@ -192,7 +191,7 @@ def expected_adu_map(rate_e_s_map: npt.ArrayLike, exposure_s: float, em_gain: fl
 
 
 def expose_frame(
-    rate_map_e_s: npt.ArrayLike,
+    rate_map_e_s: ArrayLike,
     exposure_s: float,
     em_gain: float,
     detector: Detector,
@@ -227,7 +226,7 @@ def expose_frame(
     return camera.expose(camera.prepare(rate_map_e_s, exposure_s, em_gain), seed=seed, path=path)
 
 
-def to_electrons(adu: npt.ArrayLike, detector: Detector, em_gain: float) -> FloatArray:
+def to_electrons(adu: ArrayLike, detector: Detector, em_gain: float) -> FloatArray:
     """Electrons at the register input: ``(adu - bias) gain_e_adu / em_gain``; dark and clock charge included.
 
     Raises

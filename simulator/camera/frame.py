@@ -8,16 +8,15 @@ from dataclasses import dataclass, field
 from enum import IntFlag
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_core import BoolArray, FloatArray, InputError, element_name
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, element_name
 
 NEGATIVE_TOLERANCE = 1e-9
 # More light than this counts as this: that of any exposure and any sum of it stays finite.
 MOST_E_S = 1e100
 
 
-def checked_rates(rate_map_e_s: npt.ArrayLike) -> tuple[FloatArray, int]:
+def checked_rates(rate_map_e_s: ArrayLike) -> tuple[FloatArray, int]:
     """Rates of a 2-D map with rounding-error negatives set to 0 (and those above 1e100 to that), and their number.
 
     Raises
@@ -84,8 +83,8 @@ class Frame:
         Pixels whose rate was a rounding-error negative and was taken as 0.
     """
 
-    adu: npt.NDArray[np.uint16]
-    mask: npt.NDArray[np.uint8]
+    adu: NDArray[np.uint16]
+    mask: NDArray[np.uint8]
     charge: Mapping[str, float] = field(default_factory=dict)
     n_clipped: int = 0
     n_saturated_pixels: int = 0

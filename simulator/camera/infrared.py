@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_core import BoolArray, FloatArray, InputError, PathPart, checked_scalar
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, PathPart, checked_scalar
 from simulator import detectors
 from simulator.camera.camera import MAX_EXPOSURE_S, MAX_MEAN_E, Camera, begun, corner_of, flaws_of, means, run
 from simulator.camera.frame import Frame, MaskBit, checked_rates
@@ -180,7 +179,7 @@ class InfraredCamera(Camera):
         return True  # particles can be given frame by frame
 
     def prepare(
-        self, rate_map_e_s: npt.ArrayLike, exposure_s: float, *, first_pixel: tuple[int, int] | None = None
+        self, rate_map_e_s: ArrayLike, exposure_s: float, *, first_pixel: tuple[int, int] | None = None
     ) -> InfraredExposure:
         """Noise-free part of a frame.
 
@@ -294,7 +293,7 @@ class InfraredCamera(Camera):
         whole, n_clipped = np.rint(adu).astype(np.uint16), int(np.count_nonzero(clipped))
         return Frame(whole, mask, work.charge, n_clipped, **work.counts)
 
-    def to_electrons(self, adu: npt.ArrayLike) -> FloatArray:
+    def to_electrons(self, adu: ArrayLike) -> FloatArray:
         """Electrons collected, as far as ADU tell: ``(adu - bias) gain_e_adu``, dark current included."""
         return (np.asarray(adu, dtype=np.float64) - self.detector.bias_adu) * self.detector.gain_e_adu
 

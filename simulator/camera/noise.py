@@ -3,16 +3,13 @@
 Tracks of cosmic rays that touch an aperture: what they cost in frames.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_core import FloatArray, checked_array, checked_scalar
+from cpic_core import ArrayLike, FloatArray, checked_array, checked_scalar
 from simulator.config import AnyDetector, CosmicRayConfig, Detector, Instrument
 from simulator.detectors import MOST, FrameTerm, added_variance, excess_noise_factor2, frame_variance_e2
 from simulator.effects import TemplateSet, cosmic_ray_rate, generated_projection_um, read_templates
@@ -51,7 +48,7 @@ class FrameNoise:
     added_e2: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, detector: AnyDetector, em_gain: float, exposure_s: float) -> FrameNoise:
+    def of(cls, detector: AnyDetector, em_gain: float, exposure_s: float) -> "FrameNoise":
         """Return the noise of a frame with what is switched on.
 
         Parameters
@@ -94,17 +91,17 @@ class FrameNoise:
         """Mean electrons of a pixel without light."""
         return self.dark_e + self.clock_e + self.rest_e
 
-    def variance_e2(self, light_e: npt.ArrayLike) -> FloatArray:
+    def variance_e2(self, light_e: ArrayLike) -> FloatArray:
         """Return the variance of pixels that light leaves so many electrons in."""
         counted_e = (np.asarray(light_e, dtype=np.float64) + self.dark_e) * self.photons
         return self.charge_variance_e2(counted_e + self.clock_e + self.rest_e)
 
-    def charge_variance_e2(self, charge_e: npt.ArrayLike) -> FloatArray:
+    def charge_variance_e2(self, charge_e: ArrayLike) -> FloatArray:
         """Return the variance of pixels that hold so many electrons on average, with dark and clock-induced ones."""
         return np.asarray(frame_variance_e2(np.asarray(charge_e, float), self.factor2, self.gaussian_e2, 1.0))
 
 
-def register_factor2(detector: AnyDetector, em_gain: npt.ArrayLike, exposure_s: float | None = None) -> FloatArray:
+def register_factor2(detector: AnyDetector, em_gain: ArrayLike, exposure_s: float | None = None) -> FloatArray:
     """Return the variance over the mean of the electrons that a camera counts.
 
     Parameters
@@ -126,9 +123,7 @@ def register_factor2(detector: AnyDetector, em_gain: npt.ArrayLike, exposure_s: 
     return np.full(np.shape(em_gain), detector.ramp(exposure_s)[1])
 
 
-def pixel_variance_e2(
-    photon_e: npt.ArrayLike, cic_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector
-) -> FloatArray:
+def pixel_variance_e2(photon_e: ArrayLike, cic_e: ArrayLike, em_gain: ArrayLike, detector: Detector) -> FloatArray:
     """Return the variance of one pixel of one frame, referred to the register input.
 
     Parameters

@@ -12,18 +12,17 @@ transfer, clock-induced charge, serial transfer, the multiplication register and
 read noise, bias and converter. Every step is an `Effect` with its own switch and its own random stream.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cpic_core import (
+    ArrayLike,
     FloatArray,
     InputError,
+    NDArray,
     Outcome,
     PathPart,
     Reason,
@@ -44,7 +43,7 @@ _MARGIN_SIGMA = 8.0
 MAX_FRAMES = 1_000_000
 
 
-def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
+def stackable(camera: "VisibleCamera", exposure: Exposure) -> Outcome[float]:
     """Whether frames of an exposure add up to one draw.
 
     Parameters
@@ -90,7 +89,7 @@ def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
 
 
 def stack_electrons(
-    camera: VisibleCamera, exposure: Exposure, n_frames: int, *, seed: int, path: Sequence[PathPart]
+    camera: "VisibleCamera", exposure: Exposure, n_frames: int, *, seed: int, path: Sequence[PathPart]
 ) -> FloatArray:
     """Sum of ``n_frames`` frames in electrons at the register input, the fixed bias taken off: one draw.
 
@@ -141,12 +140,12 @@ class VisibleCamera(Camera):
 
     def prepare(
         self,
-        rate_map_e_s: npt.ArrayLike,
+        rate_map_e_s: ArrayLike,
         exposure_s: float,
         em_gain: float,
         *,
         first_pixel: tuple[int, int] | None = None,
-        beyond_e_s: npt.ArrayLike | None = None,
+        beyond_e_s: ArrayLike | None = None,
     ) -> Exposure:
         """Noise-free part of a frame.
 
@@ -243,7 +242,7 @@ class VisibleCamera(Camera):
         return Frame(adu, _mask(work, exposure), dict(work.charge), n_clipped, **work.counts)
 
 
-def _mask(work: Work, exposure: Exposure) -> npt.NDArray[np.uint8]:
+def _mask(work: Work, exposure: Exposure) -> NDArray[np.uint8]:
     mask = work.saturated.astype(np.uint8)
     mask *= np.uint8(MaskBit.SATURATED)
     if work.cosmic is not None:
@@ -253,7 +252,7 @@ def _mask(work: Work, exposure: Exposure) -> npt.NDArray[np.uint8]:
     return mask
 
 
-def _beyond(beyond_e_s: npt.ArrayLike, place: Place, shape: tuple[int, ...]) -> FloatArray:
+def _beyond(beyond_e_s: ArrayLike, place: Place, shape: tuple[int, ...]) -> FloatArray:
     if place.whole or np.shape(beyond_e_s) != shape[1:]:
         raise InputError("beyond_e_s", np.shape(beyond_e_s), unit="px", allowed=f"{shape[1]} columns of a window")
     return checked_array("beyond_e_s", beyond_e_s, low=0.0, high=MOST_E_S, unit="e-/s")

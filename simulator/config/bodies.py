@@ -3,8 +3,6 @@
 Stars and planets of a scene as configuration.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

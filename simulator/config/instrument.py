@@ -1,7 +1,5 @@
 """The instrument as configuration: every number of telescope, optics, detector and bands."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Mapping
@@ -130,7 +128,7 @@ class Instrument(FrozenModel):
         """Return the camera of a band with its optics."""
         return self.channel(self.band(band).camera)
 
-    def switched(self, switches: Mapping[str, bool] | None, *, camera: str | None = None) -> Instrument:
+    def switched(self, switches: Mapping[str, bool] | None, *, camera: str | None = None) -> "Instrument":
         """Return this instrument with effects of its cameras switched on or off, by name, in each camera that has them.
 
         Parameters
@@ -159,7 +157,7 @@ class Instrument(FrozenModel):
         optics = self.near_infrared.model_copy(update={"detector": infrared})
         return self.model_copy(update={"detector": self.detector.with_switches(switches), "near_infrared": optics})
 
-    def changed(self, own: Mapping[str, Any]) -> Instrument:
+    def changed(self, own: Mapping[str, Any]) -> "Instrument":
         """Return the instrument with a mapping of what differs, as in an instrument's file, laid over it.
 
         Raises

@@ -3,8 +3,6 @@
 What reflects the star's light, as configuration: one of five kinds of geometric albedo.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -3,8 +3,6 @@
 The scene as configuration: a central star, its planets, other stars, discs and images.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -182,7 +180,7 @@ class Scene(SpelledModel):
         """Whether one of its stars is put on the image."""
         return self.companions == "on" or not star.companion
 
-    def without_planets(self) -> Scene:
+    def without_planets(self) -> "Scene":
         """The same scene, star only: what the reference library sees."""
         return self.model_copy(update={"planets": ()})
 

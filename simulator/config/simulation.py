@@ -3,8 +3,6 @@
 A simulation as configuration: sequences of frames to be taken one after another.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

@@ -3,8 +3,6 @@
 Light that is no point: discs, rings and images of scattered starlight, as configuration.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, cast

@@ -5,8 +5,6 @@ The optics as configuration: coronagraph, near-infrared channel, static wavefron
 One camera of the instrument with what is in front of it: what differs between the channels, said once.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from datetime import date

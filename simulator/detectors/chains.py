@@ -11,10 +11,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, create_model
 
-from cpic_core import FloatArray, checked_array
+from cpic_core import ArrayLike, FloatArray, checked_array
 from simulator.config import FrozenModel
 from simulator.detectors.collection import Blooming, CosmicRayHits, InfraredPhotonNoise, PhotonNoise, PixelNonlinearity
 from simulator.detectors.effect import Effect, Setting, Sizes, Work, counted, sizes
@@ -166,7 +165,7 @@ class BadColumns(_Flaw):
     set_up_s = 1e-4
 
 
-def dark_law_e_s(temperature_k: npt.ArrayLike, dark_293k_e_s: npt.ArrayLike) -> FloatArray:
+def dark_law_e_s(temperature_k: ArrayLike, dark_293k_e_s: ArrayLike) -> FloatArray:
     """Return the thermal dark current of a pixel in inverted mode.
 
     Parameters

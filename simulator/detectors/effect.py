@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_core import BoolArray, FloatArray, load_kernels
+from cpic_core import BoolArray, FloatArray, NDArray, load_kernels
 from simulator.config import FrozenModel
 from simulator.detectors.gain import pixel_keys
 from simulator.detectors.variance import FrameTerm
@@ -87,7 +86,7 @@ class Exposure:
     cic_e: FloatArray | None = None
     stripe_adu: FloatArray | None = None
     bias_adu: FloatArray | None = None
-    flaws: npt.NDArray[np.uint8] | None = None
+    flaws: NDArray[np.uint8] | None = None
     smear_e: FloatArray | None = None
     n_negative_rates: int = 0
     tracks: Callable[..., Any] | None = None

@@ -16,9 +16,18 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_core import ComplexArray, FloatArray, InputError, IntArray, checked_array, element_name, load_kernels
+from cpic_core import (
+    ArrayLike,
+    ComplexArray,
+    FloatArray,
+    InputError,
+    IntArray,
+    NDArray,
+    checked_array,
+    element_name,
+    load_kernels,
+)
 
 # Exponent of the probability left out at the upper end of a table, exp(-36) = 2e-16: half a step of a uniform number.
 _TAIL = 36.0
@@ -47,7 +56,7 @@ class RegisterTable(NamedTuple):
 
     cdf: FloatArray
     start: IntArray
-    guide: npt.NDArray[np.int32]
+    guide: NDArray[np.int32]
     guide_start: IntArray
     guide_size: IntArray
     n_direct: int
@@ -138,7 +147,7 @@ def register_table(gain: float, probability: float, stages: int) -> RegisterTabl
     return RegisterTable(*laws, *hints, guide_size=guide_size, n_direct=n_direct)
 
 
-def _starts(parts: list[FloatArray] | list[npt.NDArray[np.int32]]) -> IntArray:
+def _starts(parts: list[FloatArray] | list[NDArray[np.int32]]) -> IntArray:
     return np.cumsum([0, 0, *(part.size for part in parts[:-1])], dtype=np.int64)
 
 
@@ -161,7 +170,7 @@ _EXACT_TO = 24
 _MAX_LOOKUPS = 3
 
 
-def stage_probability(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
+def stage_probability(gain: ArrayLike, stages: int = 604) -> FloatArray:
     """Probability that one electron makes a second one in one stage.
 
     Parameters
@@ -184,7 +193,7 @@ def stage_probability(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
     return _probability(_checked_gain(gain, stages), stages)
 
 
-def gain_variance(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
+def gain_variance(gain: ArrayLike, stages: int = 604) -> FloatArray:
     """Variance of the output per electron at the input, ``g (g - 1) (1 - p) / (1 + p)``, in electrons^2.
 
     Parameters and errors as `stage_probability`. ``n`` electrons at the input give ``n`` times as much.
@@ -201,7 +210,7 @@ def gain_variance(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
     return g * (g - 1.0) * (1.0 - p) / (1.0 + p)
 
 
-def excess_noise_factor2(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
+def excess_noise_factor2(gain: ArrayLike, stages: int = 604) -> FloatArray:
     """Squared excess noise factor for Poisson input.
 
     ``F^2 = Var(out) / (g^2 Var(in)) = 1 + (1 - 1/g) (1 - p) / (1 + p)``: 1 at gain 1, near 2 at high gain.
@@ -231,7 +240,7 @@ def noise_factor2(gain: FloatArray, stages: int) -> FloatArray:
     return 1.0 + (gain - 1.0) / gain * (1.0 - p) / (1.0 + p)
 
 
-def multiply(electrons: npt.ArrayLike, gain: float, *, rng: np.random.Generator, stages: int = 604) -> IntArray:
+def multiply(electrons: ArrayLike, gain: float, *, rng: np.random.Generator, stages: int = 604) -> IntArray:
     """Electrons after the multiplication register.
 
     Parameters
@@ -312,7 +321,7 @@ def added_shape(gain: float, probability: float) -> float:
     return (gain - 1.0) * (1.0 + probability) / ((gain - 1.0) - probability * (gain + 1.0))
 
 
-def pixel_keys(rng: np.random.Generator) -> npt.NDArray[np.uint64]:
+def pixel_keys(rng: np.random.Generator) -> NDArray[np.uint64]:
     """Two keys, from which kernels hash one uniform number per pixel and draw."""
     return rng.integers(0, 2**64, size=2, dtype=np.uint64)
 
@@ -321,14 +330,14 @@ def _probability(g: FloatArray | np.float64, stages: int) -> FloatArray:
     return np.expm1(np.log1p(g - 1.0) / stages)
 
 
-def _checked_gain(gain: npt.ArrayLike, stages: int) -> FloatArray:
+def _checked_gain(gain: ArrayLike, stages: int) -> FloatArray:
     if isinstance(stages, bool) or not isinstance(stages, int | np.integer) or stages < 1:
         raise InputError("stages", stages, allowed="an integer of at least 1")
     limit = min(GAIN_LIMIT, 2.0 ** min(int(stages), 60))
     return checked_array("gain", gain, low=1.0, high=limit)
 
 
-def _checked_electrons(electrons: npt.ArrayLike) -> IntArray:
+def _checked_electrons(electrons: ArrayLike) -> IntArray:
     """Copy as int64, refused by name and pixel unless whole numbers of an integer type from 0 to 1e12."""
     allowed = f"whole electrons (integers), 0 to {MAX_ELECTRONS:.0e}"
     try:

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
-from cpic_core import BoolArray, FloatArray, InputError, checked_array, checked_scalar, element_name
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, checked_array, checked_scalar, element_name
 from simulator.config import FrozenModel
 from simulator.detectors.collection import CosmicRayHits
 from simulator.detectors.effect import Effect, Exposure, Work, counted
@@ -38,13 +37,13 @@ class InfraredPersistence(FrozenModel):
     decay_s: Annotated[float, Field(gt=0, le=1e7)]
 
 
-Hits = tuple[npt.ArrayLike, npt.ArrayLike]
+Hits = tuple[ArrayLike, ArrayLike]
 
 
 class PastExposure(NamedTuple):
     """Electrons that an earlier frame collected in every pixel, and the time from its end to the start of this one."""
 
-    charge_e: npt.ArrayLike
+    charge_e: ArrayLike
     age_s: float
 
 
@@ -111,7 +110,7 @@ class InterpixelKernel:
     ``kernel[1 + dy, 1 + dx]`` is the part of a pixel's signal that appears ``dy`` rows up and ``dx`` columns right.
     """
 
-    kernel: npt.ArrayLike
+    kernel: ArrayLike
 
     def __post_init__(self) -> None:
         kernel = checked_array("interpixel kernel", self.kernel, low=0.0, high=1.0)
@@ -272,7 +271,7 @@ class InfraredReadNoise(ReadNoise):
         return FrameTerm(output_e2=detector.ramp(exposure_s)[0] * detector.read_noise_e**2)
 
 
-def well_signal(charge_e: npt.ArrayLike, full_well_e: float, loss: float) -> FloatArray:
+def well_signal(charge_e: ArrayLike, full_well_e: float, loss: float) -> FloatArray:
     """Return the signal of collected charge, in electrons: a quadratic that bends smoothly into saturation.
 
     Parameters
@@ -328,7 +327,7 @@ def checked_hits(cosmic_rays: Hits, shape: tuple[int, ...]) -> FloatArray:
     return np.bincount(pixels, weights=electrons, minlength=size).reshape(shape).astype(np.float64)
 
 
-def tracks_of(hit: BoolArray) -> tuple[npt.NDArray[np.int32], int]:
+def tracks_of(hit: BoolArray) -> tuple[NDArray[np.int32], int]:
     """Return the number of the track in every pixel (0 elsewhere) and of tracks in all: pixels that touch are one."""
     from scipy.ndimage import label
 

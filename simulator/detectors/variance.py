@@ -5,15 +5,12 @@ register is divided by the gain: ``F^2 charge + output / g^2``, referred to the 
 ``F^2`` is 1, or what a fitted ramp makes of the light.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, checked_array
+from cpic_core import ArrayLike, FloatArray, checked_array
 
 # Squares of it are finite.
 MOST = 1e100
@@ -74,7 +71,7 @@ class FrameTerm(NamedTuple):
         return np.asarray(frame_variance_e2(charge, factor2, self.output_e2, em_gain))
 
     @classmethod
-    def total(cls, terms: Iterable[FrameTerm]) -> FrameTerm:
+    def total(cls, terms: "Iterable[FrameTerm]") -> "FrameTerm":
         """Return the sum of independent terms."""
         rate, charge, output = zip(*terms, strict=True)
         return cls(sum(rate), sum(charge), sum(output))

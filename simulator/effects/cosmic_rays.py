@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, IntArray, check_number
+from cpic_core import FloatArray, InputError, IntArray, NDArray, check_number
 from simulator.config import CosmicRayConfig
 from simulator.effects.sky import decimal_year
 from simulator.effects.templates import Canvas, TemplateModel, generated_templates, read_templates

@@ -18,10 +18,9 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs import HC_ERG_ANGSTROM, Spectrum, load_reference_spectrum, load_zodi_table
-from cpic_core import BoolArray, FloatArray, InputError, check_number
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_number
 from simulator.config import FIRST_YEAR, LAST_YEAR, Instrument, checked_utc, declination_deg, right_ascension_deg
 from simulator.effects.stray_light import extra_lights
 from simulator.passbands import Passbands

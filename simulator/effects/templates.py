@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, IntArray, load_kernels, stream
+from cpic_core import FloatArray, InputError, IntArray, NDArray, load_kernels, stream
 from simulator.config import PaperTracks, PhysicalTracks, TemplateTracks
 from simulator.effects.tracks import REACH_SIGMA, PhysicalModel, Points, Tracks, paper_charges, whole_electrons
 from simulator.imaging import FileMap, header_number, read_maps

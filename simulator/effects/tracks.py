@@ -7,8 +7,6 @@ falls as ``1 / lambda^2``, so that the mean is that of a cut.
 The laws of tracks: chord lengths, charge, width and texture of the two straight-line models.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass, fields, replace
@@ -87,7 +85,7 @@ class Tracks:
     half_pixels: FloatArray
     kind: IntArray
 
-    def __getitem__(self, chosen: BoolArray | slice) -> Tracks:
+    def __getitem__(self, chosen: BoolArray | slice) -> "Tracks":
         return replace(self, **{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
 

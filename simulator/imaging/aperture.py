@@ -9,9 +9,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray
+from cpic_core import ArrayLike, FloatArray
 from simulator.imaging.geometry import BandGeometry
 
 STRIPS = 256

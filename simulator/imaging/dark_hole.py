@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, NDArray
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging.conjugation import Conjugation, ControlSettings, HoleMethod, Search, conjugate
 from simulator.imaging.deformable_mirror import DeformableMirror

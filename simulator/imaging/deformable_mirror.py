@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, numeric_context
+from cpic_core import FloatArray, InputError, NDArray, numeric_context
 from simulator.band_integrals import LENGTHS_NM
 from simulator.imaging.map_files import read_maps, real_map
 

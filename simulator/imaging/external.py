@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, numeric_context
+from cpic_core import FloatArray, InputError, NDArray, numeric_context
 from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.map_files import real_map

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, compute_once
+from cpic_core import FloatArray, InputError, NDArray, compute_once
 from simulator.config import Instrument, content_hash
 from simulator.imaging.build import build_imager
 from simulator.imaging.extended import render_extended

@@ -3,21 +3,18 @@
 The dark zone on the detector: squares ``a <= |x|, |y| <= b``, in four quadrants or in the two on one side.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import FloatArray, InputError
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray
 from simulator.config import Instrument
 from simulator.imaging.sampling import centred_offsets
 
 
-def zone_of(instrument: Instrument, band: str) -> HoleZone:
+def zone_of(instrument: Instrument, band: str) -> "HoleZone":
     """The controlled zone of a band.
 
     Parameters
@@ -50,13 +47,13 @@ class BandGeometry:
     pixel_scale_arcsec: float
     aperture_radius_arcsec: float
     mask_half_width_arcsec: float
-    zone: HoleZone
+    zone: "HoleZone"
     stamp_pixels: int
 
     @classmethod
     def of(
         cls, instrument: Instrument, band: str, stamp_pixels: int, mask_half_width_arcsec: float | None = None
-    ) -> BandGeometry:
+    ) -> "BandGeometry":
         """Geometry of a band of an instrument, perhaps with another mask.
 
         Parameters

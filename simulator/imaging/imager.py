@@ -13,8 +13,6 @@ The two matrix products of a separable transform are the propagator, taken apart
 holds both together to 1e-12 of the peak.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import math
@@ -22,9 +20,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, load_quietly
+from cpic_core import FloatArray, InputError, NDArray, load_quietly
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging import pupil_symmetry as parity
 from simulator.imaging.geometry import BandGeometry, HoleZone
@@ -283,12 +280,12 @@ class Imager:
         light = self.intensity(y.nodes_arcsec - source_y, x.nodes_arcsec - source_x, opd_nm=opd_nm, engine=engine)
         return integrate_pixels(light, y, x)
 
-    def focal_grid(self, y: PixelAxis, x: PixelAxis, *, source_arcsec: tuple[float, float] = (0.0, 0.0)) -> FocalGrid:
+    def focal_grid(self, y: PixelAxis, x: PixelAxis, *, source_arcsec: tuple[float, float] = (0.0, 0.0)) -> "FocalGrid":
         """Transforms to a grid of pixels, kept for a stack of wavefronts."""
         nodes = self._grid(y.nodes_arcsec - source_arcsec[1], x.nodes_arcsec - source_arcsec[0])
         return FocalGrid(self, nodes.rows, nodes.columns, y, x)
 
-    def _grid(self, y_arcsec: FloatArray, x_arcsec: FloatArray) -> FocalGrid:
+    def _grid(self, y_arcsec: FloatArray, x_arcsec: FloatArray) -> "FocalGrid":
         y, x = (np.ascontiguousarray(axis, dtype=np.float64) for axis in (y_arcsec, x_arcsec))
         values = (y.size + x.size) * len(self.transmission) * self.wavelengths_m.size
         waves = _kept_waves if values <= KEPT_WAVES else _kept_waves.__wrapped__
@@ -303,7 +300,7 @@ class Optics:
     imager: Imager = field(compare=False)
 
     @classmethod
-    def of(cls, imager: Imager) -> Optics:
+    def of(cls, imager: Imager) -> "Optics":
         """The key of a model."""
         return cls(imager.content_key, imager)
 

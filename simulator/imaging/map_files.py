@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import InputError, open_file, read_npz
+from cpic_core import InputError, NDArray, open_file, read_npz
 
 MAX_BYTES = 1_000_000_000
 MAX_SIDE = 8192

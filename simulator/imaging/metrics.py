@@ -1,16 +1,13 @@
 """Figures of one band's PSF that the exposure-time calculator reads: plain arrays, no optics library."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import FloatArray, InputError
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray
 from simulator.imaging.aperture import core_from_table, overlap_weights
 from simulator.imaging.geometry import BandGeometry, HoleMode, HoleSide, HoleStatus, HoleZone
 
@@ -344,7 +341,7 @@ class PsfMetrics(StampMetrics):
         return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> PsfMetrics:
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "PsfMetrics":
         """Inverse of `to_arrays`; extra arrays are ignored.
 
         Raises

@@ -12,9 +12,8 @@ mask keeps all its light.
 import functools
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError
+from cpic_core import ArrayLike, FloatArray, InputError
 from simulator.imaging.imager import Imager, Optics
 from simulator.imaging.sampling import pixel_axis
 from simulator.imaging.scene_image import PointSources, checked_centres

@@ -9,8 +9,6 @@ wide, so that opposite edges of the pupil are independent, and scaled to the exa
 (`simulator.imaging.pupil.upsample`) and sees the same optics.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import re
@@ -20,9 +18,8 @@ from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, stream
+from cpic_core import FloatArray, InputError, NDArray, stream
 from simulator.imaging.map_files import read_maps, real_map
 
 Kind: TypeAlias = Literal["amplitude", "intensity"]
@@ -223,11 +220,11 @@ class Aberrations:
         field: NDArray[np.complex128] = (transmission * self.amplitude) * np.exp(1j * phase)
         return field
 
-    def plus_opd(self, opd_nm: FloatArray) -> Aberrations:
+    def plus_opd(self, opd_nm: FloatArray) -> "Aberrations":
         """These aberrations with a mirror (twice its surface) or a screen added for good."""
         return _frozen(self.opd_nm + opd_nm, self.amplitude.copy())
 
-    def pointed(self, transmission: FloatArray) -> Aberrations:
+    def pointed(self, transmission: FloatArray) -> "Aberrations":
         """The same with the star brought to the centre: no tip and tilt where light is transmitted.
 
         To first order in the phase the image of a point peaks where the slope of the wavefront, weighted with the
@@ -241,7 +238,7 @@ class Aberrations:
         tilt = np.tensordot(content[1:], planes[1:], axes=1)
         return _frozen(self.opd_nm - tilt, self.amplitude.copy())
 
-    def upsampled(self, samples: int) -> Aberrations:
+    def upsampled(self, samples: int) -> "Aberrations":
         """The same optics on a finer pupil grid: every sample repeated.
 
         Add the mirror first (`plus_opd`): sampled anew on the finer grid it would be another surface, and a hole solved

@@ -13,9 +13,8 @@ completely, and Fourier interpolation of the pixel values is exact but for the c
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, NDArray
 from simulator.band_integrals import gauss_rule
 
 BOX_POINTS, GAUSS_POINTS = 24, 24  # of the discrete measure behind a rule: exact for its first moments

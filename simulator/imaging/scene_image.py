@@ -16,9 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import ComplexArray, FloatArray, InputError
+from cpic_core import ArrayLike, ComplexArray, FloatArray, InputError, NDArray
 from simulator.imaging.sampling import PixelAxis, pixel_axis
 from simulator.imaging.transfer import FrequencyAxis, Transfer
 

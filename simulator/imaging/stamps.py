@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, write_bytes, write_npz
+from cpic_core import FloatArray, InputError, NDArray, write_bytes, write_npz
 from simulator.imaging.aperture import core_cells, figures_of_stamps
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.map_files import SCALE_TOLERANCE, MapFile, header_number, pixel_scale, read_maps

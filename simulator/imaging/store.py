@@ -24,9 +24,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import announce, compute_once, numeric_context, read_npz
+from cpic_core import NDArray, announce, compute_once, numeric_context, read_npz
 from simulator.config import Instrument, content_hash
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.conjugation import ControlSettings, HoleMethod, Search

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import ComplexArray, FloatArray, InputError
+from cpic_core import ComplexArray, FloatArray, InputError, NDArray
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging.imager import Imager
 from simulator.imaging.pupil_symmetry import HalfWaves, add_intensity, mirrored_waves, parts_of, quadrants_of, unfolded

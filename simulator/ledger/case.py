@@ -3,8 +3,6 @@
 Whether sums of frames may stand for the frames, from closed forms.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math
@@ -122,7 +120,7 @@ class CameraCase:
     first_pixel: tuple[int, int]
     full: bool
     hits_per_s: float
-    hits: PixelHits
+    hits: "PixelHits"
     lost_per_s: float
     variances: tuple[dict[str, float], ...]
     column_peak_e_s: float

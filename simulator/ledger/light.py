@@ -4,8 +4,6 @@ The star behind the mask is its own image at the standard settings; a source off
 unmasked point-spread function, or its wing map where that is brighter. Nothing is propagated.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -271,7 +269,7 @@ class _Aperture(NamedTuple):
     weights: FloatArray
 
     @classmethod
-    def of(cls, metrics: PsfMetrics, n: int, x: float, y: float) -> _Aperture:
+    def of(cls, metrics: PsfMetrics, n: int, x: float, y: float) -> "_Aperture":
         column, row = (part / metrics.pixel_scale_arcsec + n // 2 for part in (x, y))
         middle = round(row), round(column)
         radius = metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec

@@ -12,8 +12,6 @@ that the remainder follows the differences that were measured between the images
 wavelengths and six nodes a pixel, in the four visible bands (`reports/effect_ledger`).
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass
@@ -63,7 +61,7 @@ class OpticsCase:
 
     camera: CameraCase
     metrics: PsfMetrics
-    optics: Optics
+    optics: "Optics"
     drift: Drift
     star_e_s: float
     wavelength_nm: float

@@ -9,9 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from numpy.typing import NDArray
-
-from cpic_core import InputError
+from cpic_core import InputError, NDArray
 from simulator.camera import FrameNoise, aperture_loss_per_s
 from simulator.config import Detector, Drift, Instrument, Scene
 from simulator.detectors import FrameTerm

@@ -8,16 +8,13 @@ visit has the same frozen offset whether it is drawn as frames or as sums, while
 epochs.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, Outcome, PathPart, Reason, Status, check_whole
+from cpic_core import FloatArray, InputError, NDArray, Outcome, PathPart, Reason, Status, check_whole
 from simulator.camera import stack_electrons, stackable
 from simulator.detectors import Blooming, Exposure, excess_noise_factor2
 from simulator.imaging import ExternalPsf, FocalGrid, centred_axis
@@ -59,7 +56,7 @@ class HoleStacks:
         edges = [-(-epoch * self.observation.n_frames // self.epochs) for epoch in range(self.epochs + 1)]
         return np.diff(edges)
 
-    def with_light(self, extra_e_s: FloatArray) -> HoleStacks:
+    def with_light(self, extra_e_s: FloatArray) -> "HoleStacks":
         """The same with more light (a planet elsewhere), electrons per second and pixel, shape (n, n)."""
         return dataclasses.replace(self, static_e_s=self.static_e_s + extra_e_s)
 

@@ -9,16 +9,7 @@ from typing import Any, Literal, get_args
 from cpic_core import InputError, check_number, check_pair, check_whole, numeric_context
 from simulator.config import Instrument, Scene, checked_utc, load_instrument, load_scene
 from simulator.effects import sky_rate_e_s_arcsec2
-from simulator.imaging import (
-    AnyPsf,
-    ExternalPsf,
-    PsfError,
-    SceneModel,
-    Window,
-    psf_metrics,
-    single_band_psf,
-    window_of,
-)
+from simulator.imaging import AnyPsf, ExternalPsf, PsfError, SceneModel, Window, psf_metrics, single_band_psf, window_of
 from simulator.knobs import Knobs, Quantity, resolve_knobs
 from simulator.ledger import (
     MAX_EPOCHS,

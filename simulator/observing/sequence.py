@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, PathPart, check_number, check_whole, numeric_context, stream
+from cpic_core import FloatArray, InputError, NDArray, PathPart, check_number, check_whole, numeric_context, stream
 from simulator.camera import Frame, InfraredCamera, VisibleCamera, camera_keywords, earlier_frames, stack_electrons
 from simulator.config import CameraName, Channel, Detector, Drift, Instrument, Section
 from simulator.detectors import Exposure, PastExposure

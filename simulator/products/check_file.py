@@ -143,12 +143,7 @@ def _check_sections(report: Report, header: Header, shape: tuple[int, ...], numb
 
 
 def _check_frame_times(
-    report: Report,
-    header: Header,
-    primary: Header,
-    number: int,
-    n_images: int,
-    earlier: float | None,
+    report: Report, header: Header, primary: Header, number: int, n_images: int, earlier: float | None
 ) -> float | None:
     """Check the times of one image against the primary header and the image before; return its end."""
     begin, end, exposure = (header.get(key) for key in ("EXPBEG", "EXPEND", "EXPTIME"))

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, load_quietly
+from cpic_core import ArrayLike, FloatArray, load_quietly
 from simulator.config import OrbitConfig, checked_utc
 
 

@@ -3,8 +3,6 @@
 Names and places of Level-0 products (Zhu et al. 2025, section Level 0 Data Products).
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 import shutil
@@ -129,7 +127,7 @@ class ProductName:
         return Path("Params", self.obsid, f"V{self.version:02d}")
 
     @classmethod
-    def parse(cls, name: str, day: int = 0) -> ProductName | None:
+    def parse(cls, name: str, day: int = 0) -> "ProductName | None":
         """Take a file name apart; None if it is not that of a Level-0 file.
 
         Parameters

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, check_number
+from cpic_core import ArrayLike, FloatArray, InputError, check_number
 from simulator.camera import Frame
 from simulator.config import AnyDetector, Instrument, Scene, checked_utc
 from simulator.target import Source, detector_to_sky

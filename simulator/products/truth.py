@@ -9,9 +9,8 @@ from importlib import metadata
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import InputError
+from cpic_core import InputError, NDArray
 from simulator.camera import Frame, camera_keywords
 from simulator.config import Detector, Section
 from simulator.products.ephemeris import Ephemeris, SequenceTimes

@@ -13,8 +13,8 @@ from collections.abc import Iterable, Mapping
 from typing import IO, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cpic_core import NDArray
 from simulator.products.keywords import KeywordTable, Profile, Value
 
 ALL_ONES = 0xFFFFFFFF

@@ -13,9 +13,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, checked_array, checked_scalar
+from cpic_core import ArrayLike, FloatArray, InputError, checked_array, checked_scalar
 from simulator.config import DiscSource
 from simulator.imaging import PsfMetrics
 

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numpy.typing import ArrayLike
 
-from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status, checked_array
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Outcome, Reason, Status, checked_array
 from simulator.config import Detector
 
 _NAMES = {Reason.PIXEL_FULL_WELL.value: "pixel full well", Reason.REGISTER_FULL_WELL.value: "register full well"}

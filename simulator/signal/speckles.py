@@ -1,14 +1,11 @@
 """The speckle residual that no number of frames averages: a law in the length of the visit."""
 
-from __future__ import annotations
-
 import functools
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray
+from cpic_core import ArrayLike, FloatArray
 from simulator.config import Drift
 from simulator.imaging import PsfMetrics
 
@@ -34,7 +31,7 @@ class SpeckleLaw(NamedTuple):
         visit = np.asarray(visit_s, float)
         return self.k0 + visit * (self.k1 + visit * self.k2)
 
-    def scaled(self, factor: ArrayLike) -> SpeckleLaw:
+    def scaled(self, factor: ArrayLike) -> "SpeckleLaw":
         """All of it times a factor."""
         return SpeckleLaw(*(np.asarray(factor, float) * part for part in self))
 

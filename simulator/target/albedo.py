@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs import Albedo, load_albedo
-from cpic_core import InputError, numeric_context, real_array
+from cpic_core import ArrayLike, InputError, numeric_context, real_array
 from simulator import config
 from simulator.knobs import AlbedoFamily
 from simulator.target.contrast import lambert_phase

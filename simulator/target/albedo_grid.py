@@ -1,7 +1,5 @@
 """Albedos between the models of a user's grid: linear over metallicity, clouds and distance."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math
@@ -10,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs import bracket
-from cpic_core import InputError
+from cpic_core import ArrayLike, InputError
 from simulator.knobs import AlbedoFamily
 from simulator.target.albedo_grid_file import Axes, Model, Models, open_models
 from simulator.target.contrast import checked_phase
@@ -27,7 +24,7 @@ _SAME = 1e-9
 _CLOUDY = "or null for a cloud-free planet"
 
 
-def load_albedo_grid(path: str | Path) -> AlbedoGrid:
+def load_albedo_grid(path: str | Path) -> "AlbedoGrid":
     """Open a user's copy of the grid of Batalha et al. 2018 (AJ 156, 158; Zenodo record 2003949).
 
     Two layouts are read, told apart by their content: the SQLite database itself, and the npz file into which public
@@ -56,7 +53,7 @@ def load_albedo_grid(path: str | Path) -> AlbedoGrid:
 
 
 @functools.lru_cache(maxsize=2)
-def _opened(path: Path, _mtime_ns: int, _size: int) -> AlbedoGrid:
+def _opened(path: Path, _mtime_ns: int, _size: int) -> "AlbedoGrid":
     models = open_models(path)
     _check(path, models.axes)
     return AlbedoGrid(path, models)

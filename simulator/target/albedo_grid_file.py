@@ -11,8 +11,6 @@ layouts are those of their scripts (github.com/natashabatalha/colorcolor, ``db_u
 Tables may be missing, and rows of tables; only a request that needs a missing model fails.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 import sqlite3
@@ -93,7 +91,7 @@ class SqliteModels:
     tables: Mapping[Model, str]
 
     @classmethod
-    def open(cls, path: Path) -> SqliteModels:
+    def open(cls, path: Path) -> "SqliteModels":
         """Read which models there are.
 
         Raises
@@ -156,7 +154,7 @@ class NpzModels:
     places: Mapping[str, Mapping[float, int]]
 
     @classmethod
-    def open(cls, path: Path) -> NpzModels:
+    def open(cls, path: Path) -> "NpzModels":
         """Read the arrays; ``cloudstr``, which may need pickle, is not touched.
 
         Raises

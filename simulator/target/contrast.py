@@ -4,9 +4,8 @@ Planet-to-star contrast in reflected light.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import InputError, check_finite, real_array
+from cpic_core import ArrayLike, InputError, check_finite, real_array
 
 # Below this angle sin d - d cos d loses digits; its Taylor series, with these terms, does not.
 _SERIES_BELOW_RAD = 1.0

@@ -3,8 +3,6 @@
 The light of a scene's stars, worked out when it is asked for.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -38,7 +36,7 @@ class LitPlanet:
     planet: Planet
     path: str
     place: Place
-    host: LitStar
+    host: "LitStar"
 
     @functools.cached_property
     def distance_au(self) -> float | None:

@@ -49,10 +49,9 @@ from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs import bracket
-from cpic_core import InputError, read_npz
+from cpic_core import ArrayLike, InputError, read_npz
 from simulator.knobs import AlbedoFamily
 from simulator.target.contrast import checked_phase, lambert_phase
 

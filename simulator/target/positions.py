@@ -1,9 +1,8 @@
 """Sky offsets and detector offsets: the one place where parity and roll are applied."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cpic_core import InputError, check_finite, check_number
+from cpic_core import ArrayLike, InputError, check_finite, check_number
 
 
 def sky_to_detector(

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-MOST_MODULES, MOST_LINES, MOST_SKIPS = 332, 400, 20
+MOST_MODULES, MOST_LINES, MOST_SKIPS = 330, 400, 20
 
 
 def sources():

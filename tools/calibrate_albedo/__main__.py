@@ -3,8 +3,6 @@
 Invert the methane coefficients, fit the nodes, and write the table (or compare it with ``--check``).
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

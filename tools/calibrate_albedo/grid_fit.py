@@ -6,8 +6,6 @@ trend and its scatter come from the fit itself, in a few rounds). A band that is
 physics, not the flexibility.
 """
 
-from __future__ import annotations
-
 import csv
 import gzip
 from collections.abc import Callable
@@ -68,7 +66,7 @@ class Measured:
         """Geometric albedos, shape (fsed, insolation, metallicity, band)."""
         return self.albedo[:, :, :, 0]
 
-    def nearest_insolations(self, insolation_au: float, number: int) -> Measured:
+    def nearest_insolations(self, insolation_au: float, number: int) -> "Measured":
         """Return the table of the few distances nearest to one."""
         keep = np.sort(np.argsort(np.abs(np.log(self.insolation_au / insolation_au)))[:number])
         return Measured(self.fsed, self.insolation_au[keep], self.log10_mh, self.phase_deg, self.albedo[:, keep])

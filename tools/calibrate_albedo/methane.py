@@ -6,8 +6,6 @@ at each wavelength is what all four albedos want together. The absolute scale co
 and from the known mixing ratios of methane.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,7 +117,7 @@ class _Planet:
     spread: np.ndarray
 
     @classmethod
-    def of(cls, name: str, edges: np.ndarray, centres: np.ndarray, knots: np.ndarray) -> _Planet:
+    def of(cls, name: str, edges: np.ndarray, centres: np.ndarray, knots: np.ndarray) -> "_Planet":
         table = load_albedo(name)
         bins = np.digitize(table.wavelength_nm, edges) - 1
         inside = (bins >= 0) & (bins < centres.size)

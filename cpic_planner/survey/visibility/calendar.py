@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import BoolArray, FloatArray, InputError, check_number, check_whole, real_array
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, check_number, check_whole, real_array
 from cpic_planner.survey.visibility.config import VisibilityConfig, roll_half_range_deg
 from cpic_planner.survey.visibility.limb import Geometry, clear_arcs
 from simulator.config import LAST_YEAR, OrbitConfig, checked_utc

@@ -13,8 +13,6 @@ and ``90 deg - theta`` away from the normal at ``psi = 0``, which turning does m
 What limits where the telescope points, as configuration: model, preset and loader.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,7 +28,7 @@ from simulator.config import at, canonical_keys, preset_names, tree_over_preset,
 _TINY = 1e-300
 
 
-def roll_half_range_deg(sun_deg: FloatArray, config: VisibilityConfig) -> FloatArray:
+def roll_half_range_deg(sun_deg: FloatArray, config: "VisibilityConfig") -> FloatArray:
     """How far the telescope may roll either way from the best roll.
 
     Parameters

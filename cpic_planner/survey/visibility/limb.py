@@ -15,15 +15,12 @@ and the rest, which never does. The ends of the dark pieces of a flank are those
 above at places not more than `STEP_DEG` apart.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, NDArray
 
 STEP_DEG = 1.5
 # Pieces of a flank come in multiples of this many, each with a parabola over two steps.
@@ -51,7 +48,7 @@ class Geometry:
     sun_aside: FloatArray
     sun_target: FloatArray
 
-    def take(self, rows: NDArray[np.intp]) -> Geometry:
+    def take(self, rows: NDArray[np.intp]) -> "Geometry":
         """Some of them."""
         return Geometry(self.in_plane[rows], self.sun_ahead[rows], self.sun_aside[rows], self.sun_target[rows])
 
@@ -66,7 +63,7 @@ class _Runs:
     longest: FloatArray
     length: FloatArray
 
-    def then(self, other: _Runs) -> _Runs:
+    def then(self, other: "_Runs") -> "_Runs":
         """Join this piece and the one behind it."""
         return _Runs(
             total=self.total + other.total,

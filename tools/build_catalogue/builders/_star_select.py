@@ -7,8 +7,6 @@
    below 25 mas leaves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -40,7 +38,7 @@ class Row:
     parallax_err_mas: float = float("nan")
     parallax_src: str = ""
     parallax_err_src: str = ""
-    lender: Row | None = None
+    lender: "Row | None" = None
     system: int = -1
     flags: set[str] = field(default_factory=set)
     values: dict[str, object] = field(default_factory=dict)

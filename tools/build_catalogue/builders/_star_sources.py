@@ -9,10 +9,9 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs import GREEK
-from cpic_core import FloatArray
+from cpic_core import FloatArray, NDArray
 from tools.build_catalogue.sources import SourceFile, SourcePackage, SourceStore
 
 _VOTABLE = "{http://www.ivoa.net/xml/VOTable/v1.3}"
