@@ -205,7 +205,7 @@ def _run(root: Path, names: Sequence[str], workers: int) -> dict[str, dict[str, 
             f"--junit-xml={listing}",
             "--override-ini",
             "junit_family=xunit1",
-        ]  # the one that has properties of tests
+        ]
         subprocess.run([*command, *kept, *names], cwd=root, env=os.environ, check=False)
         cases = list(ElementTree.parse(listing).iter("testcase")) if listing.is_file() else []  # noqa: S314 - pytest wrote it
     files = {name.removesuffix(".py").replace("/", "."): name for name in names}
