@@ -5,6 +5,7 @@ import pytest
 
 import cpic_planner as cp
 
+PROVES = ("cpic_planner.api", "cpic_planner.etc", "cpic_planner.confirm")
 FEW = {"v_mag_max": 3.0, "n_planets": 300, "time_s": 7200.0}
 
 
