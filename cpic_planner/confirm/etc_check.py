@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from cpic_core import InputError, Outcome, check_whole
 from cpic_planner.etc import EtcModel, closed_form_fidelity
@@ -78,10 +77,8 @@ def checked_answers(
     if realisations is not None:
         check_whole("realisations", realisations, 1, MAX_REALISATIONS)
         if dial.fidelity in ("quick", "custom"):
-            allowed, hint = (
-                "with fidelity standard or reference",
-                "closed forms draw none, and a tolerance sets their number",
-            )
+            allowed = "with fidelity standard or reference"
+            hint = "closed forms draw none, and a tolerance sets their number"
             raise InputError("realisations", realisations, allowed=allowed, hint=hint)
     found = []
     for index, (star, answer, planet) in enumerate(zip(stars, answers, planets, strict=True)):
@@ -92,10 +89,18 @@ def checked_answers(
         if needs_images(answer, dial):
             from cpic_planner.confirm.etc_images import check_in_images
 
-            settings: dict[str, Any] = {"seed": seed, "realisations": realisations}
-            settings["stated_snr_error"] = (record.closed_form_error or {}).get("snr", 0.0)
             progress = _Progress(f"{answer.target} {answer.band}", advance)
-            outcome = check_in_images(model, star, answer, planet, dial, progress=progress, **settings)
+            outcome = check_in_images(
+                model,
+                star,
+                answer,
+                planet,
+                dial,
+                seed=seed,
+                realisations=realisations,
+                stated_snr_error=(record.closed_form_error or {}).get("snr", 0.0),
+                progress=progress,
+            )
             progress(1.0)
             record = _checked(record, outcome, dial)
         found.append(answer.checked(record))

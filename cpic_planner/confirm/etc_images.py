@@ -4,11 +4,10 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 
-from cpic_core import InputError, Outcome, Reason, Status
+from cpic_core import FloatArray, InputError, Outcome, Reason, Status
 from cpic_planner import validation
 from cpic_planner.etc import EtcModel, aperture_rates, diagonal_pa_deg, planet_offsets, reference_distance_au
 from cpic_planner.queries import MAX_FRAMES, ReferencePlanet
@@ -214,16 +213,25 @@ def _light_ratio(
 ) -> float:
     """Planet's light in its aperture: that of images without noise over that of the closed form."""
     scene, instrument, knobs = visits.plan.science_scene, visits.instrument, visits.modelling.knobs
-    frame: dict[str, Any] = {"exposure_s": visits.task.exposure_s, "roll_deg": visits.plan.science["roll_deg"]}
-    maps = [
-        observe(one, band=answer.band, instrument=instrument, window="hole", fidelity=knobs, **frame).light.static_e_s
-        for one in (scene, scene.without_planets())
-    ]
-    x, y = (
-        np.asarray(part, float).reshape(1, 1) for part in planet_offsets(model, answer.band, answer.separation_arcsec)
-    )
+
+    def light_e_s(shown: Scene) -> FloatArray:
+        seen = observe(
+            shown,
+            band=answer.band,
+            exposure_s=visits.task.exposure_s,
+            instrument=instrument,
+            roll_deg=visits.plan.science["roll_deg"],
+            window="hole",
+            fidelity=knobs,
+        )
+        return seen.light.static_e_s
+
+    planet_e_s = light_e_s(scene) - light_e_s(scene.without_planets())
+    x_arcsec, y_arcsec = planet_offsets(model, answer.band, answer.separation_arcsec)
+    x = np.full((1, 1), x_arcsec, dtype=np.float64)
+    y = np.full((1, 1), y_arcsec, dtype=np.float64)
     rates = aperture_rates(model, star, answer.band, x, y, np.full((1, 1), answer.contrast))
-    return float(np.sum((maps[0] - maps[1]) * template.apertures[0]) / rates.planet_e_s.flat[0])
+    return float(np.sum(planet_e_s * template.apertures[0]) / rates.planet_e_s.flat[0])
 
 
 def _compared(

@@ -16,13 +16,21 @@ from cpic_core import InputError, announce, dump_json
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.planets import PopulationChoice
-from cpic_planner.queries import ImageQuestion, PlanQuestion, ReferencePlanet, audited, refuse_counting
+from cpic_planner.queries import (
+    ImageQuestion,
+    PlanQuestion,
+    ReferencePlanet,
+    SimulatorOverrides,
+    audited,
+    refuse_counting,
+)
 from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets, planet_record, rank_targets
 from cpic_planner.ranking.sensitivity import sensitivity
 from cpic_planner.results import BandConfirmation, ConfirmedTarget, PlanResult, RankedTarget, RankResult
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
 from cpic_planner.validation import (
     ConfirmTask,
+    ImageSettings,
     calibrate,
     confirm_task,
     images_of,
@@ -88,7 +96,14 @@ def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None
 
 
 def plan_tasks(
-    model: EtcModel, stars: Sequence[Targets], rows: Sequence[RankedTarget], **settings: Any
+    model: EtcModel,
+    stars: Sequence[Targets],
+    rows: Sequence[RankedTarget],
+    *,
+    time_s: float,
+    planet: ReferencePlanet,
+    overrides: SimulatorOverrides | None = None,
+    **settings: Unpack[ImageSettings],
 ) -> tuple[list[ConfirmTask], dict[str, BandConfirmation]]:
     """Return work to do, and the bands that need none because the answer is already a refusal, by their keys.
 
@@ -99,18 +114,26 @@ def plan_tasks(
     model : EtcModel
     stars : sequence of Targets
     rows : sequence of RankedTarget
+        The row of each star in the ranking.
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    planet : ReferencePlanet
+    overrides : SimulatorOverrides, optional
+        What the images have otherwise.
+    **settings
+        `cpic_planner.validation.task.ImageSettings`; at least the seed.
     """
     tasks: list[ConfirmTask] = []
     refused: dict[str, BandConfirmation] = {}
     for star, row in zip(stars, rows, strict=True):
         own = []
         for band in model.bands:
-            ready = prepare_task(model, star, band, **settings)
+            ready = prepare_task(model, star, band, time_s=time_s, planet=planet, overrides=overrides, **settings)
             answers = [ready] if isinstance(ready, BandConfirmation) else refusals_of(ready)
             if isinstance(ready, ConfirmTask) and not answers:
                 own.append(ready)
             else:
-                (refused[f"{row.name} {band}"],) = answers
+                refused[f"{row.name} {band}"] = answers[0]
         margins = [task.predictions[0]["significance"] / task.predictions[0]["threshold"] for task in own]
         best = margins.index(max(margins)) if own else None
         tasks.extend(replace(task, audit=i == best and audited(task.dial)) for i, task in enumerate(own))
@@ -125,11 +148,18 @@ def image_tasks(tasks: Sequence[ConfirmTask]) -> list[Task]:
 def images_cost(tasks: Sequence[ConfirmTask], **counts: float) -> Cost:
     """Return the expected cost of simulating and measuring tasks, see `cpic_planner.validation.modelling`."""
     costs = [task_cost(task) for task in tasks]
-    realisations, frames = sum(cost.realisations for cost in costs), sum(cost.frames for cost in costs)
-    counts |= {"n_tasks": len(tasks), "n_realisations": realisations, "n_frames": frames}
-    memory_mb, disk_mb = max((cost.memory_mb for cost in costs), default=0.0), 1.0 + 0.35 * len(tasks)
-    times_s = [cost.work_s for cost in costs]
-    return Cost(counts=counts, times_s=times_s, start_s=4.0, memory_mb=memory_mb, disk_mb=disk_mb)
+    images = {
+        "n_tasks": len(tasks),
+        "n_realisations": sum(cost.realisations for cost in costs),
+        "n_frames": sum(cost.frames for cost in costs),
+    }
+    return Cost(
+        counts=counts | images,
+        times_s=[cost.work_s for cost in costs],
+        start_s=4.0,
+        memory_mb=max((cost.memory_mb for cost in costs), default=0.0),
+        disk_mb=1.0 + 0.35 * len(tasks),
+    )
 
 
 def confirm_stars(
@@ -139,11 +169,10 @@ def confirm_stars(
     time_s: float,
     planet: ReferencePlanet,
     workers: int = 1,
-    **settings: Any,
+    overrides: SimulatorOverrides | None = None,
+    **settings: Unpack[ImageSettings],
 ) -> list[ConfirmedTarget]:
     """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`.
-
-    ``settings`` are those of `cpic_planner.validation.task.prepare_task`.
 
     Parameters
     ----------
@@ -154,11 +183,15 @@ def confirm_stars(
     planet : ReferencePlanet
     workers : int, optional
         Local worker processes; the result does not depend on it.
+    overrides : SimulatorOverrides, optional
+        What the images have otherwise.
+    **settings
+        `cpic_planner.validation.task.ImageSettings`; at least the seed.
     """
     refuse_counting(model.strategy)
     refuse_infrared(model.instrument, model.bands)
     rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
-    tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, **settings)
+    tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
     bodies = Runner(workers=workers).finish(confirm_task, image_tasks(tasks))
     return [confirmed_target(model, row, refused, bodies) for row in rows]
 
@@ -227,25 +260,40 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     refuse_infrared(config.instrument, config.bands)
     model = build_model(config.instrument, config.bands, config.strategy)
     catalogue = as_catalogue(catalog)
-    cuts = {name: getattr(config, name) for name in ("v_mag_max", "dwarfs_only", "singles_only")}
-    targets = rank_sample(catalog=catalogue, companions=config.companions, **cuts)
+    targets = rank_sample(
+        catalog=catalogue,
+        companions=config.companions,
+        v_mag_max=config.v_mag_max,
+        dwarfs_only=config.dwarfs_only,
+        singles_only=config.singles_only,
+    )
     drawn = counted_planets(config)
-    sample = sample_text(catalogue, **cuts)
+    sample = sample_text(
+        catalogue,
+        v_mag_max=config.v_mag_max,
+        dwarfs_only=config.dwarfs_only,
+        singles_only=config.singles_only,
+    )
     if isinstance(drawn, KnownChoice):
-        targets, sample = drawn.stars(targets), f"{sample}; {KNOWN_ONLY}"
-    asked = _ranking(config) | {"sample": sample, "catalogue": catalogue.provenance}
-    rank = rank_targets(model, targets, population=drawn, **asked)
+        targets = drawn.stars(targets)
+        sample = f"{sample}; {KNOWN_ONLY}"
+    rank = rank_targets(
+        model,
+        targets,
+        time_s=config.time_s,
+        planet=config.planet,
+        population=drawn,
+        score=config.score,
+        sample=sample,
+        catalogue=catalogue.provenance,
+    )
     chosen = [row for row in rank.targets if row.status != "saturated"][: config.top]
     index = {str(name): i for i, name in enumerate(targets.name)}
     stars = [targets.select([index[row.name]]) for row in chosen]
-    observed = {"time_s": config.time_s, "planet": config.planet}
-    tasks, refused = plan_tasks(model, stars, chosen, **observed, **config.image_settings)
+    tasks, refused = plan_tasks(
+        model, stars, chosen, time_s=config.time_s, planet=config.planet, **config.image_settings
+    )
     return _Prepared(model, catalogue, targets, drawn, rank, chosen, tasks, refused)
-
-
-def _ranking(config: PlanQuestion) -> dict[str, Any]:
-    """What the stars are ranked by."""
-    return {"time_s": config.time_s, "planet": config.planet, "score": config.score}
 
 
 def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[PlanResult]:
@@ -267,7 +315,14 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
 
     def write(folder: RunFolder, plan: PlanResult, bodies: Mapping[str, Any]) -> None:
         ready = prepared()
-        firm = sensitivity(ready.model, ready.targets, population=ready.drawn, **_ranking(config))
+        firm = sensitivity(
+            ready.model,
+            ready.targets,
+            time_s=config.time_s,
+            planet=config.planet,
+            population=ready.drawn,
+            score=config.score,
+        )
         announce("writing the report")
         folder.write("sensitivity.json", dump_json(firm.model_dump(mode="json")))
         images = {(task.name, task.band): bodies[task.key] for task in ready.tasks}

@@ -112,7 +112,8 @@ def scene_target(scene: Scene) -> Targets:
     Parameters that a spectral type implies are those of the images; a star whose spectrum is a file or a table is
     taken as a model of its effective temperature (the Sun's where none is given), of its V magnitude.
     """
-    star, parameters = scene.cstar, LitStar(scene.cstar, "scene.cstar").spectrum
+    star = scene.cstar
+    parameters = LitStar(star, "scene.cstar").spectrum
     near = [other for other in scene.stars if other.companion and other.separation_arcsec is not None]
     companion = min(near, key=lambda other: other.separation_arcsec or 0.0, default=None)
 
@@ -120,29 +121,33 @@ def scene_target(scene: Scene) -> Targets:
         return np.array([default if value is None else value])
 
     teff = number(parameters.teff_k, 5772.0)
-    own = {key: number(getattr(star, key)) for key in ("ra_deg", "dec_deg", "distance_pc", "v_mag", "luminosity_lsun")}
-    beside = {
-        f"companion_{key}": number(getattr(companion, key, None)) for key in ("separation_arcsec", "pa_deg", "v_mag")
-    }
     return Targets(
         name=np.array([scene.name]),
         hip=np.array([0]),
+        ra_deg=number(star.ra_deg),
+        dec_deg=number(star.dec_deg),
+        distance_pc=number(star.distance_pc),
+        v_mag=number(star.v_mag),
         sp_type=np.array([star.spectral_type or ""]),
         teff_k=teff,
         log_g=number(parameters.log_g, 4.4),
         metallicity=number(parameters.metallicity, 0.0),
+        luminosity_lsun=number(star.luminosity_lsun),
+        companion_separation_arcsec=number(companion.separation_arcsec if companion else None),
+        companion_pa_deg=number(companion.pa_deg if companion else None),
+        companion_v_mag=number(companion.v_mag if companion else None),
         companion_teff_k=number(companion.teff_k, float(teff[0])) if companion else number(None),
         flags=((),),
         companions=scene.companions,
-        **own,
-        **beside,
     )
 
 
 def _work(config: ConfirmQuestion) -> _Work:
     refuse_infrared(config.instrument, config.bands)
     model = build_model(config.instrument, config.bands, config.strategy)
-    target, tasks, refused = scene_target(config.scene), [], []
+    target = scene_target(config.scene)
+    tasks: list[ConfirmTask] = []
+    refused: list[BandConfirmation] = []
     for band in model.bands:
         every = scene_sources(config.scene, config.instrument, band)
         planets = [source for source in every if source.kind == "planet"]
@@ -158,9 +163,16 @@ def _work(config: ConfirmQuestion) -> _Work:
             expected_of(model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames)
             for planet in shown
         ]
-        settings = config.image_settings | {"audit": audited(config.dial, config.audit)}
-        names = [planet.name for planet in shown]
-        task = task_of(model, config.scene, band, frames, predictions, planets=names, **settings)
+        task = task_of(
+            model,
+            config.scene,
+            band,
+            frames,
+            predictions,
+            planets=[planet.name for planet in shown],
+            audit=audited(config.dial, config.audit),
+            **config.image_settings,
+        )
         answers = refusals_of(task)
         refused += answers
         if not answers:
@@ -182,7 +194,7 @@ def _frames(
     camera = model.camera(band)
     if config.exposure_s is not None:
         camera = replace(camera, exposure_min_s=config.exposure_s, exposure_max_s=config.exposure_s)
-    x, y = (np.full((1, 1), part) for part in place)
+    x, y = np.full((1, 1), place[0]), np.full((1, 1), place[1])
     rates = aperture_rates(model, target, band, x, y, np.full((1, 1), max(contrast, 1e-30)))
     problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=config.em_gain)
     visit = model.visit_s(DEFAULT_TIME_S if config.time_s is None else config.time_s)

@@ -252,7 +252,8 @@ def _measured(
         if not (math.isfinite(error) and error > 0):
             raise InputError(f"measured.{name}.error", error, allowed="a finite error above 0")
         pairs[name] = (float(value), float(error))
-    return tuple(pairs), *np.array(list(pairs.values())).T
+    values, errors = np.array(list(pairs.values())).T
+    return tuple(pairs), values, errors
 
 
 def _terms(

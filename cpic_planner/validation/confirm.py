@@ -4,7 +4,7 @@ import base64
 import io
 import math
 from collections.abc import Iterator
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -56,15 +56,20 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         modelling = modelling_of(task, by_frames=True)
     every: list[list[Measurement | None]] = []
     parts: list[FrameStatistics] = []
-    false, record = 0, None
+    false = 0
+    record: SearchRecord | None = None
     for at, realisation, statistics in _drawn(task, modelling, visits if sums else None):
         if not every:
-            first, geometry, planets, (star, known) = realisation, at.geometry, planet_templates(at), _star(at)
+            first = realisation
+            geometry = at.geometry
+            planets = planet_templates(at)
+            star, known = _star(at)
             positions: list[Astrometry | None] = [None] * len(planets)
         measured, blind = measure_planets(at, realisation, planets, star)
         every.append(measured)
         announce(f"images of {task.name} in {task.band}, {len(every)} of {task.realisations} realisations")
-        parts += [statistics] if statistics else []
+        if statistics is not None:
+            parts.append(statistics)
         if blind is None:
             continue
         false += _false(blind, at)
@@ -72,14 +77,15 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         for index, (planet, item) in enumerate(zip(planets, measured, strict=True)):
             if positions[index] is None and item is not None and item.found:
                 positions[index] = positions_of(at, realisation, blind, planet)
-    audited = task.audit and sums and planets
-    audits = _audits(task, modelling, planets, star) if audited else [None] * len(planets)
+    audits: list[AuditRecord | None] = [None] * len(planets)
+    if task.audit and sums and planets:
+        audits = _audits(task, modelling, planets, star)
     statistics = FrameStatistics.of(parts) if parts else None
     seen = Evidence(task, modelling, None if known else star, false, statistics)
     confirmations = []
-    for index, (planet, *runs) in enumerate(zip(planets, *every, strict=True)):
-        there = [item for item in runs if item is not None]
-        if len(there) == len(runs):
+    for index, planet in enumerate(planets):
+        there = [run for measured in every if (run := measured[index]) is not None]
+        if len(there) == len(every):
             answer = confirmation_of(seen, index, there, planet.core, positions[index], audits[index])
         else:
             hidden = obstacle(planet, geometry)
@@ -110,8 +116,14 @@ def _search_record(blind: BlindSearch, visits: VisitPair, planets: tuple[PlanetT
     records = []
     for item, name in zip(blind.candidates, names, strict=True):
         separation, pa_deg = detector_to_sky(item.x_arcsec, item.y_arcsec, roll_deg=roll_deg, parity=parity)
-        place = {"separation_arcsec": float(separation), "pa_deg": float(pa_deg) % 360.0}
-        records.append(CandidateRecord.of(item, snr=item.snr_mf, planet=name, **cast(Any, place)))
+        record = CandidateRecord.of(
+            item,
+            snr=item.snr_mf,
+            planet=name,
+            separation_arcsec=float(separation),
+            pa_deg=float(pa_deg) % 360.0,
+        )
+        records.append(record)
     return SearchRecord.of(
         visits.task,
         false_detections=0,

@@ -182,7 +182,19 @@ def search(
         text = f"{field.samples:.3g} independent samples of noise: too few to know the noise"
         threshold: Outcome[float] = Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
         zero = np.zeros(image.shape)
-        return BlindSearch((), threshold, sigma, per_search, field.size, 0.0, 1.0, 0.0, 0.0, zero, zero)
+        return BlindSearch(
+            candidates=(),
+            threshold=threshold,
+            sigma=sigma,
+            per_search=per_search,
+            region=field.size,
+            roughness=0.0,
+            white_level=1.0,
+            drift_nm=0.0,
+            dof=0.0,
+            sigma_e=zero,
+            snr_map=zero,
+        )
     peaks: list[Peak] = []
     while True:
         state = field.measure(image)
@@ -202,11 +214,19 @@ def search(
         for peak, snr in zip(peaks, needed, strict=True)
     ]
     found_here = tuple(sorted(candidates, key=lambda one: -one.snr_mf))
-    white_level, dof = math.exp(state.fit.logs[0]), float(np.median(field.dof(state.fit)))
-    drift_nm = maps.visit_nm * math.exp(0.5 * state.fit.logs[1]) if maps.n_visits else 0.0
-    noise = (state.roughness, white_level, drift_nm, dof)
-    sigma_e, snr_map = field.unfold(state.sigma_e), field.unfold(state.snr)
-    return BlindSearch(found_here, level, sigma, per_search, field.size, *noise, sigma_e, snr_map)
+    return BlindSearch(
+        candidates=found_here,
+        threshold=level,
+        sigma=sigma,
+        per_search=per_search,
+        region=field.size,
+        roughness=state.roughness,
+        white_level=math.exp(state.fit.logs[0]),
+        drift_nm=maps.visit_nm * math.exp(0.5 * state.fit.logs[1]) if maps.n_visits else 0.0,
+        dof=float(np.median(field.dof(state.fit))),
+        sigma_e=field.unfold(state.sigma_e),
+        snr_map=field.unfold(state.snr),
+    )
 
 
 def _candidate(
@@ -217,7 +237,17 @@ def _candidate(
     region: SearchedRegion,
     roughness: float,
 ) -> Candidate:
-    place = (*offset_arcsec, peak.x_pixel, peak.y_pixel, math.hypot(*offset_arcsec))
-    expected = float(false_alarms(max(peak.significance, 1.0), region, roughness))
-    detected = peak.significance >= level
-    return Candidate(*place, peak.snr, peak.significance, threshold, peak.flux_e, expected, detected)
+    x_arcsec, y_arcsec = offset_arcsec
+    return Candidate(
+        x_arcsec=x_arcsec,
+        y_arcsec=y_arcsec,
+        x_pixel=peak.x_pixel,
+        y_pixel=peak.y_pixel,
+        separation_arcsec=math.hypot(x_arcsec, y_arcsec),
+        snr_mf=peak.snr,
+        significance=peak.significance,
+        threshold=threshold,
+        flux_e=peak.flux_e,
+        false_alarms=float(false_alarms(max(peak.significance, 1.0), region, roughness)),
+        detected=peak.significance >= level,
+    )

@@ -83,8 +83,16 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, roll_deg: f
     references = count if library.noise_free else max(round(count * strategy.reference_ratio), 1)
     science: VisitSettings = {"role": "science", "roll_deg": middle + rolls[0], "n_frames": count}
     reference: VisitSettings = {"role": role, "roll_deg": middle + rolls[-1], "n_frames": references}
-    scenes, shows_planet = (scene, library.reference_scene(strategy, scene)), len(rolls) > 1
-    return LibraryPlan(library.name, *scenes, science, reference, shows_planet, library.noise_free, library.flags)
+    return LibraryPlan(
+        name=library.name,
+        science_scene=scene,
+        reference_scene=library.reference_scene(strategy, scene),
+        science=science,
+        reference=reference,
+        shows_planet=len(rolls) > 1,
+        noise_free=library.noise_free,
+        flags=library.flags,
+    )
 
 
 @numeric_context()
@@ -124,7 +132,7 @@ def scale_library(reference_e: ArrayLike, scale: float, *, pedestal_e: ArrayLike
         raise InputError("scale", scale, allowed="above 0")
     pedestal = check_finite("pedestal_e", pedestal_e, "e-")
     sides = zip(pedestal.shape[::-1], frames.shape[::-1], strict=False)
-    if pedestal.ndim > 2 or any(one not in (1, other) for one, other in sides):
+    if pedestal.ndim > 2 or any(own not in (1, side) for own, side in sides):
         allowed = f"one number, or a map of {frames.shape[-2:]}"
         raise InputError("pedestal_e", pedestal.shape, unit="px", allowed=allowed)
     with np.errstate(over="ignore"):

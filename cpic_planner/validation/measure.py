@@ -100,7 +100,8 @@ class Measurement:
 def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
     """The planets that the task measures, in its order, with what the measurement of each needs."""
     geometry, task = visits.geometry, visits.task
-    radius, side = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec, geometry.stamp_pixels
+    radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
+    side = geometry.stamp_pixels
     edge_arcsec = side // 2 * geometry.pixel_scale_arcsec
     shown = (visits.plan.science, visits.plan.reference)[: 2 if visits.plan.shows_planet else 1]
     every = [
@@ -122,8 +123,16 @@ def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
         apertures = tuple(aperture_weights((side, side), *_pixels(geometry, place), radius) for place in places)
         annulus = geometry.annulus(float(np.hypot(*places[0])), visits.strategy.annulus_lambda_d)
         background = outside_discs(annulus, others, EXCLUSION_RADII * radius)
-        cores = tuple(float(np.sum(t * w)) for t, w in zip(templates, apertures, strict=True))
-        found.append(PlanetTemplate(source.name, places, templates, apertures, cores, background, others))
+        planet = PlanetTemplate(
+            name=source.name,
+            places_arcsec=places,
+            templates=templates,
+            apertures=apertures,
+            cores=tuple(float(np.sum(image * weights)) for image, weights in zip(templates, apertures, strict=True)),
+            background=background,
+            others=others,
+        )
+        found.append(planet)
     return tuple(found)
 
 
@@ -243,16 +252,30 @@ def forced_photometry(realisation: Realisation, planet: PlanetTemplate, geometry
     radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
     stack, roll = realisation.reduced, realisation.roll
     first, *second = (_pixels(geometry, place) for place in planet.places_arcsec)
-    around, gain, stages = planet.background & stack.region, stack.em_gain, stack.stages
+    around = planet.background & stack.region
     if roll is not None:
         one, two = planet.templates
         return roll_photometry(
-            roll, one, two, first, second[0], radius, background_region=around, em_gain=gain, stages=stages
+            roll,
+            one,
+            two,
+            first,
+            second[0],
+            radius,
+            background_region=around,
+            em_gain=stack.em_gain,
+            stages=stack.stages,
         )
     ring = outside_discs(around, [first], EXCLUSION_RADII * radius)
     left = stack.rdi.throughput(planet.templates[0], planet.apertures[0], background=ring)
     return aperture_photometry(
-        stack.image_e, *first, radius, background_region=around, throughput=left, em_gain=gain, stages=stages
+        stack.image_e,
+        *first,
+        radius,
+        background_region=around,
+        throughput=left,
+        em_gain=stack.em_gain,
+        stages=stack.stages,
     )
 
 
@@ -279,5 +302,11 @@ def positions_of(
         return None
     pixel, middle = visits.geometry.pixel_scale_arcsec, visits.geometry.stamp_pixels // 2
     others = [((x - middle) * pixel, (y - middle) * pixel) for x, y in planet.others]
-    place, roll_deg = (match.x_arcsec, match.y_arcsec), visits.plan.science["roll_deg"]
-    return fit_position(realisation.reduced, visits.optics, *place, roll_deg=roll_deg, exclude=others)
+    return fit_position(
+        realisation.reduced,
+        visits.optics,
+        match.x_arcsec,
+        match.y_arcsec,
+        roll_deg=visits.plan.science["roll_deg"],
+        exclude=others,
+    )

@@ -177,10 +177,19 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
         shown, measured = _with_planet(shown, instrument, task.band)
     whole = all(value == 0 for value in dial.tolerance.values())
     limits = [name for name in _LIMITS if getattr(instrument.detector.switches, name)]
-    sequence: dict[str, Any] = {key: getattr(task, key) for key in ("band", "exposure_s", "n_frames", "em_gain")}
-    sequence |= {"roll_deg": plan.science["roll_deg"], "planets": measured}
-    off = None if by_frames or whole else dict.fromkeys(limits, False)
-    sizes = forecast(shown, instrument, reduced=True, full=whole, switches=off, **sequence)
+    sizes = forecast(
+        shown,
+        instrument,
+        band=task.band,
+        exposure_s=task.exposure_s,
+        n_frames=task.n_frames,
+        em_gain=task.em_gain,
+        roll_deg=plan.science["roll_deg"],
+        planets=measured,
+        reduced=True,
+        full=whole,
+        switches=None if by_frames or whole else dict.fromkeys(limits, False),
+    )
     if not by_frames:
         sizes = dataclasses.replace(sizes, sums=Outcome.ok(0.0))
     choice = choose(sizes, dial, fixed=(*_GIVEN, "summed_frames") if by_frames else _GIVEN)

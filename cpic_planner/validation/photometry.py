@@ -93,8 +93,15 @@ class Photometry:
         star_rate_error_e_s : float, optional
             Its standard error, e-/s.
         """
-        errors = {"error": self.error * self.throughput, "star_rate_error_e_s": star_rate_error_e_s}
-        return contrast(self.raw_flux, self.throughput, core, star_rate_e_s, time_s, **errors)
+        return contrast(
+            self.raw_flux,
+            self.throughput,
+            core,
+            star_rate_e_s,
+            time_s,
+            error=self.error * self.throughput,
+            star_rate_error_e_s=star_rate_error_e_s,
+        )
 
 
 def contrast(

@@ -10,7 +10,7 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray, Outcome, Status
 from cpic_planner.queries import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
-from cpic_planner.validation.libraries import LibraryPlan, library_plan
+from cpic_planner.validation.libraries import LibraryPlan, VisitSettings, library_plan
 from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.reduced import ReducedStack, pedestal_e, reduce_stack
 from cpic_planner.validation.rejection import filled, rejected_in
@@ -64,8 +64,12 @@ class FrameStatistics:
     @classmethod
     def of(cls, parts: "Sequence[FrameStatistics]") -> "FrameStatistics":
         """The same of several sequences of frames together."""
-        lost_in, lost_outside, rejected, hits = zip(*map(dataclasses.astuple, parts), strict=True)
-        return cls(sum(lost_in), sum(lost_outside), float(np.mean(rejected)), sum(hits))
+        return cls(
+            lost_in=sum(part.lost_in for part in parts),
+            lost_outside=sum(part.lost_outside for part in parts),
+            rejected_fraction=float(np.mean([part.rejected_fraction for part in parts])),
+            hits=sum(part.hits for part in parts),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,10 +142,17 @@ class VisitPair:
         self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray
     ) -> Realisation:
         """Reduce images of both visits, each of so many frames."""
-        roll, n_modes = None, self.strategy.n_modes
+        n_modes = self.strategy.n_modes
+        roll = None
         if self.plan.shows_planet:
-            frames = {"first_frames": science_n, "second_frames": reference_n}
-            roll = roll_subtract(science_e, reference_e, n_modes, region=region, **frames)
+            roll = roll_subtract(
+                science_e,
+                reference_e,
+                n_modes,
+                region=region,
+                first_frames=science_n,
+                second_frames=reference_n,
+            )
         reduced = reduce_stack(
             science_e,
             reference_e,
@@ -186,19 +197,43 @@ def visit_pair(
     chosen = how.instrument(validate(Instrument, task.simulator, where="instrument"))
     plan = library_plan(strategy, scene, task.n_frames)
     sums = how.draw == "sums"
-    settings: dict[str, Any] = {key: getattr(task, key) for key in ("band", "exposure_s", "em_gain", "seed")}
-    settings |= {"fidelity": how.knobs, "instrument": chosen, "realisation": realisation}
-    # Sums draw their own drift.
-    settings |= {"window": "hole", "max_epochs": 1} if sums else {"window": how.region, "max_epochs": how.epochs}
-    shown = (plan.science_scene, plan.science), (plan.reference_scene, plan.reference)
-    science, reference = (observe(what, **settings, **visit) for what, visit in shown)
-    answer, stacks = hole_stackable(science), None
+
+    def seen(shown: Scene, visit: VisitSettings) -> Observation:
+        return observe(
+            shown,
+            band=task.band,
+            exposure_s=task.exposure_s,
+            em_gain=task.em_gain,
+            seed=task.seed,
+            fidelity=how.knobs,
+            instrument=chosen,
+            realisation=realisation,
+            window="hole" if sums else how.region,
+            max_epochs=1 if sums else how.epochs,  # sums draw their own drift
+            **visit,
+        )
+
+    science = seen(plan.science_scene, plan.science)
+    reference = seen(plan.reference_scene, plan.reference)
+    stacks = None
+    answer = hole_stackable(science)
     if answer.status is Status.OK:
         answer = hole_stackable(reference)
     if sums and answer.status is Status.OK:
         stacks = hole_stacks(science, epochs=how.epochs), hole_stacks(reference, epochs=how.epochs)
     scale = science.truth.sources[0].rate_e_s / reference.truth.sources[0].rate_e_s
-    return VisitPair(task, how, strategy, chosen, plan, science, reference, scale, answer, stacks)
+    return VisitPair(
+        task=task,
+        modelling=how,
+        strategy=strategy,
+        instrument=chosen,
+        plan=plan,
+        science=science,
+        reference=reference,
+        scale=scale,
+        stackable=answer,
+        _stacks=stacks,
+    )
 
 
 def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:
@@ -210,7 +245,10 @@ def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:
     projection; pixels with no usable frame leave the region. The white variance grows by the frames that a pixel lost.
     """
     hole = visits.geometry.hole
-    region, kept, parts, thinning = hole.copy(), [], [], []
+    region = hole.copy()
+    kept: list[FloatArray] = []
+    parts: list[FrameStatistics] = []
+    thinning: list[FloatArray] = []
     for observation in (visits.science, visits.reference):
         frames = calibrated_frames(observation, cropped=observation.window == "full")
         electrons, usable, hits = cleaned(frames)

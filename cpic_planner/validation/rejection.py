@@ -7,7 +7,6 @@ exact law (`cpic_planner.validation.noise_law`) and holds at every gain and leve
 
 import math
 from dataclasses import dataclass
-from typing import Any, cast
 
 import numpy as np
 
@@ -159,7 +158,9 @@ def reject_cosmic_rays(
     pedestal = np.broadcast_to(np.asarray(pedestal_e, dtype=np.float64), data.shape[1:])
     sigma = math.sqrt(read_noise_e**2 + gain_e_adu**2 / 12.0) / em_gain
     # Unusable pixel-frames count as empty and are not tested.
-    tested, counted, flat = data.reshape(n_frames, -1), good.reshape(n_frames, -1), hit.reshape(n_frames, -1)
+    tested = data.reshape(n_frames, -1)
+    counted = good.reshape(n_frames, -1)
+    flat = hit.reshape(n_frames, -1)
     total = np.einsum("nyx,nyx->yx", data, good).reshape(-1)
     count = np.count_nonzero(good, axis=0).reshape(-1)
     offset = pedestal.reshape(-1)
@@ -196,9 +197,15 @@ def rejected_in(frames: CalibratedFrames, read_noise_e: float) -> Rejection:
     read_noise_e : float
         Read noise at the output of the register, at least 0.
     """
-    detector, noise = frames.detector, {"read_noise_e": read_noise_e, "gain_e_adu": frames.detector.gain_e_adu}
-    register = {"em_gain": frames.em_gain, "stages": detector.register_stages, "pedestal_e": frames.pedestal_e}
-    return reject_cosmic_rays(frames.electrons, frames.usable, **cast(Any, noise | register))
+    return reject_cosmic_rays(
+        frames.electrons,
+        frames.usable,
+        em_gain=frames.em_gain,
+        read_noise_e=read_noise_e,
+        pedestal_e=frames.pedestal_e,
+        stages=frames.detector.register_stages,
+        gain_e_adu=frames.detector.gain_e_adu,
+    )
 
 
 @numeric_context()

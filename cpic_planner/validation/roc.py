@@ -232,8 +232,16 @@ def roc_curve(
         planet = inject(stack, psf, x, y, contrast * star_rate_e_s * stack.integration_s, rng)
         found = search(planet, psf, maps, star_rate_e_s=star_rate_e_s, sigma=_SEARCH_SIGMA)
         best = recovered(found, x, y, psf.geometry.lambda_d_arcsec)
-        seen += [] if best is None else [best.significance]
-    n_false, n_detected = (
-        np.array([np.count_nonzero(np.array(peaks) >= one) for one in level], np.int64) for peaks in (alarms, seen)
+        if best is not None:
+            seen.append(best.significance)
+
+    def reaching(peaks: list[float]) -> IntArray:
+        return np.array([np.count_nonzero(np.array(peaks) >= one) for one in level], np.int64)
+
+    return RocCurve(
+        level=level,
+        n_false=reaching(alarms),
+        n_elements=elements,
+        n_detected=reaching(seen),
+        n_planets=len(stacks),
     )
-    return RocCurve(level, n_false, elements, n_detected, len(stacks))

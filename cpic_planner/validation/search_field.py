@@ -61,7 +61,8 @@ class SearchField:
     def __init__(
         self, stack: ReducedStack, psf: AnyPsf, maps: SpeckleMaps, star_e: float, known: Sequence[tuple[float, float]]
     ) -> None:
-        self._stack, self._psf, self._maps, self._kernel = stack, psf, maps, maps.kernel
+        self._stack, self._psf, self._maps = stack, psf, maps
+        self._kernel = maps.kernel
         self.region: BoolArray = np.asarray(stack.region, np.bool_)
         self._pixel = psf.geometry.pixel_scale_arcsec
         self._lambda_d = psf.geometry.lambda_d_arcsec / self._pixel
@@ -81,15 +82,13 @@ class SearchField:
         self._box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)) if rows.size else (slice(0),) * 2
         self._index = np.full(self.region.shape, -1)
         self._index[self.region] = np.arange(self._y.size)
-        variance, *seen = (
-            image[self.region]
-            for image in (stack.white_variance_e2, maps.nominal, maps.stray, maps.linear, maps.square)
-        )
-        pattern = np.stack([np.ones(self._y.size), self._y, self._x, *seen[:2]])
-        white = smooth_white(variance, pattern) if self._y.size else pattern[0]
+        nominal, stray = maps.nominal[self.region], maps.stray[self.region]
+        pattern = np.stack([np.ones(self._y.size), self._y, self._x, nominal, stray])
+        white = smooth_white(stack.white_variance_e2[self.region], pattern) if self._y.size else pattern[0]
         least = _LEAST_DYNAMIC * float(np.abs(stack.image_e).max(initial=0.0))
         white = np.maximum(white, max(least**2, np.finfo(float).tiny))
-        self.terms = NoiseTerms(white, star_e**2 * seen[2], star_e**2 * seen[3])
+        linear, square = maps.linear[self.region], maps.square[self.region]
+        self.terms = NoiseTerms(white, star_e**2 * linear, star_e**2 * square)
         for x_arcsec, y_arcsec in known:
             self.exclude(x_arcsec / self._pixel + self._centre[1], y_arcsec / self._pixel + self._centre[0])
 

@@ -73,7 +73,8 @@ def filter_kernel(psf: AnyPsf, name: FilterName = "matched") -> FloatArray:
         middle = int(np.ceil(radius + 0.5))
         return aperture_weights((2 * middle + 1, 2 * middle + 1), middle, middle, radius)
     image, geometry = np.asarray(psf.off_axis, float), psf.geometry
-    centre, reach = len(image) // 2, KERNEL_LAMBDA_D * geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
+    centre = len(image) // 2
+    reach = KERNEL_LAMBDA_D * geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
     half = min(int(np.ceil(reach)), centre)
     cut = image[centre - half : centre + half + 1, centre - half : centre + half + 1]
     offset = np.arange(-half, half + 1)
@@ -124,9 +125,17 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, kernel: FilterName = "matched", n
         empty = np.zeros(nominal.shape)
         return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, weights)
     unit = _unit_maps(_KeyedPsf(psf, _key(psf, drift.psd_slope, n_visits, kernel)), drift.psd_slope, n_visits, kernel)
-    linear, square, stray = visit_nm**2 * unit["linear"], visit_nm**4 * unit["square"], visit_nm**2 * unit["stray"]
-    tails = float(unit["tails"][0]), float(unit["tails"][1])
-    return SpeckleMaps(linear, square, unit["nominal"], stray, *tails, visit_nm, n_visits, weights)
+    return SpeckleMaps(
+        linear=visit_nm**2 * unit["linear"],
+        square=visit_nm**4 * unit["square"],
+        nominal=unit["nominal"],
+        stray=visit_nm**2 * unit["stray"],
+        tail_square=float(unit["tails"][0]),
+        tail_cross=float(unit["tails"][1]),
+        visit_nm=visit_nm,
+        n_visits=n_visits,
+        kernel=weights,
+    )
 
 
 def _key(psf: Psf, slope: float, n_visits: int, name: FilterName) -> str:

@@ -167,9 +167,18 @@ def observe_off_mask(
         if answer.value is None:
             return Outcome.refuse(answer.status, answer.reason, answer.message)
         exposure_s = answer.value
-    series: dict[str, Any] = {"kind": "CALS", "role": "calibration", "window": "hole"} | settings
-    frames = {"exposure_s": exposure_s, "n_frames": n_frames, "em_gain": em_gain, "star_offset_arcsec": offset_arcsec}
-    return Outcome.ok(observe(scene, band=band, instrument=config, **(series | frames)))
+    usual: dict[str, Any] = {"kind": "CALS", "role": "calibration", "window": "hole"}
+    seen = observe(
+        scene,
+        band=band,
+        instrument=config,
+        exposure_s=exposure_s,
+        n_frames=n_frames,
+        em_gain=em_gain,
+        star_offset_arcsec=offset_arcsec,
+        **(usual | settings),
+    )
+    return Outcome.ok(seen)
 
 
 def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
@@ -215,13 +224,16 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
         cut = f"{np.count_nonzero(lost)} pixels of the aperture are cut off in up to {lost.max()}"
         text = f"{cut} of {frames.n_frames} frames; shorten the exposure"
         return Outcome.refuse(Status.SATURATED, _limit(observation, template), text, unit="e-/s")
-    core, offset = float(np.sum(weights * template)), observation.star_offset_arcsec
+    core = float(np.sum(weights * template))
     if not core > 0.01 * _open_core(observation.psf):
-        allowed, hint = "a place off the mask", "along a diagonal, beyond 0.35 arcsec"
+        allowed = "a place off the mask"
+        hint = "along a diagonal, beyond 0.35 arcsec"
+        offset = observation.star_offset_arcsec
         raise InputError("star_offset_arcsec", offset, unit="arcsec", allowed=allowed, hint=hint)
     light = np.where(summed.covered, summed.image_e, 0.0)
     variance = frames.n_frames * frames.variance_e2(light / frames.n_frames) * summed.variance_factor
-    flux, time = float(np.sum(weights * light[rows, columns])), frames.n_frames * frames.exposure_s
+    flux = float(np.sum(weights * light[rows, columns]))
+    time = frames.n_frames * frames.exposure_s
     error = math.sqrt(float(np.sum(weights[seen] ** 2 * variance[rows, columns][seen])))
     scale = core * time
     return Outcome.ok(StarFlux(flux / scale, error / scale, "off_mask", flux, core, time), unit="e-/s")

@@ -180,8 +180,14 @@ def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", 
     stars = tuple(SceneStar(**body) for body in near)
     disc = exozodi_disc(exozodi_zodis)
     extended = () if disc is None else (disc,)
-    around = {"planets": planets, "stars": stars, "extended": extended, "companions": target.companions}
-    return Scene(name=name or star.name, cstar=star, **around)
+    return Scene(
+        name=name or star.name,
+        cstar=star,
+        planets=planets,
+        stars=stars,
+        extended=extended,
+        companions=target.companions,
+    )
 
 
 def _known(value: float) -> float | None:
@@ -212,16 +218,20 @@ def expected_of(
         detection (``chance_blind``, ``chance_known_place``; None where no law was measured) that follow, and
         ``snr_full`` and ``significance_full`` with the frames that particles void.
     """
-    x, y, faint = (np.asarray(part, float).reshape(1, 1) for part in (*place_arcsec, contrast))
+    x = np.asarray(place_arcsec[0], float).reshape(1, 1)
+    y = np.asarray(place_arcsec[1], float).reshape(1, 1)
+    faint = np.full((1, 1), contrast, dtype=np.float64)
     separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
     visit_s = frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)
     elements = model.metrics[band].resolution_elements(separation)
     threshold = float(etc.threshold_array(elements, model.strategy.sigma)[0, 0])
     sums = etc.build_model(images_of(model.instrument), [band], model.strategy)
-    noise, full = (
-        etc.stack_noise(etc.aperture_rates(one, target, band, x, y, faint), *frames, one.camera(band), one.strategy)
-        for one in (sums, model)
-    )
+
+    def noise_of(seen: etc.EtcModel) -> etc.StackNoise:
+        rates = etc.aperture_rates(seen, target, band, x, y, faint)
+        return etc.stack_noise(rates, *frames, seen.camera(band), seen.strategy)
+
+    noise, full = noise_of(sums), noise_of(model)
     margin = noise.significance / threshold
     chances = etc.visit_chances(sums, band, separation, visit_s, noise, margin)
     return {
@@ -310,14 +320,16 @@ def task_of(
     """The work itself; what is overridden changes the images and nothing else. All planets unless some are named."""
     altered = overrides or SimulatorOverrides()
     return ConfirmTask(
-        scene.name,
-        band,
-        altered.instrument(model.instrument).model_dump(mode="json"),
-        altered.scene(scene).model_dump(mode="json"),
-        *frames,
-        model.strategy.model_dump(mode="json"),
-        list(predictions),
-        [planet.name for planet in scene.planets] if planets is None else list(planets),
+        name=scene.name,
+        band=band,
+        simulator=altered.instrument(model.instrument).model_dump(mode="json"),
+        scene=altered.scene(scene).model_dump(mode="json"),
+        exposure_s=frames.exposure_s,
+        n_frames=frames.n_frames,
+        em_gain=frames.em_gain,
+        strategy=model.strategy.model_dump(mode="json"),
+        predictions=list(predictions),
+        planets=[planet.name for planet in scene.planets] if planets is None else list(planets),
         **settings,
     )
 

@@ -72,8 +72,11 @@ def confirmation_of(
         Fit of the first realisation that shows the planet.
     audit : AuditRecord, optional
     """
-    task, star, statistics, sky = seen.task, seen.star, seen.statistics, position.sky if position else None
-    expected, n, n_apertures = task.predictions[number], len(measured), measured[0].n_apertures
+    task, star, statistics = seen.task, seen.star, seen.statistics
+    sky = position.sky if position else None
+    expected = task.predictions[number]
+    n = len(measured)
+    n_apertures = measured[0].n_apertures
     contrast, error, sigma = contrasts_of(measured)
     snr, snr_error = findings.mean_snr(contrast, error, significance=expected["significance"], n_apertures=n_apertures)
     # A few values do not tell their scatter.
@@ -83,7 +86,7 @@ def confirmation_of(
     lost = 0 if statistics is None else statistics.lost_in
     ratio = snr / expected["snr"]
     ratio_error = math.hypot(snr_error / expected["snr"], findings.PREDICTION_ERROR * ratio)
-    factor = findings.optimism(ratio, ratio_error) if ratio > findings.MIN_SNR * ratio_error else (None, None)
+    etc_ratio, etc_ratio_error = _optimism(ratio, ratio_error)
     detected = bool(2 * found >= n and not lost)
     return BandConfirmation(
         **_asked(task, number),
@@ -96,8 +99,8 @@ def confirmation_of(
         recovered_snr=snr,
         recovered_snr_error=snr_error,
         recovered_significance=float(contrast.mean() / np.sqrt((sigma**2).mean())),
-        etc_ratio=factor[0],
-        etc_ratio_error=factor[1],
+        etc_ratio=etc_ratio,
+        etc_ratio_error=etc_ratio_error,
         recovered_contrast=float(contrast.mean()),
         contrast_error=float(np.sqrt((error**2).mean())),
         contrast_mean_error=spread / math.sqrt(n),
@@ -164,8 +167,17 @@ def cut_off(seen: Evidence, number: int) -> BandConfirmation:
         Of the planet among those of the task.
     """
     text = "limits cut off the aperture or the background around it"
-    lost = {"saturated_in_hole": seen.statistics.lost_in if seen.statistics else None, "drawn_as": "frames"}
-    return _not_measured(seen, number, "saturated", Reason.PIXEL_FULL_WELL, text, verdict="saturated", **lost)
+    return BandConfirmation(
+        **_asked(seen.task, number),
+        status="saturated",
+        reason=Reason.PIXEL_FULL_WELL.value,
+        message=text,
+        modelled=seen.modelling.record(),
+        drawn_as="frames",
+        saturated_in_hole=seen.statistics.lost_in if seen.statistics else None,
+        detected=False,
+        verdict="saturated",
+    )
 
 
 def not_shown(seen: Evidence, number: int, reason: Reason, message: str) -> BandConfirmation:
@@ -179,15 +191,16 @@ def not_shown(seen: Evidence, number: int, reason: Reason, message: str) -> Band
     reason, message
         As `cpic_planner.validation.measure.obstacle` says.
     """
-    drawn = seen.modelling.draw
-    return _not_measured(seen, number, "unreachable", reason, message, verdict="not observed", drawn_as=drawn)
-
-
-def _not_measured(
-    seen: Evidence, number: int, status: str, reason: Reason, message: str, **given: Any
-) -> BandConfirmation:
-    answer = {"status": status, "reason": reason.value, "message": message, "detected": False}
-    return BandConfirmation(**_asked(seen.task, number), modelled=seen.modelling.record(), **(answer | given))
+    return BandConfirmation(
+        **_asked(seen.task, number),
+        status="unreachable",
+        reason=reason.value,
+        message=message,
+        modelled=seen.modelling.record(),
+        drawn_as=seen.modelling.draw,
+        detected=False,
+        verdict="not observed",
+    )
 
 
 def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
@@ -196,10 +209,18 @@ def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
     refused = modelling.outcome
     if refused.value is not None:
         return []
-    why = {"status": refused.status.value, "reason": refused.reason.value, "verdict": "not modelled"}
-    why["message"] = f"{refused.message}: {_ADVICE[modelling.dial.fidelity]}"
-    asked = [_asked(task, number) | why | {"image": None} for number in range(len(task.planets))]
-    return [BandConfirmation(**answer, modelled=modelling.record()) for answer in asked]
+    answers = []
+    for number in range(len(task.planets)):
+        answer = BandConfirmation(
+            **(_asked(task, number) | {"image": None}),
+            status=refused.status.value,
+            reason=refused.reason.value,
+            message=f"{refused.message}: {_ADVICE[modelling.dial.fidelity]}",
+            modelled=modelling.record(),
+            verdict="not modelled",
+        )
+        answers.append(answer)
+    return answers
 
 
 def _verdict(expected: dict[str, Any], detected: bool, counts: tuple[int, int, int], ratio: float, error: float) -> str:
@@ -221,6 +242,11 @@ def _etc(ratio: float, error: float) -> str:
     word = findings.standing(ratio, error)
     factor, spread = findings.optimism(ratio, error)
     return f"ETC {word}{', ' if word == 'agrees' else ' by '}{factor:.2f} +- {spread:.2f}"
+
+
+def _optimism(ratio: float, error: float) -> tuple[float, float] | tuple[None, None]:
+    """Predicted over recovered SNR with its error; None where too little is recovered to tell."""
+    return findings.optimism(ratio, error) if ratio > findings.MIN_SNR * error else (None, None)
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
@@ -269,5 +295,5 @@ def target_verdict(bands: Sequence[BandConfirmation]) -> tuple[str, float | None
     mean = findings.calibrate(tried)
     assert mean.ratio is not None  # there is a band
     assert mean.error is not None
-    factor = findings.optimism(mean.ratio, mean.error) if mean.ratio > findings.MIN_SNR * mean.error else (None, None)
-    return f"{word}; {_etc(mean.ratio, mean.error)}", *factor
+    factor, error = _optimism(mean.ratio, mean.error)
+    return f"{word}; {_etc(mean.ratio, mean.error)}", factor, error

@@ -328,7 +328,7 @@ def _shipped_bands() -> dict[str, Any]:
             entry[key] = {"value": getattr(band, key)}
             standing = provenance.get(f"{name}.{key}")
             if standing is not None:
-                entry[key] |= {name: getattr(standing, name) for name in _ORIGIN}
+                entry[key] |= {origin: getattr(standing, origin) for origin in _ORIGIN}
         tree[name] = entry
     return tree
 
@@ -336,8 +336,8 @@ def _shipped_bands() -> dict[str, Any]:
 def _plain_over_sourced(base: Any, own: Any) -> Any:
     """Mark a user's plain number over a sourced default as replaced, so that no stale source clings to it."""
     if isinstance(base, Mapping) and "value" in base and not isinstance(own, Mapping):
-        origin = dict(zip(_ORIGIN, (base.get("unit", ""), "user", "A", None, ""), strict=True))
-        return {"value": own} | origin
+        unit = base.get("unit", "")
+        return {"value": own, "unit": unit, "source": "user", "confidence": "A", "range": None, "note": ""}
     if isinstance(base, Mapping) and isinstance(own, Mapping):
         return {key: _plain_over_sourced(base.get(key), item) for key, item in own.items()}
     return own

@@ -28,7 +28,13 @@ def aberrations_of(instrument: Instrument) -> Aberrations | None:
     wavefront = instrument.wavefront
     if wavefront.perfect:
         return None
-    drawn = draw_aberrations(**wavefront.model_dump(exclude={"jitter_mas"}))
+    drawn = draw_aberrations(
+        wavefront.seed,
+        samples=wavefront.samples,
+        opd_rms_nm=wavefront.opd_rms_nm,
+        amplitude_rms=wavefront.amplitude_rms,
+        psd_slope=wavefront.psd_slope,
+    )
     return drawn.pointed(cell_means(configured_apodizer(instrument), wavefront.samples))
 
 
@@ -58,12 +64,20 @@ def bare_imager(
     nodes = knobs.wavelength_nodes + _extra_nodes(instrument, band, knobs)
     wavelength_nm, weights = passbands.wavelength_nodes(band, nodes, spectrum=light)
     apodizer = configured_apodizer(instrument)
-    transmission = upsample(apodizer, _grid(len(apodizer), instrument, band, knobs))
-    pupil = band, wavelength_nm * 1e-9, weights, instrument.telescope.diameter_m, transmission
-    pixel, mask = instrument.pixel_scale_arcsec(band), instrument.mask_half_width_arcsec(band)
-    aperture, lambda_d = instrument.aperture_radius_arcsec(band), instrument.lambda_d_arcsec(band)
-    jitter, zone = instrument.wavefront.jitter_mas * 1e-3, zone_of(instrument, band)
-    return Imager(*pupil, pixel, mask, aperture, zone, lambda_d, knobs, jitter_arcsec=jitter)
+    return Imager(
+        band=band,
+        wavelengths_m=wavelength_nm * 1e-9,
+        weights=weights,
+        diameter_m=instrument.telescope.diameter_m,
+        transmission=upsample(apodizer, _grid(len(apodizer), instrument, band, knobs)),
+        pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
+        mask_half_width_arcsec=instrument.mask_half_width_arcsec(band),
+        aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
+        zone=zone_of(instrument, band),
+        lambda_d_arcsec=instrument.lambda_d_arcsec(band),
+        knobs=knobs,
+        jitter_arcsec=instrument.wavefront.jitter_mas * 1e-3,
+    )
 
 
 def build_imager(

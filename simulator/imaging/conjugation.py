@@ -78,9 +78,15 @@ class ControlSettings:
         """Check the ranges."""
         if self.method not in get_args(HoleMethod):
             raise InputError("method", self.method, allowed=", ".join(get_args(HoleMethod)))
-        ranges = {"bandwidth": (0, 0.5), "n_wavelengths": (1, 9), "step_lambda_d": (0.1, 2), "margin_lambda_d": (0, 2)}
-        ranges |= {"max_iterations": (1, 200), "strong_every": (0, 200), "tolerance": (0, 1)}
-        for name, (low, high) in ranges.items():
+        for name, low, high in (
+            ("bandwidth", 0, 0.5),
+            ("n_wavelengths", 1, 9),
+            ("step_lambda_d", 0.1, 2),
+            ("margin_lambda_d", 0, 2),
+            ("max_iterations", 1, 200),
+            ("strong_every", 0, 200),
+            ("tolerance", 0, 1),
+        ):
             if not low <= getattr(self, name) <= high:
                 raise InputError(name, getattr(self, name), allowed=f"{low} to {high}")
         if not self.exponents or any(not -12 <= value <= 2 for value in (*self.exponents, self.strong_exponent)):
@@ -171,13 +177,17 @@ class Conjugation:
 
         Scaled so that the sum of squares over wavelengths is the intensity relative to the flat-wavefront peak.
         """
-        waves = enumerate(zip(self._factors, self._y, self._x, strict=True))
-        return np.stack([factor * (y @ (self.pupil(commands_nm, index) @ x.T)) for index, (factor, y, x) in waves])
+        fields = []
+        for index, (factor, y, x) in enumerate(zip(self._factors, self._y, self._x, strict=True)):
+            fields.append(factor * (y @ (self.pupil(commands_nm, index) @ x.T)))
+        return np.stack(fields)
 
     def strehl(self, commands_nm: FloatArray) -> float:
         """On-axis intensity relative to the flat wavefront, over the controlled wavelengths."""
-        waves = enumerate(zip(self._factors, self._origin, strict=True))
-        return float(sum(abs(factor * (row @ self.pupil(commands_nm, i) @ row)) ** 2 for i, (factor, row) in waves))
+        total = 0.0
+        for index, (factor, row) in enumerate(zip(self._factors, self._origin, strict=True)):
+            total += float(abs(factor * (row @ self.pupil(commands_nm, index) @ row)) ** 2)
+        return total
 
     def pointing_modes(self) -> FloatArray:
         """Directions of the commands that tip and tilt the transmitted wavefront, orthonormal, shape (a * a, 2)."""

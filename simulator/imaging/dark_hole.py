@@ -223,8 +223,14 @@ def score_hole(
         flat += weight * abs(origin @ imager.transmission @ origin) ** 2
         core += weight * _circle_energy(imager, pupil, float(wavelength))
     contrast = light / peak
-    mean, median, p95 = contrast.mean(), np.median(contrast), np.percentile(contrast, 95)
-    return HoleScore(*(float(figure) for figure in (mean, median, p95, contrast.max(), peak / flat, core)))
+    return HoleScore(
+        mean=float(contrast.mean()),
+        median=float(np.median(contrast)),
+        p95=float(np.percentile(contrast, 95)),
+        max=float(contrast.max()),
+        strehl=float(peak / flat),
+        core_throughput=float(core),
+    )
 
 
 def _circle_energy(imager: Imager, pupil: NDArray[np.complex128], wavelength_m: float) -> float:

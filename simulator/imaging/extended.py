@@ -92,8 +92,9 @@ def render_extended(
         extent = _outer(source)
         parcels = _disc_parcels(source, step_arcsec, limit)
     # The map from sky to detector is linear: the offsets of one arcsec toward east and north tell all of it.
-    places = [source.center_separation_arcsec, 1.0, 1.0], [source.center_pa_deg, 90.0, 0.0]
-    x, y = sky_to_detector(*places, roll_deg=roll_deg, parity=parity)
+    separations_arcsec = [source.center_separation_arcsec, 1.0, 1.0]
+    angles_deg = [source.center_pa_deg, 90.0, 0.0]
+    x, y = sky_to_detector(separations_arcsec, angles_deg, roll_deg=roll_deg, parity=parity)
     x_axis, y_axis = (_axis(float(part[0]), extent, step_arcsec, reach_arcsec) for part in (x, y))
     flux = np.zeros((y_axis.size, x_axis.size))
     for east, north, light in parcels:
@@ -197,7 +198,8 @@ def _disc_parcels(source: DiscSource | RingSource, step: float, limit: float) ->
         angle = 2 * np.pi * (place + turn) / np.repeat(size, size)
         r = np.repeat(radii[first:last], size)
         along, across = r * np.cos(angle), r * np.sin(angle)
-        east, north = (along * major[i] + across * minor[i] for i in (0, 1))
+        east = along * major[0] + across * minor[0]
+        north = along * major[1] + across * minor[1]
         yield east, north, np.repeat(light[first:last] / size, size)
         first = last
 

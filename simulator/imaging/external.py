@@ -275,8 +275,15 @@ def save_psf(psf: Stamps, path: str | Path) -> Path:
     if width is None and hasattr(psf, "instrument"):
         width = psf.instrument.mask_half_width_arcsec(psf.band)
     behind = getattr(psf, "apodizer_energy", getattr(getattr(psf, "imager", None), "apodizer_energy", None))
-    numbers = float(psf.pixel_scale_arcsec), psf.band or None, width, behind
-    return write_stamps(StampFile(images["off_axis"], images["on_axis"], *numbers), place)
+    stamps = StampFile(
+        off_axis=images["off_axis"],
+        on_axis=images["on_axis"],
+        pixel_scale_arcsec=float(psf.pixel_scale_arcsec),
+        band=psf.band or None,
+        mask_half_width_arcsec=width,
+        apodizer_energy=behind,
+    )
+    return write_stamps(stamps, place)
 
 
 def _band(path: str | Path, stated: str | None, asked: str | None, instrument: Instrument) -> str:

@@ -164,8 +164,9 @@ def _fill_core(image: FloatArray, psf: Psf, window: Window, star_arcsec: tuple[f
     spans, axes = [], []
     for axis, place in ((window.rows, star_arcsec[1]), (window.columns, star_arcsec[0])):
         middle = int(np.abs(axis - place).argmin())
-        spans.append(slice(max(middle - side // 2, 0), middle + side // 2 + 1))
-        axes.append(psf.imager.axis(axis[spans[-1]], masked=True))
+        span = slice(max(middle - side // 2, 0), middle + side // 2 + 1)
+        spans.append(span)
+        axes.append(psf.imager.axis(axis[span], masked=True))
     image[spans[0], spans[1]] = psf.imager.image(*axes, source_arcsec=star_arcsec)
 
 
@@ -258,9 +259,15 @@ def forget_starlight() -> None:
 
 
 def _image(psf: AnyPsf, window: Window, nodes: int, points: PointSources, grids: Sequence[SourceGrid]) -> FloatArray:
-    pixels = window.rows, window.columns, psf.pixel_scale_arcsec
-    width = _half_width(psf)
-    return scene_image(_transfer(psf, nodes), *pixels, points, mask_half_width_arcsec=width, extended=grids)
+    return scene_image(
+        _transfer(psf, nodes),
+        window.rows,
+        window.columns,
+        psf.pixel_scale_arcsec,
+        points,
+        mask_half_width_arcsec=_half_width(psf),
+        extended=grids,
+    )
 
 
 def _wavelengths(psf: AnyPsf, source: Source, star_arcsec: tuple[float, float]) -> int:
@@ -302,7 +309,12 @@ def _grid(
     psf: AnyPsf, window: Window, item: ExtendedRate, roll_deg: float, star_arcsec: tuple[float, float]
 ) -> SourceGrid:
     reach = 2.0 * max(float(np.abs(axis).max()) for axis in (window.rows, window.columns))
-    step, parity = 0.5 * psf.pixel_scale_arcsec, psf.instrument.detector.parity
-    grid = render_extended(item.source, step_arcsec=step, roll_deg=roll_deg, parity=parity, reach_arcsec=reach)
+    grid = render_extended(
+        item.source,
+        step_arcsec=0.5 * psf.pixel_scale_arcsec,
+        roll_deg=roll_deg,
+        parity=psf.instrument.detector.parity,
+        reach_arcsec=reach,
+    )
     x, y = grid.x_arcsec + star_arcsec[0], grid.y_arcsec + star_arcsec[1]
     return SourceGrid(x, y, item.rate_e_s * grid.flux)

@@ -72,9 +72,14 @@ class BandGeometry:
             If the instrument has no such band.
         """
         own = instrument.mask_half_width_arcsec(band)
-        scales = instrument.lambda_d_arcsec(band), instrument.pixel_scale_arcsec(band)
-        mask = own if mask_half_width_arcsec is None else mask_half_width_arcsec
-        return cls(*scales, instrument.aperture_radius_arcsec(band), mask, zone_of(instrument, band), stamp_pixels)
+        return cls(
+            lambda_d_arcsec=instrument.lambda_d_arcsec(band),
+            pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
+            aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
+            mask_half_width_arcsec=own if mask_half_width_arcsec is None else mask_half_width_arcsec,
+            zone=zone_of(instrument, band),
+            stamp_pixels=stamp_pixels,
+        )
 
     def figures(self) -> dict[str, Any]:
         """Lengths and hole as fields of `simulator.imaging.metrics.StampMetrics`."""

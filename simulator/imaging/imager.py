@@ -111,8 +111,14 @@ class Imager:
     @property
     def geometry(self) -> BandGeometry:
         """Lengths and hole of the band."""
-        scales = self.lambda_d_arcsec, self.pixel_scale_arcsec, self.aperture_radius_arcsec, self.mask_half_width_arcsec
-        return BandGeometry(*scales, self.zone, self.knobs.stamp_pixels)
+        return BandGeometry(
+            lambda_d_arcsec=self.lambda_d_arcsec,
+            pixel_scale_arcsec=self.pixel_scale_arcsec,
+            aperture_radius_arcsec=self.aperture_radius_arcsec,
+            mask_half_width_arcsec=self.mask_half_width_arcsec,
+            zone=self.zone,
+            stamp_pixels=self.knobs.stamp_pixels,
+        )
 
     @property
     def hole_arcsec(self) -> tuple[float, float]:
@@ -127,9 +133,18 @@ class Imager:
     @functools.cached_property
     def content_key(self) -> str:
         """Digest of everything that images depend on: equal for two models of the same optics."""
-        mask = self.band, self.diameter_m, self.pixel_scale_arcsec, self.mask_half_width_arcsec
-        hole = self.knobs, self.aperture_radius_arcsec, self.zone, self.lambda_d_arcsec, self.jitter_arcsec
-        digest = hashlib.sha256(repr((*mask, *hole)).encode())
+        parts = (
+            self.band,
+            self.diameter_m,
+            self.pixel_scale_arcsec,
+            self.mask_half_width_arcsec,
+            self.knobs,
+            self.aperture_radius_arcsec,
+            self.zone,
+            self.lambda_d_arcsec,
+            self.jitter_arcsec,
+        )
+        digest = hashlib.sha256(repr(parts).encode())
         maps = [] if self.static is None else [self.static.opd_nm, self.static.amplitude]
         for array in (self.wavelengths_m, self.weights, self.transmission, *maps):
             digest.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())

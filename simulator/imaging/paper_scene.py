@@ -57,8 +57,9 @@ def paper_scene_image(
     columns = _lattice("x_centres_arcsec", x_arcsec, pixel)
     image = np.zeros((rows.size, columns.size))
     places = [_cell(part, axis[0], pixel) for part, axis in zip(sources.arrays[1::-1], (rows, columns), strict=True)]
-    lengths = zip(places, image.shape, strict=True)
-    inside = np.logical_and(*((cell >= -CELLS * reach) & (cell < CELLS * (n + reach)) for cell, n in lengths))
+    inside = np.ones(places[0].shape, dtype=np.bool_)
+    for cell, n_pixels in zip(places, image.shape, strict=True):
+        inside &= (cell >= -CELLS * reach) & (cell < CELLS * (n_pixels + reach))
     if not inside.any():
         return image
     kernels = _binned_kernels(Optics.of(imager), reach)

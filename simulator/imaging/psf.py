@@ -130,10 +130,13 @@ class Psf:
         cores = [aperture_sums(psf.off_axis, weights)[middle, middle] for psf in (self, best)]
         peak, hole = float(best.off_axis.max()), self.geometry.hole
         difference = (self.on_axis - best.on_axis)[hole] / peak
-        aperture = abs(float(cores[0] / cores[1]) - 1.0)
-        hole_mean = abs(float(self.on_axis[hole].mean() / best.on_axis[hole].mean()) - 1.0)
-        hole_rms = float(np.sqrt((difference**2).mean()))
-        return PsfError(self.knobs.tier, abs(float(self.off_axis.max()) / peak - 1.0), aperture, hole_mean, hole_rms)
+        return PsfError(
+            tier=self.knobs.tier,
+            peak=abs(float(self.off_axis.max()) / peak - 1.0),
+            aperture=abs(float(cores[0] / cores[1]) - 1.0),
+            hole_mean=abs(float(self.on_axis[hole].mean() / best.on_axis[hole].mean()) - 1.0),
+            hole_rms=float(np.sqrt((difference**2).mean())),
+        )
 
     @numeric_context()
     def at(self, x_arcsec: float, y_arcsec: float) -> FloatArray:
@@ -219,7 +222,16 @@ def single_band_psf(
     kept = built.knobs.stamp_pixels < LARGE_STAMP_PIXELS and built.transmission.size <= KEPT_PUPIL
     stamps = _stamps if kept else _stamps.__wrapped__
     imager, on_axis, off_axis = stamps(Optics.of(built), engine)
-    return Psf(band, on_axis, off_axis, imager.pixel_scale_arcsec, imager.knobs, imager, instrument, light)
+    return Psf(
+        band=band,
+        on_axis=on_axis,
+        off_axis=off_axis,
+        pixel_scale_arcsec=imager.pixel_scale_arcsec,
+        knobs=imager.knobs,
+        imager=imager,
+        instrument=instrument,
+        spectrum=light,
+    )
 
 
 @functools.lru_cache(maxsize=N_KEPT)
@@ -241,8 +253,9 @@ def _stamp(imager: Imager, *, masked: bool, engine: Engine) -> FloatArray:
     if engine == "matrix" and imager.knobs.stamp_pixels >= LARGE_STAMP_PIXELS:
         centres = centred_axis(imager.knobs.stamp_pixels, imager.pixel_scale_arcsec)
         width = imager.mask_half_width_arcsec if masked else 0.0
-        pixels, star = (centres, centres, imager.pixel_scale_arcsec), PointSources([0.0], [0.0], [1.0])
-        return scene_image(BandTransfer(imager), *pixels, star, mask_half_width_arcsec=width)
+        star = PointSources([0.0], [0.0], [1.0])
+        pixel = imager.pixel_scale_arcsec
+        return scene_image(BandTransfer(imager), centres, centres, pixel, star, mask_half_width_arcsec=width)
     axis = imager.stamp_axis(masked=masked)
     return imager.image(axis, axis, engine=engine)
 

@@ -128,8 +128,13 @@ def _from_fits(path: str | Path, file: MapFile) -> StampFile:
         raise InputError("psf pixel_scale_arcsec", scales[-1], unit="arcsec", allowed=f"that of OFF_AXIS, {scales[0]}")
     numbers = {name: header_number("psf", path, off_axis.header, card) for name, card in _CARDS.items()}
     named = [str(off_axis.header[card]).strip() for card in _BAND_CARDS if card in off_axis.header]
-    other, scale = None if on_axis is None else on_axis.data, scales[0] if scales else None
-    return StampFile(off_axis.data, other, scale, next(iter(named), None), **numbers)
+    return StampFile(
+        off_axis.data,
+        None if on_axis is None else on_axis.data,
+        scales[0] if scales else None,
+        next(iter(named), None),
+        **numbers,
+    )
 
 
 def stamp_metrics(

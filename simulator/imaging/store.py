@@ -126,8 +126,7 @@ def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirr
     mirror : DeformableMirror
     """
     key = hole_key(instrument, solver)
-    bench = solver, static, mirror
-    arrays = _stored("hole", key, solver.band, lambda: to_arrays(search(instrument, *bench)))
+    arrays = _stored("hole", key, solver.band, lambda: to_arrays(search(instrument, solver, static, mirror)))
     state = from_arrays(arrays, solver)
     if isinstance(state, UnreachedHole):
         _warn(key, state.reason)
@@ -181,7 +180,8 @@ def from_arrays(arrays: dict[str, NDArray[Any]], solver: Imager) -> HoleResult:
     """
     commands = np.array(arrays["commands_nm"], dtype=np.float64)
     commands.flags.writeable = False
-    history, strong = tuple(map(float, arrays["history"])), tuple(map(bool, arrays["strong"]))
+    history = tuple(map(float, arrays["history"]))
+    strong = tuple(map(bool, arrays["strong"]))
     search = Search(commands, history, strong, str(arrays["ended"]))  # type: ignore[arg-type]
     before, wide, own = (HoleScore(*map(float, row)) for row in arrays["scores"])
     limit = float(arrays["limit_contrast"])
@@ -212,8 +212,10 @@ def metrics_key(instrument: Instrument, band: str) -> str:
 
         nodes = Passbands.from_instrument(instrument).wavelength_nodes(band, Knobs().wavelength_nodes)
         edges = [*edges, *(rounded(part) for part in nodes)]
-    surface, zone = instrument.dark_hole.surface_files.get(band), zone_of(instrument, band)
-    mask_arcsec, aperture_arcsec = instrument.mask_half_width_arcsec(band), instrument.aperture_radius_arcsec(band)
+    surface = instrument.dark_hole.surface_files.get(band)
+    zone = zone_of(instrument, band)
+    mask_arcsec = instrument.mask_half_width_arcsec(band)
+    aperture_arcsec = instrument.aperture_radius_arcsec(band)
     pixel_arcsec = instrument.pixel_scale_arcsec(band)
     parts = {
         "schema": [SCHEMA, HOLE_SCHEMA],

@@ -218,7 +218,9 @@ class KernelTransfer:
         farthest = max(abs(low_arcsec), abs(high_arcsec))
         count = _odd_fast_length((farthest + self.reach_arcsec) / self.pixel_scale_arcsec + self.kernel.shape[0] // 2)
         if count > LONGEST_AXIS:
-            unit, allowed, hint = "arcsec from end to end", f"up to {LONGEST_AXIS} pixels", "image its parts one by one"
+            unit = "arcsec from end to end"
+            allowed = f"up to {LONGEST_AXIS} pixels"
+            hint = "image its parts one by one"
             raise InputError("scene", round(high_arcsec - low_arcsec, 1), unit=unit, allowed=allowed, hint=hint)
         return FrequencyAxis(low_arcsec, high_arcsec, count * self.pixel_scale_arcsec, count, 0.0)
 

@@ -209,6 +209,8 @@ def _rows(scene: Scene, roll_deg: float, parity: int, path: str) -> Iterable[Spe
         if scene.is_lit(star):
             where = config.place(scene.cstar, star)
             lights.append((star.name, "star", LitStar(star, f"{path}.stars.{number}", where)))
-    x, y = sky_to_detector(*np.transpose([light.place for *_, light in lights]), roll_deg=roll_deg, parity=parity)
-    for (name, kind, light), *offset in zip(lights, x.tolist(), y.tolist(), strict=True):
-        yield SpectralSource(name, kind, offset[0], offset[1], light)
+    separations_arcsec = np.array([light.place.separation_arcsec for _, _, light in lights])
+    angles_deg = np.array([light.place.pa_deg for _, _, light in lights])
+    x, y = sky_to_detector(separations_arcsec, angles_deg, roll_deg=roll_deg, parity=parity)
+    for index, (name, kind, light) in enumerate(lights):
+        yield SpectralSource(name, kind, float(x[index]), float(y[index]), light)

@@ -210,8 +210,9 @@ def star_photlam(
     Parameters and errors are those of `stellar_spectrum`; ``meta`` of the result holds the parameters used, the
     model and the flags. The source is zero outside the model's wavelengths (3000-17500 A for the shipped ones).
     """
-    options = {"teff_k": teff_k, "log_g": log_g, "metallicity": metallicity}
-    star = stellar_spectrum(magnitude_v, spectral_type, model=model, **options)
+    star = stellar_spectrum(
+        magnitude_v, spectral_type, teff_k=teff_k, log_g=log_g, metallicity=metallicity, model=model
+    )
     meta = {"magnitude_v": check_number("magnitude_v", magnitude_v, "mag"), "spectral_type": spectral_type}
     meta |= {name: getattr(star, name) for name in ("teff_k", "log_g", "metallicity", "model", "flags")}
     return synphot_source(star.wavelength_nm, star.photlam, meta)
@@ -231,8 +232,7 @@ def synphot_source(wavelength_nm: np.ndarray, photlam: np.ndarray, meta: dict[st
     from synphot.models import Empirical1D
 
     # Without fill_value synphot continues the edge values for ever.
-    table = {"points": wavelength_nm * 10.0, "lookup_table": photlam, "fill_value": 0.0}
-    return SourceSpectrum(Empirical1D, **table, meta=meta)
+    return SourceSpectrum(Empirical1D, points=wavelength_nm * 10.0, lookup_table=photlam, fill_value=0.0, meta=meta)
 
 
 def _complete(spectral_type: str | None, given: _Parameters) -> _Parameters:
