@@ -133,11 +133,17 @@ def write_calibration_set(
     OSError
         If the folder cannot be written; files that were there keep their content.
     """
-    place, maps, bias = Path(folder), calibration, calibration.bias_adu
+    place = Path(folder)
+    bias = calibration.bias_adu
     if bias is None:
-        bias = np.tile(maps.bias_level_adu + maps.stripe_adu, (maps.shape[0], 1))
-    bad = maps.bad_column.astype(np.uint8) * np.uint8(MaskBit.BAD)
-    written = dict(zip(_KINDS, (maps.response, maps.dark_e_s, maps.cic_e, bad, bias), strict=True))
+        bias = np.tile(calibration.bias_level_adu + calibration.stripe_adu, (calibration.shape[0], 1))
+    written: dict[str, NDArray[Any]] = {
+        "flat": calibration.response,
+        "dark": calibration.dark_e_s,
+        "cic": calibration.cic_e,
+        "bad_columns": calibration.bad_column.astype(np.uint8) * np.uint8(MaskBit.BAD),
+        "bias": bias,
+    }
     paths = {kind: place / f"{kind}.fits" for kind in written}
     for path in paths.values():
         if path.exists() and not overwrite:

@@ -260,11 +260,23 @@ def _cached_set(detector: AnyDetector, prints: tuple[tuple[int, ...], ...]) -> C
     uniform, smooth, dark, hot = _dark(detector, maps.get("dark"), bad_column)
     cic, varies = _clock_charge(detector, maps.get("cic"))
     bias = maps.get("bias")
-    stripes = _stripes(detector) if bias is None else np.zeros(detector.n_columns)
-    level = detector.bias_adu if bias is None else float(np.median(bias))
-    mask = flaw_mask(dead | bad_column, dark, detector.sections["active"])
-    charge, flaws = (response, dark, uniform, cic, stripes), (sensitivity, smooth, dead, hot, bad_column)
-    return CalibrationSet(*charge, bias, mask, *flaws, level, varies, MappingProxyType(detector.maps))
+    return CalibrationSet(
+        response=response,
+        dark_e_s=dark,
+        dark_uniform_e_s=uniform,
+        cic_e=cic,
+        stripe_adu=_stripes(detector) if bias is None else np.zeros(detector.n_columns),
+        bias_adu=bias,
+        mask=flaw_mask(dead | bad_column, dark, detector.sections["active"]),
+        sensitivity=sensitivity,
+        dark_smooth_e_s=smooth,
+        dead=dead,
+        hot=hot,
+        bad_column=bad_column,
+        bias_level_adu=detector.bias_adu if bias is None else float(np.median(bias)),
+        cic_varies=varies,
+        files=MappingProxyType(detector.maps),
+    )
 
 
 def _rng(detector: AnyDetector, flaw: str) -> np.random.Generator:

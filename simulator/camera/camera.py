@@ -103,8 +103,10 @@ class Camera:
         self._rays, self._rate = cosmic_rays, cosmic_ray_rate_per_s_cm2
         self.particles = cosmic_rays is not None and cosmic_ray_rate_per_s_cm2 > 0
         every = detector.chain if chain is None else chain
-        runs, stages = [one for one in every if one.runs(detector) and self._there(one)], ("light", "charge", "voltage")
-        self.light, self.charge, self.voltage = (tuple(one for one in runs if one.stage == name) for name in stages)
+        running = [effect for effect in every if effect.runs(detector) and self._there(effect)]
+        self.light = tuple(effect for effect in running if effect.stage == "light")
+        self.charge = tuple(effect for effect in running if effect.stage == "charge")
+        self.voltage = tuple(effect for effect in running if effect.stage == "voltage")
 
     def _there(self, effect: Effect) -> bool:
         return self.particles or effect.switch != "cosmic_rays"
@@ -113,8 +115,10 @@ class Camera:
         """What draws the particles of one frame."""
         if self._rays is None or not self.particles:
             return None
-        draw, pixel, rate = draw_cosmic_rays, detector.pixel_um, self._rate
-        return functools.partial(draw, self._rays, pixel_um=pixel, exposure_s=exposure_s, rate_per_s_cm2=rate)
+        rate = self._rate
+        return functools.partial(
+            draw_cosmic_rays, self._rays, pixel_um=detector.pixel_um, exposure_s=exposure_s, rate_per_s_cm2=rate
+        )
 
 
 def flaws_of(detector: AnyDetector, shape: tuple[int, ...], corner: tuple[int, int] | None) -> CalibrationSet | None:

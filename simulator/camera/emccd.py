@@ -151,8 +151,14 @@ def _checked_temperature(temperature_k: ArrayLike) -> FloatArray:
 
 def _setting(gain: FloatArray, voltage: FloatArray, temperature: FloatArray, clipped: Any) -> GainSetting:
     gain, voltage, temperature, clipped = map(np.array, np.broadcast_arrays(gain, voltage, temperature, clipped))
-    beyond = _outside(temperature, FITTED_TEMPERATURE_K), _outside(gain, FITTED_GAIN)
-    return GainSetting(gain, voltage, temperature, clipped, *beyond)
+    return GainSetting(
+        em_gain=gain,
+        voltage_v=voltage,
+        temperature_k=temperature,
+        clipped=clipped,
+        beyond_temperature=_outside(temperature, FITTED_TEMPERATURE_K),
+        beyond_gain=_outside(gain, FITTED_GAIN),
+    )
 
 
 def _outside(values: FloatArray, limits: tuple[float, float]) -> BoolArray:

@@ -214,10 +214,20 @@ class InfraredCamera(Camera):
         light_e, dark_e = np.minimum(light * time, MAX_MEAN_E), np.minimum(dark * time, MAX_MEAN_E)
         rows, columns = rates.shape
         place = detectors.Place(slice(0, rows), slice(0, columns), *(corner or (0, 0)), corner is None)
-        more: dict[str, Any] = {"light_e": light_e, "dark_e": dark_e, "expected_adu": light_e, "flaws": mask}
-        more |= {"n_negative_rates": n_negative, "tracks": self._tracks(detector, time) if time > 0 else None}
-        more["n_reads"] = detector.reads_of(time)
-        exposure = InfraredExposure(detector, place, time, 1.0, light_e + dark_e, **more)
+        exposure = InfraredExposure(
+            detector,
+            place,
+            time,
+            1.0,
+            light_e + dark_e,
+            flaws=mask,
+            n_negative_rates=n_negative,
+            tracks=self._tracks(detector, time) if time > 0 else None,
+            light_e=light_e,
+            dark_e=dark_e,
+            expected_adu=light_e,
+            n_reads=detector.reads_of(time),
+        )
         stack, collected = self._stack(rates.shape), means(self.charge, exposure.mean_e.copy(), exposure)
         for fraction in read_times(detector.readout_mode, exposure.n_reads):
             charge = fraction * collected

@@ -187,12 +187,20 @@ class VisibleCamera(Camera):
             pixels = mean[place.rows, place.columns]
             pixels += (dark[place.rows, place.columns] if isinstance(dark, np.ndarray) else dark) * time
         np.minimum(mean, MAX_MEAN_E, out=mean)
-        tracks = self._tracks(detector, time)
-        more: dict[str, Any] = {"smear_e": smear, "n_negative_rates": n_negative, "tracks": tracks}
-        if flaws is not None:
-            more |= {"stripe_adu": flaws.stripe_adu, "bias_adu": flaws.bias_adu, "flaws": flaws.mask_of(switches)}
-            more["cic_e"] = flaws.cic_e if flaws.cic_varies else None
-        return Exposure(detector, place, time, gain, mean, **more)
+        return Exposure(
+            detector=detector,
+            place=place,
+            exposure_s=time,
+            em_gain=gain,
+            mean_e=mean,
+            cic_e=flaws.cic_e if flaws is not None and flaws.cic_varies else None,
+            stripe_adu=None if flaws is None else flaws.stripe_adu,
+            bias_adu=None if flaws is None else flaws.bias_adu,
+            flaws=None if flaws is None else flaws.mask_of(switches),
+            smear_e=smear,
+            n_negative_rates=n_negative,
+            tracks=self._tracks(detector, time),
+        )
 
     def _light(self, rates: FloatArray, flaws: CalibrationSet | None, place: Place) -> FloatArray:
         """Rates as the pixels respond to them; borders see no light."""

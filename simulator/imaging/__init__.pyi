@@ -20,7 +20,7 @@ from simulator.imaging.geometry import (
     HoleSide as HoleSide,
     HoleZone as HoleZone,
 )
-from simulator.imaging.imager import FocalGrid as FocalGrid, centred_axis as centred_axis
+from simulator.imaging.imager import FocalGrid as FocalGrid, Imager as Imager, centred_axis as centred_axis
 from simulator.imaging.map_files import (
     FileMap as FileMap,
     header_number as header_number,

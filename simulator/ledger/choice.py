@@ -4,7 +4,7 @@ Which quantities a tolerance holds for.
 """
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -135,7 +135,8 @@ class _Chooser(Chosen):
     def made(self) -> Choice:
         """Everything."""
         self.budget = {name: budget_of(name, tolerance) for name, tolerance in self.dial.tolerance.items()}
-        self.rows_spent, tier = 0.0, self.dial.fidelity
+        self.rows_spent = 0.0
+        tier = self.dial.fidelity
         if any(self.dial.tolerance.values()):
             for name in SETTINGS:
                 sizes = self.knob_sizes(name, getattr(self.knobs, name))
@@ -258,8 +259,18 @@ class _Chooser(Chosen):
         switches = {key: False for key in kept if key in self.skipped and key in known}
         left_out = tuple(name for name, kind in self.forecast.sources.items() if f"{kind}:{name}" in self.skipped)
         region: Literal["full", "hole"] = "full" if self.full else "hole"
-        what = (choice_rows(self), self.knobs, switches, left_out, "sky" not in self.skipped, self.epochs)
-        return Choice(*what, self.draw, region, errors, outcome)
+        return Choice(
+            rows=choice_rows(self),
+            knobs=self.knobs,
+            switches=switches,
+            left_out=left_out,
+            sky="sky" not in self.skipped,
+            epochs=self.epochs,
+            draw=self.draw,
+            region=region,
+            predicted_error=errors,
+            outcome=outcome,
+        )
 
 
 def checked_tolerance(tolerance: Any) -> float:
@@ -306,20 +317,47 @@ def observation_choice(
     quantity: Quantity | Sequence[Quantity] | None,
     finest: Knobs,
     full: bool,
-    **settings: Any,
+    band: str,
+    exposure_s: float,
+    n_frames: int,
+    em_gain: float,
+    roll_deg: float,
+    star_offset_arcsec: tuple[float, float],
+    scene_model: str,
+    start_utc: str | None,
+    switches: Mapping[str, bool] | None,
+    max_epochs: int = MAX_EPOCHS,
 ) -> Choice:
     """What an observation leaves out; drawn frame by frame, on the window that was asked for.
 
     Parameters
     ----------
-    scene, instrument, full, **settings
+    scene, instrument
         As `simulator.ledger.forecast`.
     tolerance, quantity
         As `simulator.observing.observation.observe`.
     finest : Knobs
         Settings of the optics without a tolerance.
+    full, band, exposure_s, n_frames, em_gain, max_epochs
+        As `simulator.ledger.forecast`.
+    roll_deg, star_offset_arcsec, scene_model, start_utc, switches
+        As `simulator.observing.observation.observe`.
     """
     asked = checked_quantities(quantity, planets=bool(scene.planets))
     dial = Dial(fidelity="custom", tolerance=dict.fromkeys(asked, tolerance), knobs=None)
-    predicted = forecast(scene, instrument, full=full, **settings)
+    predicted = forecast(
+        scene,
+        instrument,
+        band=band,
+        exposure_s=exposure_s,
+        n_frames=n_frames,
+        em_gain=em_gain,
+        roll_deg=roll_deg,
+        star_offset_arcsec=star_offset_arcsec,
+        scene_model=scene_model,
+        start_utc=start_utc,
+        switches=switches,
+        full=full,
+        max_epochs=max_epochs,
+    )
     return choose(predicted, dial, fixed=("summed_frames", "hole_region"), finest=finest)

@@ -208,9 +208,13 @@ def scene_light(
         away = math.hypot(max(abs(x) - window[0], 0.0), max(abs(y) - window[1], 0.0))
         seen = max(peak, source.rate_e_s * metrics.peak_off_axis) if away == 0 and full else peak
         high, low = (MOST_BEYOND, _LEAST_BEYOND) if _off_map(metrics, x, y, half) else (MOST, _LEAST)
-        figures = float(seen), float(peak), source.rate_e_s, away
-        lights.append(SourceLight(source.name, source.kind, *figures, high * light, low * light))
-    rates, x_all = (np.array(values) for values in ([s.rate_e_s for s in sources], [place[0] for place in places]))
+        lights.append(
+            SourceLight(
+                source.name, source.kind, float(seen), float(peak), source.rate_e_s, away, high * light, low * light
+            )
+        )
+    rates = np.array([source.rate_e_s for source in sources])
+    x_all = np.array([place[0] for place in places])
 
     def columns_e_s(x: float, own: int) -> float:
         """Of every source but the planet itself, and the sky."""
@@ -231,7 +235,10 @@ def scene_light(
         inside = metrics.zone.covers(np.array([y]), np.array([x]), -metrics.aperture_radius_arcsec)[0, 0]
         planets.append(
             PlanetPlace(
-                *(sources[i].name, x, y, whole_e_s * core),
+                name=sources[i].name,
+                x_arcsec=x,
+                y_arcsec=y,
+                signal_e_s=whole_e_s * core,
                 peak_e_s=min(whole_e_s * metrics.peak_off_axis, lights[i - 1].peak_e_s),
                 core=min(core / metrics.core_open, 1.0) if metrics.core_open > 0 else 1.0,
                 halo_e_s=aperture.light_e_s(metrics, star_map, star.rate_e_s, *places[0]),
@@ -250,13 +257,23 @@ def scene_light(
     around = Surroundings(metrics, 0.0 if moved else star.rate_e_s, shining, half, frame, sky)
     outside, columns, crossing = beyond(metrics, star.rate_e_s, half, frame, sky, stars)
     even = star_map + sky * open_map
-    total, beyond_e_s = even + others, outside if full else np.zeros(0)
-    stamp = (star_map, scattered, total, even + _LEAST * others, even + others_most)
-    column_e_s, peaks_e_s = float(total.sum(axis=0).max()) + columns, (0.0, 0.0) if full else crossing
-    area, noise_pixels = metrics.aperture_pixels, float(aperture_noise_pixels(metrics.aperture_radius_arcsec / pixel))
-    seen, measured_places = tuple(lights), tuple(planets)
+    total = even + others
     return SceneLight(
-        *stamp, beyond_e_s, column_e_s, peaks_e_s, sky, radius, seen, measured_places, area, noise_pixels, around
+        star_e_s=star_map,
+        scattered_e_s=scattered,
+        total_e_s=total,
+        least_e_s=even + _LEAST * others,
+        most_e_s=even + others_most,
+        outside_e_s=outside if full else np.zeros(0),
+        column_e_s=float(total.sum(axis=0).max()) + columns,
+        beyond_peaks_e_s=(0.0, 0.0) if full else crossing,
+        sky_e_s=sky,
+        radius_arcsec=radius,
+        sources=tuple(lights),
+        planets=tuple(planets),
+        aperture_pixels=metrics.aperture_pixels,
+        noise_pixels=float(aperture_noise_pixels(metrics.aperture_radius_arcsec / pixel)),
+        surroundings=around,
     )
 
 

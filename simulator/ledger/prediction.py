@@ -4,6 +4,7 @@ Predicted sizes of everything that an observation may leave out, from closed for
 """
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,7 @@ from simulator.ledger.case import CameraCase, sums_possible
 from simulator.ledger.inventory import EffectRow, effect_ledger
 from simulator.ledger.light import SceneLight
 from simulator.ledger.optics_sizes import OpticsCase
-from simulator.ledger.visit import visit_of
+from simulator.ledger.visit import MAX_EPOCHS, visit_of
 from simulator.ledger.wings import Spill
 from simulator.signal import overflow, sky_pixel_e_s
 from simulator.target import extended_rates
@@ -78,10 +79,18 @@ def forecast(
     instrument: Instrument,
     *,
     band: str,
+    exposure_s: float,
     n_frames: int,
+    em_gain: float,
+    roll_deg: float = 0.0,
+    star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
     scene_model: str = "exact",
+    start_utc: str | None = None,
+    switches: Mapping[str, bool] | None = None,
+    planets: Sequence[str] | None = None,
+    reduced: bool = False,
     full: bool = False,
-    **settings: Any,
+    max_epochs: int = MAX_EPOCHS,
 ) -> Forecast:
     """Predict how much each effect changes what is asked of an observation.
 
@@ -90,18 +99,19 @@ def forecast(
     scene : Scene
     instrument : Instrument
     band : str
-    n_frames : int
-        Frames of the sequence.
-    scene_model : {"exact", "paper"}
+    exposure_s, n_frames, em_gain
+        Of the sequence.
+    roll_deg, star_offset_arcsec, scene_model, start_utc, switches
         As `simulator.observing.observation.observe`.
+    planets : sequence of str, optional
+        Names of the planets that are measured; all of the scene by default.
+    reduced : bool
+        Sizes after a full reduction: flat, bias structure and flaws calibrated out, non-linearity and smear undone,
+        particles rejected.
     full : bool
         Whole frames, or the window around the hole.
-    **settings
-        ``exposure_s`` and ``em_gain`` of the sequence; and, where they are given, ``roll_deg``, ``star_offset_arcsec``,
-        ``start_utc`` and ``switches``, as `simulator.observing.observation.observe`; ``planets``, names of the planets
-        that are measured (all of the scene by default); ``reduced``, for sizes after a full reduction (flat, bias
-        structure and flaws calibrated out, non-linearity and smear undone, particles rejected); ``max_epochs``, epochs
-        of the visit without a ledger (12 by default).
+    max_epochs : int
+        Epochs of the visit without a ledger.
 
     Returns
     -------
@@ -118,22 +128,44 @@ def forecast(
     noise of the aperture sum over the visit, ``pixel_map`` the largest change of the mean or standard deviation of a
     pixel over its standard deviation in one frame. Nothing is propagated or drawn (but 1500 tracks of particles, once).
     """
-    visit = visit_of(scene, instrument, band=band, n_frames=n_frames, full=full, **settings)
+    visit = visit_of(
+        scene,
+        instrument,
+        band=band,
+        exposure_s=exposure_s,
+        n_frames=n_frames,
+        em_gain=em_gain,
+        roll_deg=roll_deg,
+        star_offset_arcsec=star_offset_arcsec,
+        start_utc=start_utc,
+        switches=switches,
+        planets=planets,
+        reduced=reduced,
+        full=full,
+        max_epochs=max_epochs,
+    )
     case, optics, figures = visit.camera, visit.optics, visit.metrics
     visible = instrument.channel_of(band).multiplies
     sizes: dict[str, Sizes] = camera_sizes(case) if visible else {}
     sizes |= _light_sizes(optics, case.light, visit.sky.rate_e_s_arcsec2, visit.stray_e_s, figures)
     for item in extended_rates(scene, instrument, band):
-        spread = item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
-        sizes[f"extended:{item.source.name}"] = optics.spread_light(*spread)
+        pixel_e_s, aperture_e_s = item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
+        sizes[f"extended:{item.source.name}"] = optics.spread_light(pixel_e_s, aperture_e_s)
     knobs = _knob_sizes(optics, optics.n_epochs)
     sizes |= {"off_mask_psf": _off_mask(case.light), "drift": optics.no_drift(), "pupil_samples": sizes_of(0.0)}
     sizes |= {name: knobs[name][getattr(Knobs(), name)] for name in ("wavelength_nodes", "pixel_nodes")}
     sizes |= {"precision": knobs["precision"]["single"], "drift_epochs": knobs["drift_epochs"][1]}
     sizes["hole_region"] = _hole_region(case)
-    said: dict[str, Any] = {"hole_state": figures.hole_state, "sky": visit.sky, "stray": visit.stray}
-    said |= {"band": band, "scene_model": scene_model, "start_utc": visit.start_utc}
-    rows = effect_ledger(scene, visit.switched, **said)
+    rows = effect_ledger(
+        scene,
+        visit.switched,
+        band=band,
+        scene_model=scene_model,
+        hole_state=figures.hole_state,
+        sky=visit.sky,
+        stray=visit.stray,
+        start_utc=visit.start_utc,
+    )
     for row in rows:  # what does not exist has no size
         if row.decision == "skipped" and row.key in sizes and row.key != "source_positions":
             sizes[row.key] = sizes_of(0.0)
@@ -142,7 +174,17 @@ def forecast(
     kinds: dict[str, str] = {source.name: source.kind for source in visit.sources[1:]}
     kinds |= {source.name: "extended" for source in scene.extended}
     sums = sums_possible(case, figures, optics.star_e_s, visible=visible, moved=optics.moved, band=band)
-    return Forecast(rows, sizes, knobs, kinds, sums, n_frames, optics.n_epochs, full, visit.measured)
+    return Forecast(
+        rows=rows,
+        sizes=sizes,
+        knob_sizes=knobs,
+        sources=kinds,
+        sums=sums,
+        n_frames=n_frames,
+        max_epochs=optics.n_epochs,
+        full=full,
+        measured=visit.measured,
+    )
 
 
 def _forbid(sizes: dict[str, Sizes], knobs: dict[str, dict[Any, Sizes]]) -> None:
@@ -165,7 +207,8 @@ def _light_sizes(
 
 
 def _knob_sizes(optics: OpticsCase, epochs: int) -> dict[str, dict[Any, Sizes]]:
-    none, steps = sizes_of(0.0), sorted({*(e for e in EPOCHS if e < epochs), epochs})
+    none = sizes_of(0.0)
+    steps = sorted({*(fewer for fewer in EPOCHS if fewer < epochs), epochs})
     return {
         "wavelength_nodes": {n: optics.wavelength_nodes(n) for n in WAVELENGTHS[:-1]} | {WAVELENGTHS[-1]: none},
         "pixel_nodes": {n: optics.pixel_nodes(n) for n in PIXEL_NODES[:-1]} | {PIXEL_NODES[-1]: none},
@@ -193,7 +236,8 @@ def _hole_region(case: CameraCase) -> Sizes:
     if enters <= 1e-6:
         return sizes_of(0.0)
     spill = Spill(dataclasses.replace(case, full=True))
-    hit = (
-        not one.weights.size or spill.blooms_into(*one.place) or spill.trails_into(*one.place) for one in light.planets
+    hit = any(
+        not planet.weights.size or spill.blooms_into(*planet.place) or spill.trails_into(*planet.place)
+        for planet in light.planets
     )
-    return sizes_of(1.0, float(any(hit)))
+    return sizes_of(1.0, float(hit))

@@ -158,47 +158,91 @@ def visit_of(
     side = len(figures.raw_contrast)
     corner = (detector.star_row - side // 2, detector.star_column - side // 2)
     stray = stray_light_parts(instrument, band, detector.shape, first_pixel=corner, window=(side, side))
-    visit_s, on_source_s = n_frames * (exposure_s + detector.readout_s), n_frames * exposure_s
+    visit_s = n_frames * (exposure_s + detector.readout_s)
     drift = instrument.drift
-    place: dict[str, Any] = {"measured": measured, "full": full, "star_offset_arcsec": star_offset_arcsec}
-    even: dict[str, Any] = {"sky_e_s_arcsec2": sky.rate_e_s_arcsec2, "stray_e_s": _mean_stray(stray)}
-    even["drift_nm"] = math.hypot(drift.visit_nm, drift.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0))
-    light = scene_light(instrument, band, figures, sources, **place, **even)
+    light = scene_light(
+        instrument,
+        band,
+        figures,
+        sources,
+        measured=measured,
+        full=full,
+        star_offset_arcsec=star_offset_arcsec,
+        sky_e_s_arcsec2=sky.rate_e_s_arcsec2,
+        stray_e_s=_mean_stray(stray),
+        drift_nm=math.hypot(drift.visit_nm, drift.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0)),
+    )
     noise = FrameNoise.of(detector, em_gain, exposure_s)
-    star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
+    star_e_s = sources[0].rate_e_s
+    moved = any(star_offset_arcsec)
     speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in light.planets]
-    frames: dict[str, Any] = {"exposure_s": exposure_s, "n_frames": n_frames}
-    frames |= {"line_shift_s": detector.line_shift_s if exposure_s > 0 else 0.0}
-    frames |= {"source_noise_fraction": figures.source_noise_fraction}
-    variances = []
-    for planet, (least, *_) in zip(light.planets, speckles, strict=True):
-        flaws_e = 0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s
-        variances.append(visit_variance_e2(planet, light, noise, speckle_e_s=least, flaws_e=flaws_e, **frames))
-    shares = [_shares(variance, speckle, on_source_s) for variance, speckle in zip(variances, speckles, strict=True)]
-    rays, pixel, width = instrument.cosmic_rays, figures.pixel_scale_arcsec, figures.lambda_d_arcsec
+    variances, speckle_shares, walk_shares = [], [], []
+    for planet, speckle in zip(light.planets, speckles, strict=True):
+        variance = visit_variance_e2(
+            planet,
+            light,
+            noise,
+            source_noise_fraction=figures.source_noise_fraction,
+            exposure_s=exposure_s,
+            n_frames=n_frames,
+            speckle_e_s=speckle[0],
+            line_shift_s=detector.line_shift_s if exposure_s > 0 else 0.0,
+            flaws_e=0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s,
+        )
+        speckle_share, walk_share = _shares(variance, speckle, n_frames * exposure_s)
+        variances.append(variance)
+        speckle_shares.append(speckle_share)
+        walk_shares.append(walk_share)
+    rays = instrument.cosmic_rays
     rate = cosmic_ray_rate(rays, start) if detector.switches.cosmic_rays else 0.0
-    radius, peak_e_s = figures.aperture_radius_arcsec, _column_peak(figures, light, star_e_s, moved=moved)
-    edge = figures.mask_half_width_arcsec + radius + pixel
+    pixel, radius = figures.pixel_scale_arcsec, figures.aperture_radius_arcsec
     case = CameraCase(
-        detector if isinstance(detector, Detector) else instrument.detector,
-        *(light, noise, exposure_s, n_frames, em_gain, reduced, corner, full),
+        detector=detector if isinstance(detector, Detector) else instrument.detector,
+        light=light,
+        noise=noise,
+        exposure_s=exposure_s,
+        n_frames=n_frames,
+        em_gain=em_gain,
+        reduced=reduced,
+        first_pixel=corner,
+        full=full,
         hits_per_s=rate * (detector.pixel_um * _CM_PER_UM) ** 2,
         hits=pixel_hits(rays, detector.pixel_um),
         lost_per_s=aperture_loss_per_s(switched, band, start_utc=start),
         variances=tuple(variances),
-        column_peak_e_s=peak_e_s,
+        column_peak_e_s=_column_peak(figures, light, star_e_s, moved=moved),
         radius_pixels=radius / pixel,
-        lambda_d_pixels=width / pixel,
+        lambda_d_pixels=figures.lambda_d_arcsec / pixel,
         pixel_arcsec=pixel,
-        edge_arcsec=edge,
+        edge_arcsec=figures.mask_half_width_arcsec + radius + pixel,
     )
     passbands = Passbands.from_instrument(instrument)
     low, high = passbands.bands[passbands.index(band)].support_nm
-    quadrature = Optics((high - low) / (0.5 * (high + low)), width, pixel, instrument.wavefront.jitter_mas * 1e-3)
-    lengths = (star_e_s, instrument.band(band).center_nm, visit_s, min(n_frames, max_epochs))
-    speckle_share, walk_share = (tuple(share[i] for share in shares) for i in (0, 1))
-    optics = OpticsCase(case, figures, quadrature, drift, *lengths, speckle_share, walk_share, moved)
-    return Visit(tuple(sources), measured, figures, switched, start, sky, stray, case, optics)
+    width, jitter_arcsec = (high - low) / (0.5 * (high + low)), instrument.wavefront.jitter_mas * 1e-3
+    optics = OpticsCase(
+        camera=case,
+        metrics=figures,
+        optics=Optics(width, figures.lambda_d_arcsec, pixel, jitter_arcsec),
+        drift=drift,
+        star_e_s=star_e_s,
+        wavelength_nm=instrument.band(band).center_nm,
+        visit_s=visit_s,
+        n_epochs=min(n_frames, max_epochs),
+        speckle_share=tuple(speckle_shares),
+        walk_share=tuple(walk_shares),
+        moved=moved,
+    )
+    return Visit(
+        sources=tuple(sources),
+        measured=measured,
+        metrics=figures,
+        switched=switched,
+        start_utc=start,
+        sky=sky,
+        stray=stray,
+        camera=case,
+        optics=optics,
+    )
 
 
 def _mean_stray(stray: Mapping[str, NDArray[Any]]) -> float:

@@ -126,10 +126,24 @@ def calibrate(
         level = 10.0 * detector.full_well_e / em_gain if level_e is None else _level(level_e)
         rates = _spot(config, band, level / exposure, _LASER_ARCSEC if offset_arcsec is None else offset_arcsec)
     lit = kind in _NEEDS_BAND
-    rows = (*sky_rows, *camera_ledger(config, name, lit=lit, exposure_s=exposure, start_utc=start))
-    path = (kind, name, band, number)
-    what = (kind, kind, config, name, band, exposure, frames, float(em_gain), seed, path, start, Light(rates), None)
-    return Calibration(*what, realisation=number, keywords=keywords, ledger=rows)
+    return Calibration(
+        kind=kind,
+        name=kind,
+        instrument=config,
+        camera=name,
+        band=band,
+        exposure_s=exposure,
+        n_frames=frames,
+        em_gain=float(em_gain),
+        seed=seed,
+        path=(kind, name, band, number),
+        start_utc=start,
+        light=Light(rates),
+        first_pixel=None,
+        realisation=number,
+        keywords=keywords,
+        ledger=(*sky_rows, *camera_ledger(config, name, lit=lit, exposure_s=exposure, start_utc=start)),
+    )
 
 
 def _camera(instrument: Instrument, kind: str, band: str, camera: str | None) -> CameraName:

@@ -64,7 +64,8 @@ class HoleStacks:
         """Mean electrons per second and pixel in every epoch of one visit, shape (epochs, n, n); 0 beyond the hole."""
         path = self._path(realisation)
         star = self.observation.truth.sources[0].rate_e_s * self._stamps(path)
-        rates, place = np.zeros((self.epochs, *self.region.shape)), np.ix_(self._rows, self._columns)
+        rates = np.zeros((self.epochs, *self.region.shape))
+        place = np.ix_(self._rows, self._columns)
         for epoch, stamp in enumerate(star):
             rates[epoch][place] = stamp + self.static_e_s[place]
         return rates
@@ -139,8 +140,13 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleSt
         raise InputError("window", observation.window, allowed="hole, with the star behind the mask")
     answer = hole_stackable(observation)
     if answer.status is not Status.OK:
-        time, allowed = observation.exposure_s, "frames that add up over the hole"
-        raise InputError("exposure_s", time, unit="s", allowed=allowed, hint=answer.message)
+        raise InputError(
+            "exposure_s",
+            observation.exposure_s,
+            unit="s",
+            allowed="frames that add up over the hole",
+            hint=answer.message,
+        )
     region = observation.psf.geometry.hole
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
     grid = None
@@ -148,8 +154,15 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleSt
         imager = observation.psf.imager
         offset = centred_axis(len(region), imager.pixel_scale_arcsec)
         grid = imager.focal_grid(imager.axis(offset[rows], masked=True), imager.axis(offset[columns], masked=True))
-    draws = min(epochs, observation.n_frames)
-    return HoleStacks(observation, observation.light.static_e_s, region, draws, grid, rows, columns)
+    return HoleStacks(
+        observation=observation,
+        static_e_s=observation.light.static_e_s,
+        region=region,
+        epochs=min(epochs, observation.n_frames),
+        _grid=grid,
+        _rows=rows,
+        _columns=columns,
+    )
 
 
 def hole_stackable(observation: Observation) -> Outcome[float]:

@@ -188,7 +188,8 @@ def observe(
     """
     scene = load_scene(scene)
     instrument = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
-    channel, exposure = instrument.channel_of(band), checked_exposure(exposure_s)
+    channel = instrument.channel_of(band)
+    exposure = checked_exposure(exposure_s)
     channel.check_gain(em_gain)
     checked_tolerance(tolerance)
     check_number("roll_deg", roll_deg, "deg")
@@ -208,49 +209,111 @@ def observe(
         _check_psf(psf, band, instrument, tolerance)
     if quantity is not None:
         checked_quantities(quantity, planets=bool(scene.planets))
-    epochs, knobs = check_whole("max_epochs", max_epochs, 1, 1000), resolve_knobs(fidelity)
-    full, choice, cstar = window == "full", None, scene.cstar
-    shared: dict[str, Any] = {"band": band, "scene_model": scene_model, "start_utc": start}
+    epochs = check_whole("max_epochs", max_epochs, 1, 1000)
+    knobs = resolve_knobs(fidelity)
+    full = window == "full"
+    choice = None
     if tolerance > 0:
-        settings: dict[str, Any] = {"exposure_s": exposure, "n_frames": frames, "em_gain": float(em_gain)}
-        settings |= {"roll_deg": roll_deg, "star_offset_arcsec": star, "switches": switches, "max_epochs": epochs}
-        settings |= {"tolerance": tolerance, "quantity": quantity, "finest": knobs, "full": full}
-        choice = observation_choice(scene, instrument, **shared, **settings)
+        choice = observation_choice(
+            scene,
+            instrument,
+            tolerance=tolerance,
+            quantity=quantity,
+            finest=knobs,
+            full=full,
+            band=band,
+            exposure_s=exposure,
+            n_frames=frames,
+            em_gain=float(em_gain),
+            roll_deg=roll_deg,
+            star_offset_arcsec=star,
+            scene_model=scene_model,
+            start_utc=start,
+            switches=switches,
+            max_epochs=epochs,
+        )
         switches = {**(switches or {}), **choice.switches}
-        epochs, knobs = min(epochs, choice.epochs), choice.knobs
+        epochs = min(epochs, choice.epochs)
+        knobs = choice.knobs
     left_out = () if choice is None else choice.left_out
     switched = instrument.switched(switches, camera=channel.name)
     optics = psf or single_band_psf(band, fidelity=knobs, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     area = window_of(optics, instrument, full=full)
-    path, detector = (scene.name, kind, role, band, number), channel.detector
+    path = (scene.name, kind, role, band, number)
+    detector = channel.detector
     corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
     if isinstance(optics, ExternalPsf):
         stamps = (optics.at(*star) if any(star) else optics.on_axis)[None]
     else:
-        visit_s, epochs = (exposure + detector.readout_s) * frames, min(frames, epochs)
+        epochs = min(frames, epochs)
+        visit_s = (exposure + detector.readout_s) * frames
         stamps = visit_stamps(optics.imager, instrument.drift, epochs, visit_s, seed, path, star_arcsec=star)
+    cstar = scene.cstar
     sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=cstar.ra_deg, dec_deg=cstar.dec_deg, start_utc=start)
-    level = 0.0 if choice is not None and not choice.sky else sky.rate_e_s_arcsec2
     shown = [sources[0], *(source for source in sources[1:] if source.name not in left_out)]
     extended = [item for item in extended_rates(scene, instrument, band) if item.source.name not in left_out]
-    turned: dict[str, Any] = {"star_arcsec": star, "roll_deg": roll_deg, "model": scene_model}
-    still = static_light(optics, switched, band, area, shown, extended, full=full, sky_e_s_arcsec2=level, **turned)
-    pixel, places = optics.pixel_scale_arcsec, [(one.x_arcsec + star[0], one.y_arcsec + star[1]) for one in sources]
-    x_pixel, y_pixel = (tuple(area.centre[1 - i] + place[i] / pixel for place in places) for i in (0, 1))
+    still = static_light(
+        optics,
+        switched,
+        band,
+        area,
+        shown,
+        extended,
+        full=full,
+        sky_e_s_arcsec2=0.0 if choice is not None and not choice.sky else sky.rate_e_s_arcsec2,
+        roll_deg=roll_deg,
+        star_arcsec=star,
+        model=scene_model,
+    )
+    pixel = optics.pixel_scale_arcsec
+    x_pixel = tuple(area.centre[1] + (source.x_arcsec + star[0]) / pixel for source in sources)
+    y_pixel = tuple(area.centre[0] + (source.y_arcsec + star[1]) / pixel for source in sources)
     rows, columns, part = area.stamp(stamps.shape[1])
     light = Light(still.static_e_s, Stamps(sources[0].rate_e_s * stamps, rows, columns, part), still.beyond_e_s)
     if choice is None:
-        said: dict[str, Any] = {"hole_state": optics.hole_state, "sky": sky, "stray": still.stray_e_s}
-        ledger = effect_ledger(scene, switched, **shared, **said)
-    what = (kind, scene.name, switched, channel.name, band, exposure, frames, float(em_gain), seed, path, start, light)
-    keywords: dict[str, Any] = {"OBJECT": scene.name, "ROLE": role, "ROLL": roll_deg, "STAROFFX": star[0]}
-    keywords |= {"STAROFFY": star[1], **_optics_keywords(instrument, band, optics), "SCENEMOD": scene_model}
-    keywords["TOLERANC"] = float(tolerance)
-    coordinates, parity = (cstar.ra_deg, cstar.dec_deg), instrument.detector.parity
-    keywords |= wcs_keywords(pixel, (x_pixel[0], y_pixel[0]), coordinates, roll_deg=roll_deg, parity=parity)
+        ledger = effect_ledger(
+            scene,
+            switched,
+            band=band,
+            scene_model=scene_model,
+            hole_state=optics.hole_state,
+            sky=sky,
+            stray=still.stray_e_s,
+            start_utc=start,
+        )
+    else:
+        ledger = choice.rows
+    keywords: dict[str, Any] = {
+        "OBJECT": scene.name,
+        "ROLE": role,
+        "ROLL": roll_deg,
+        "STAROFFX": star[0],
+        "STAROFFY": star[1],
+        **_optics_keywords(instrument, band, optics),
+        "SCENEMOD": scene_model,
+        "TOLERANC": float(tolerance),
+        **wcs_keywords(
+            pixel,
+            (x_pixel[0], y_pixel[0]),
+            (cstar.ra_deg, cstar.dec_deg),
+            roll_deg=roll_deg,
+            parity=instrument.detector.parity,
+        ),
+    }
     return Observation(
-        *what,
+        kind=kind,
+        name=scene.name,
+        instrument=switched,
+        camera=channel.name,
+        band=band,
+        exposure_s=exposure,
+        n_frames=frames,
+        em_gain=float(em_gain),
+        seed=seed,
+        path=path,
+        start_utc=start,
+        light=light,
         first_pixel=None if full else corner,
         keywords=keywords,
         scene=scene,
@@ -263,7 +326,7 @@ def observe(
         psf=optics,
         area=area,
         truth=Truth(sources, x_pixel, y_pixel),
-        ledger=ledger if choice is None else choice.rows,
+        ledger=ledger,
         tolerance=float(tolerance),
         choice=choice,
     )
@@ -271,13 +334,22 @@ def observe(
 
 def _optics_keywords(instrument: Instrument, band: str, optics: AnyPsf) -> dict[str, Any]:
     """Keywords of the optics."""
-    values: dict[str, Any] = {"HOLEMODE": instrument.dark_hole.mode, "HOLE": optics.hole_state}
-    values["HOLEIN"] = instrument.hole_inner_arcsec(band) * math.sqrt(2.0)
+    values: dict[str, Any] = {
+        "HOLEMODE": instrument.dark_hole.mode,
+        "HOLE": optics.hole_state,
+        "HOLEIN": instrument.hole_inner_arcsec(band) * math.sqrt(2.0),
+    }
     if not isinstance(optics, ExternalPsf):
         # That of the standard settings: the core table of others takes longer than their images.
-        return values | {"IWA": psf_metrics(instrument, band).iwa_arcsec, "FIDELITY": optics.knobs.tier}
-    values |= {"IWA": optics.metrics.iwa_arcsec, "FIDELITY": "external", "PSFHASH": optics.content_hash}
-    return values | ({"PSFFILE": optics.file} if optics.file else {})
+        values["IWA"] = psf_metrics(instrument, band).iwa_arcsec
+        values["FIDELITY"] = optics.knobs.tier
+        return values
+    values["IWA"] = optics.metrics.iwa_arcsec
+    values["FIDELITY"] = "external"
+    values["PSFHASH"] = optics.content_hash
+    if optics.file:
+        values["PSFFILE"] = optics.file
+    return values
 
 
 def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument, tolerance: float) -> None:

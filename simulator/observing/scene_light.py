@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from simulator.config import Instrument
 from simulator.effects import stray_light_parts
 from simulator.imaging import (
     AnyPsf,
+    SceneModel,
     Window,
     apodizer_energy,
     centred_axis,
@@ -53,8 +53,9 @@ def static_light(
     *,
     full: bool,
     sky_e_s_arcsec2: float,
+    roll_deg: float,
     star_arcsec: tuple[float, float],
-    **placing: Any,
+    model: SceneModel,
 ) -> StaticLight:
     """Everything on a window but the stamp of the star, and what smears into a window from beyond it.
 
@@ -72,21 +73,25 @@ def static_light(
         Whether the window is the whole frame.
     sky_e_s_arcsec2 : float
         Sky in front of the telescope.
-    star_arcsec, **placing
+    roll_deg, star_arcsec, model
         As `simulator.imaging.frame.off_axis_light`.
     """
     detector = instrument.detector_of(band)
-    seen, inside, beyond = area, slice(None), None
+    seen, inside, beyond = area, slice(None), None  # the window alone, unless light beyond it smears into it
     if not full and detector.line_shift_s > 0:
         seen, inside, beyond = _columns_of(instrument, band, area)
-    frame, corner = detector.shape, (detector.star_row - seen.centre[0], detector.star_column - seen.centre[1])
-    stray = stray_light_parts(instrument, band, frame, first_pixel=corner, window=seen.shape)
+    corner = (detector.star_row - seen.centre[0], detector.star_column - seen.centre[1])
+    stray = stray_light_parts(instrument, band, detector.shape, first_pixel=corner, window=seen.shape)
     sky = sky_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * apodizer_energy(psf)
     whole = np.asarray(sky * sky_transmission(psf, seen) + sum(stray.values()))
     bright = bool(extended) or any(source.kind == "star" for source in sources[1:])
-    on = seen if bright else area
-    others = off_axis_light(psf, on, sources[1:], extended, star_arcsec=star_arcsec, **placing)
-    whole[slice(None) if bright or full else inside] += others
+    others = off_axis_light(
+        psf, seen if bright else area, sources[1:], extended, roll_deg=roll_deg, star_arcsec=star_arcsec, model=model
+    )
+    if bright or full:
+        whole += others
+    else:
+        whole[inside] += others
     if full:
         whole += sources[0].rate_e_s * full_star_map(psf, area, star_arcsec)
     columns = None

@@ -12,7 +12,7 @@ from simulator.camera import Frame, InfraredCamera, VisibleCamera, camera_keywor
 from simulator.config import CameraName, Channel, Detector, Drift, Instrument, Section
 from simulator.detectors import Exposure, PastExposure
 from simulator.effects import cosmic_ray_rate, effect_files
-from simulator.imaging import visit_frames
+from simulator.imaging import FocalGrid, Imager, visit_frames
 
 Kind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
 Camera: TypeAlias = VisibleCamera | InfraredCamera
@@ -29,25 +29,32 @@ def checked_exposure(exposure_s: float) -> float:
 
 
 def visit_stamps(
-    imager: Any, drift: Drift, epochs: int, visit_s: float, seed: int, path: tuple[PathPart, ...], **place: Any
+    imager: Imager | FocalGrid,
+    drift: Drift,
+    epochs: int,
+    visit_s: float,
+    seed: int,
+    path: tuple[PathPart, ...],
+    *,
+    star_arcsec: tuple[float, float] = (0.0, 0.0),
 ) -> FloatArray:
     """Return the images of the unit star at every epoch of a visit.
 
     Parameters
     ----------
-    imager : object
-        What `simulator.imaging.visit_frames` takes.
+    imager : Imager or FocalGrid
     drift : Drift
     epochs : int
     visit_s : float
         Length of the visit.
     seed, path
         Of the sequence; the offset and the walk of the visit have streams of their own.
-    **place
+    star_arcsec : tuple of float
         As of `simulator.imaging.visit_frames`.
     """
-    offset, walk = (stream(seed, *path, name) for name in ("visit", "walk"))
-    return visit_frames(imager, drift, epochs, visit_s / epochs, offset, walk, **place)
+    offset = stream(seed, *path, "visit")
+    walk = stream(seed, *path, "walk")
+    return visit_frames(imager, drift, epochs, visit_s / epochs, offset, walk, star_arcsec=star_arcsec)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,11 +177,22 @@ class Sequence:
     @property
     def camera_keywords(self) -> dict[str, Any]:
         """Header keywords of camera and sequence."""
-        what = {"TELESCOP": "CSST", "INSTRUME": "CPIC", "CAMERA": self.camera, "OBSTYPE": self.kind}
-        how = {"FILTER": self.band, "EXPTIME": self.exposure_s, "NFRAME": self.n_frames, "EMGAIN": self.em_gain}
-        run = {"SEED": self.seed, "REALISAT": self.realisation, "CONFHASH": self.instrument.content_hash}
-        own = camera_keywords(self.channel.detector, self.em_gain)
-        return what | how | own | run | {"OBJECT": self.name, "PIXSCALE": self.pixel_scale_arcsec}
+        return {
+            "TELESCOP": "CSST",
+            "INSTRUME": "CPIC",
+            "CAMERA": self.camera,
+            "OBSTYPE": self.kind,
+            "FILTER": self.band,
+            "EXPTIME": self.exposure_s,
+            "NFRAME": self.n_frames,
+            "EMGAIN": self.em_gain,
+            **camera_keywords(self.channel.detector, self.em_gain),
+            "SEED": self.seed,
+            "REALISAT": self.realisation,
+            "CONFHASH": self.instrument.content_hash,
+            "OBJECT": self.name,
+            "PIXSCALE": self.pixel_scale_arcsec,
+        }
 
     @property
     def pixel_scale_arcsec(self) -> float:
@@ -212,8 +230,9 @@ class Sequence:
             Mean electrons per second and pixel, of the shape of a frame.
         """
         if isinstance(self._camera, VisibleCamera):
-            beyond, gain = self.light.beyond_e_s, self.em_gain
-            return self._camera.prepare(rates, self.exposure_s, gain, first_pixel=self.first_pixel, beyond_e_s=beyond)
+            return self._camera.prepare(
+                rates, self.exposure_s, self.em_gain, first_pixel=self.first_pixel, beyond_e_s=self.light.beyond_e_s
+            )
         return self._camera.prepare(rates, self.exposure_s, first_pixel=self.first_pixel)
 
     @numeric_context()
@@ -300,9 +319,17 @@ class Sequence:
             return []
         epochs = range(self._epoch(index), -1, -1)
         edges = ((self._first_frame(epoch), min(self._first_frame(epoch + 1), int(index))) for epoch in epochs)
-        pace = {"exposure_s": self.exposure_s, "readout_s": self.readout_s, "decay_s": detector.persistence.decay_s}
-        runs, well = (run for run in edges if run[0] < index), detector.full_well_e
-        return list(earlier_frames(runs, self._mean_charge, before=int(index), full_well_e=well, **pace))
+        return list(
+            earlier_frames(
+                ((first, end) for first, end in edges if first < index),
+                self._mean_charge,
+                before=int(index),
+                full_well_e=detector.full_well_e,
+                exposure_s=self.exposure_s,
+                readout_s=self.readout_s,
+                decay_s=detector.persistence.decay_s,
+            )
+        )
 
     def _mean_charge(self, index: int) -> FloatArray:
         """Mean electrons of a frame, kept for the frames after it."""

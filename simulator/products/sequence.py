@@ -130,14 +130,21 @@ class FrameSequence(Protocol):
         """Yield the frames one at a time."""
 
 
-_SETTINGS = {"camera": str, "kind": str, "band": str, "n_frames": int, "exposure_s": float, "readout_s": float}
-_SETTINGS |= {"em_gain": float, "seed": int, "start_utc": str, "roll_deg": float}
-
-
 def settings_of(sequence: FrameSequence) -> dict[str, Any]:
     """Return the settings of a sequence as plain values, by name."""
-    plain = {name: kind(getattr(sequence, name)) for name, kind in _SETTINGS.items()}
-    return plain | {"shape": [int(side) for side in sequence.shape]}
+    return {
+        "camera": str(sequence.camera),
+        "kind": str(sequence.kind),
+        "band": str(sequence.band),
+        "n_frames": int(sequence.n_frames),
+        "exposure_s": float(sequence.exposure_s),
+        "readout_s": float(sequence.readout_s),
+        "em_gain": float(sequence.em_gain),
+        "seed": int(sequence.seed),
+        "start_utc": str(sequence.start_utc),
+        "roll_deg": float(sequence.roll_deg),
+        "shape": [int(side) for side in sequence.shape],
+    }
 
 
 def camera_of(sequence: FrameSequence) -> AnyDetector:

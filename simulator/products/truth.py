@@ -70,28 +70,52 @@ def sequence_values(
 
 
 def _own(sequence: FrameSequence, name: ProductName, times: SequenceTimes) -> dict[str, Any]:
-    count, exposure_s, version = int(sequence.n_frames), float(sequence.exposure_s), f"V{name.version:02d}"
-    what = {"TELESCOP": "CSST", "INSTRUME": "CPIC", "CAMERA": sequence.camera, "OBSTYPE": sequence.kind}
-    file = {"FILENAME": name.file.name, "OBSID": name.obsid, "IMG_VER": version, "KEYTABLE": load_keywords().version}
-    counts = {"NFRAME": count, "NEXTEND": count, "NEFFECT": len(sequence.ledger)}
-    dates = {"TIMESYS": "UTC", "DATE-OBS": times.start_utc, "DATE-END": times.stop_utc}
-    mjd = {"EXPSTART": float(times.begin_mjd[0]), "EXPEND": float(times.end_mjd[-1])}
-    seconds = {"EXPTIME": exposure_s, "READTIME": float(sequence.readout_s), "INTTIME": count * exposure_s}
-    last = {"BUNIT": "adu", "NCALFILE": len(sequence.calibration_files)}
-    return what | file | counts | dates | mjd | seconds | last
+    count = int(sequence.n_frames)
+    exposure_s = float(sequence.exposure_s)
+    return {
+        "TELESCOP": "CSST",
+        "INSTRUME": "CPIC",
+        "CAMERA": sequence.camera,
+        "OBSTYPE": sequence.kind,
+        "FILENAME": name.file.name,
+        "OBSID": name.obsid,
+        "IMG_VER": f"V{name.version:02d}",
+        "KEYTABLE": load_keywords().version,
+        "NFRAME": count,
+        "NEXTEND": count,
+        "NEFFECT": len(sequence.ledger),
+        "TIMESYS": "UTC",
+        "DATE-OBS": times.start_utc,
+        "DATE-END": times.stop_utc,
+        "EXPSTART": float(times.begin_mjd[0]),
+        "EXPEND": float(times.end_mjd[-1]),
+        "EXPTIME": exposure_s,
+        "READTIME": float(sequence.readout_s),
+        "INTTIME": count * exposure_s,
+        "BUNIT": "adu",
+        "NCALFILE": len(sequence.calibration_files),
+    }
 
 
 def _configured(sequence: FrameSequence) -> dict[str, Any]:
     camera, instrument, scene, band = camera_of(sequence), sequence.instrument, sequence.scene, sequence.band
-    values: dict[str, Any] = {"OBJECT": sequence.kind} if scene is None else {"OBJECT": scene.name}
-    values |= {"FILTER": band or None, "SWNAME": DISTRIBUTION, "SWVER": software_version()}
-    values |= {"CONFHASH": instrument.content_hash, "SCENHASH": None if scene is None else scene.content_hash}
-    values |= {"SEED": int(sequence.seed), "DMFILE": instrument.dark_hole.surface_files.get(band)}
-    values |= {"DETNAM": sequence.camera, "ADCBITS": camera.adc_bits, "PIXSIZE": camera.pixel_um}
-    values |= camera_keywords(camera, sequence.em_gain)
-    values["PIXSCALE"] = instrument.pixel_scale_arcsec(band) if band else None
-    # The mask is part of the camera: the roll of the telescope does not turn it.
-    values["MASKROT"] = 0.0 if sequence.kind in SCIENCE_KINDS else None
+    values: dict[str, Any] = {
+        "OBJECT": sequence.kind if scene is None else scene.name,
+        "FILTER": band or None,
+        "SWNAME": DISTRIBUTION,
+        "SWVER": software_version(),
+        "CONFHASH": instrument.content_hash,
+        "SCENHASH": None if scene is None else scene.content_hash,
+        "SEED": int(sequence.seed),
+        "DMFILE": instrument.dark_hole.surface_files.get(band),
+        "DETNAM": sequence.camera,
+        "ADCBITS": camera.adc_bits,
+        "PIXSIZE": camera.pixel_um,
+        **camera_keywords(camera, sequence.em_gain),
+        "PIXSCALE": instrument.pixel_scale_arcsec(band) if band else None,
+        # The mask is part of the camera: the roll of the telescope does not turn it.
+        "MASKROT": 0.0 if sequence.kind in SCIENCE_KINDS else None,
+    }
     if isinstance(camera, Detector):
         values["EMGAIN"] = float(sequence.em_gain)
     for keyword in load_keywords():

@@ -99,8 +99,9 @@ def _attitude(sequence: FrameSequence, utc: Sequence[str], sky: Ephemeris) -> st
     turn = "" if sequence.scene is None else f"{sequence.roll_deg % 360.0:.6f}"
     rows = []
     for row, time in enumerate(utc):
-        state = *(f"{part:.6f}" for part in sky.position_km[row]), *(f"{part:.9f}" for part in sky.velocity_km_s[row])
-        rows.append([time, *where, turn, *state, *(f"{values[row]:.6f}" for values in given.values())])
+        position = [f"{part:.6f}" for part in sky.position_km[row]]
+        velocity = [f"{part:.9f}" for part in sky.velocity_km_s[row]]
+        rows.append([time, *where, turn, *position, *velocity, *(f"{values[row]:.6f}" for values in given.values())])
     return _table((*names, *given), rows)
 
 
@@ -169,8 +170,8 @@ def write_level0(
     check_sequence(observation)
     table = load_keywords()
     profile = table.profile(observation.instrument.mission.keyword_profile)
-    n_frames, pace = int(observation.n_frames), (observation.exposure_s, observation.readout_s)
-    times = sequence_times(observation.start_utc, *pace, n_frames)
+    n_frames = int(observation.n_frames)
+    times = sequence_times(observation.start_utc, observation.exposure_s, observation.readout_s, n_frames)
     name = product_name(observation, times, obsid)
     root = Path(out_dir)
     refuse_taken(root, name, overwrite=overwrite)

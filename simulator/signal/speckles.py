@@ -116,11 +116,15 @@ def _laws(
     place, linear_table, square_table = _annulus_table(metrics, annulus_lambda_d)
     separation = np.asarray(separation_arcsec, float)
     linear, square = (np.exp(np.interp(separation, place, table)) for table in (linear_table, square_table))
-    visit, walk, ratio = drift.visit_nm**2, drift.walk_nm_per_sqrt_hour**2 / (3.0 * 3600.0), reference_ratio
-    both, of_squares = (1.0 + ratio) / 2.0, (1.0 + ratio**2) / 2.0
-    crossed = SpeckleLaw(visit * linear, walk * linear * both, np.zeros_like(linear))
-    light = visit**2 * square, walk * 2.0 * square * visit * both, 1.5 * walk**2 * square * of_squares
-    return crossed, SpeckleLaw(*light)
+    visit, walk = drift.visit_nm**2, drift.walk_nm_per_sqrt_hour**2 / (3.0 * 3600.0)
+    both, of_squares = (1.0 + reference_ratio) / 2.0, (1.0 + reference_ratio**2) / 2.0
+    crossed = SpeckleLaw(k0=visit * linear, k1=walk * linear * both, k2=np.zeros_like(linear))
+    light = SpeckleLaw(
+        k0=visit**2 * square,
+        k1=walk * 2.0 * square * visit * both,
+        k2=1.5 * walk**2 * square * of_squares,
+    )
+    return crossed, light
 
 
 @functools.lru_cache(maxsize=64)
