@@ -120,14 +120,19 @@ class _Counts:
     def __init__(
         self, model: etc.EtcModel, targets: Targets, band: str, planets: Planets, settings: tuple[FloatArray, ...]
     ) -> None:
-        self.model, self.targets, self.band, self.planets, self.settings = model, targets, band, planets, settings
-        self.found, self.insolation = np.zeros((3, len(targets)), np.int64), [np.inf, -np.inf]
+        self.model = model
+        self.targets = targets
+        self.band = band
+        self.planets = planets
+        self.settings = settings
+        self.found = np.zeros((3, len(targets)), np.int64)
+        self.insolation = [np.inf, -np.inf]
 
     def add(self, part: slice) -> None:
         """Add planets of a slice; a map from sky to detector is linear in the offset, whatever its unit."""
         east, north = self.planets.east_au[part], self.planets.north_au[part]
-        pa_deg, parity = np.rad2deg(np.arctan2(east, north)), self.model.instrument.detector.parity
-        x_au, y_au = sky_to_detector(np.hypot(east, north), pa_deg, parity=parity)
+        pa_deg = np.rad2deg(np.arctan2(east, north))
+        x_au, y_au = sky_to_detector(np.hypot(east, north), pa_deg, parity=self.model.instrument.detector.parity)
         for rows in _slices(len(self.targets), _PLACED // len(x_au)):
             self._add_around(rows, part, x_au, y_au)
 
@@ -162,10 +167,11 @@ class _Counts:
         distance = planets.distance_au[pick] * scale[:, None]
         follows = np.array([needs_insolation(spec) for spec in planets.albedos])[kind] & usable
         if follows.any():
-            seen, (low, high) = etc.insolation_distance_au(targets, distance)[follows], self.insolation
+            seen = etc.insolation_distance_au(targets, distance)[follows]
+            low, high = self.insolation
             self.insolation = [min(low, float(seen.min())), max(high, float(seen.max()))]
-        drawn = planets.radius_rjup[pick], distance, planets.phase_deg[pick]
-        return etc.mixture_contrast(self.model, targets, self.band, planets.albedos, kind, *drawn)
+        radius, phase = planets.radius_rjup[pick], planets.phase_deg[pick]
+        return etc.mixture_contrast(self.model, targets, self.band, planets.albedos, kind, radius, distance, phase)
 
 
 def _detected(
@@ -190,7 +196,8 @@ def _detected(
 
 def _significance(model: etc.EtcModel, rates: etc.ApertureRates, band: str, setting: list[FloatArray]) -> FloatArray:
     """Signal over noise without the planet's own, of charge measured or photons counted."""
-    strategy, camera, (exposure_s, n_frames, em_gain) = model.strategy, model.camera(band), setting
+    strategy, camera = model.strategy, model.camera(band)
+    exposure_s, n_frames, em_gain = setting
     if strategy.mode == "analogue":
         return etc.stack_noise(rates, exposure_s, n_frames, em_gain, camera, strategy).significance
     problem = etc.frame_problem(rates, camera, strategy, objective="significance", em_gain=float(em_gain.flat[0]))

@@ -1,7 +1,6 @@
 """Why a star stands where it stands in the ranking."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -56,11 +55,11 @@ def explain_star(
     if name not in known:
         raise InputError("star", name, allowed="a star of the sample that is ranked")
     index = known[name]
-    asked: dict[str, Any] = {"planet": planet, "bands": bands, "population": population, "score": score}
-    setting = RankSetting.of(model, time_s=time_s, **asked)
-    rank = rank_targets(model, targets, time_s=time_s, **asked)
+    setting = RankSetting.of(model, time_s=time_s, planet=planet, bands=bands, population=population, score=score)
+    rank = rank_targets(model, targets, time_s=time_s, planet=planet, bands=bands, population=population, score=score)
     place = next(i for i, row in enumerate(rank.targets) if row.name == name)
-    star, rows = targets.select([index]), rank.targets
+    star = targets.select([index])
+    rows = rank.targets
     planets = (population or PopulationChoice.default()).draw()
     standings = [_standing(setting, star, band, planets) for band in setting.bands]
     ranks = _other_ranks(setting, targets, rows, name) if other_assumptions else {}
@@ -82,7 +81,8 @@ def _other_ranks(setting: RankSetting, targets: Targets, rows: Sequence[RankedTa
     nominal = {row.name: row for row in rows}
     if nominal[name].rank <= N_TOP:
         standing = [nominal[str(star)] for star in targets.name]
-        rank, margin = np.array([row.rank for row in standing]), np.array([row.detection_margin for row in standing])
+        rank = np.array([row.rank for row in standing])
+        margin = np.array([row.detection_margin for row in standing])
         targets = targets.select(near_top(rank, margin, N_TOP))
     index = [str(star) for star in targets.name].index(name)
     return {item.key: int(in_order(item.change(setting), targets).rank[index]) for item in in_turn(ASSUMPTIONS)}

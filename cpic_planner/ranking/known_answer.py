@@ -139,11 +139,18 @@ def known_answer(
         raise InputError("known planets", choice.table.provenance, allowed="planets of stars of the sample")
     rows = [_row(model, targets.select([i]), choice, row, names, span) for i, mine in enumerate(listed) for row in mine]
     zones = {band: model.metrics[band].zone for band in names}
-    asked: dict[str, Any] = {"kind": "known", "version": __version__, "model": model.content(), "bands": list(names)}
-    asked |= {"choice": choice.content(), "years": span, "targets": stars.content()}
+    decides = {
+        "kind": "known",
+        "version": __version__,
+        "model": model.content(),
+        "bands": list(names),
+        "choice": choice.content(),
+        "years": span,
+        "targets": stars.content(),
+    }
     return KnownResult.of(
         choice,
-        config_hash=content_hash(asked),
+        config_hash=content_hash(decides),
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         planets_table=choice.table.provenance,
         years=span,
@@ -177,15 +184,22 @@ def planets_contrast(model: EtcModel, target: Targets, band: str, planets: Plane
 def _row(
     model: EtcModel, star: Targets, choice: KnownChoice, row: int, bands: Sequence[str], years: float | None
 ) -> KnownPlanetRow:
-    table, distance_pc = choice.table, float(star.distance_pc[0])
+    table = choice.table
     years = years if table.counted[row] else None
     drawn = draw_known(table, [row], known_uniforms(table, [row], choice.n_draws, choice.seed), epoch_mjd=choice.mjd)
     planets = planets_of(drawn, 0, choice.albedo)
     period = float(np.median(drawn.period_days[0]))
     days = [0.0] if years is None else _days(years * DAYS_PER_YEAR, period)
-    draws = {"n_draws": choice.n_draws, "seed": choice.seed}
-    where = ephemeris(table, row, choice.mjd + np.asarray(days), **draws, distance_pc=distance_pc)
-    looks, windows = list[KnownBand](), list[KnownWindow]()
+    where = ephemeris(
+        table,
+        row,
+        choice.mjd + np.asarray(days),
+        n_draws=choice.n_draws,
+        seed=choice.seed,
+        distance_pc=float(star.distance_pc[0]),
+    )
+    looks: list[KnownBand] = []
+    windows: list[KnownWindow] = []
     for band in bands:
         zone = model.metrics[band].zone
         share = where.share_between(zone.inner_corner_arcsec, zone.outer_corner_arcsec)
@@ -193,7 +207,8 @@ def _row(
         looks.append(KnownBand(band=band, contrast=_quantiles(contrast), hole_share=float(share[0])))
         if years is not None:
             windows += _windows(band, where.mjd, share)
-    mass, texts = drawn.mass_mjup[0], {name: table.text(name)[row] for name in _TEXTS}
+    mass = drawn.mass_mjup[0]
+    texts = {name: table.text(name)[row] for name in _TEXTS}
     orbit = {name: _quantiles(getattr(drawn, name)[0]) for name in _OF_ORBIT}
     place = {name: _three(getattr(where, name)[:, 0]) for name in ("separation_arcsec", "distance_au", "phase_deg")}
     return KnownPlanetRow.of(
@@ -220,7 +235,8 @@ def _days(length: float, period: float) -> list[float]:
 def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[KnownWindow]:
     """Runs of dates on which the share is at least a half."""
     likely = np.concatenate([[False], share >= _LIKELY, [False]])
-    starts, ends = np.flatnonzero(likely[1:] & ~likely[:-1]), np.flatnonzero(~likely[1:] & likely[:-1]) - 1
+    starts = np.flatnonzero(likely[1:] & ~likely[:-1])
+    ends = np.flatnonzero(~likely[1:] & likely[:-1]) - 1
     found = []
     for start, end in zip(starts, ends, strict=True):
         best = int(start + np.argmax(share[start : end + 1]))
@@ -236,8 +252,13 @@ def _day(mjd: float) -> str:
 
 
 def _track(where: Ephemeris) -> KnownTrack:
-    names = ("separation_low_arcsec", "separation_median_arcsec", "separation_high_arcsec")
-    return KnownTrack(mjd=where.mjd.tolist(), **dict(zip(names, where.separation_arcsec.tolist(), strict=True)))
+    low, median, high = where.separation_arcsec.tolist()
+    return KnownTrack(
+        mjd=where.mjd.tolist(),
+        separation_low_arcsec=low,
+        separation_median_arcsec=median,
+        separation_high_arcsec=high,
+    )
 
 
 def _quantiles(draws: FloatArray) -> Quantiles:
@@ -245,4 +266,5 @@ def _quantiles(draws: FloatArray) -> Quantiles:
 
 
 def _three(values: FloatArray) -> Quantiles:
-    return Quantiles(**dict(zip(("low", "median", "high"), values.tolist(), strict=True)))
+    low, median, high = values.tolist()
+    return Quantiles(low=low, median=median, high=high)

@@ -3,7 +3,6 @@
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -305,10 +304,8 @@ class _Search:
         def column(array: ArrayLike) -> FloatArray:
             return np.array(np.broadcast_to(np.asarray(array, float), (n, 1))[:, 0])
 
-        def columns(source: Any, *names: str) -> dict[str, Any]:
-            return {name: column(getattr(source, name)) for name in names}
-
-        needed, calm, dark = etc.needed_margin(model, band), *np.zeros((2, n), bool)
+        needed = etc.needed_margin(model, band)
+        calm, dark = np.zeros(n, bool), np.zeros(n, bool)
         if visit_s is not None:
             # Bounds leave few stars to be solved again: white noise alone, and the frozen offset alone.
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -322,10 +319,15 @@ class _Search:
 
         return OptimalSetting(
             band=np.full(n, band),
-            **columns(chosen, "separation_arcsec", "contrast", "threshold"),
-            **columns(choice, "exposure_s", "n_frames", "em_gain"),
+            separation_arcsec=column(chosen.separation_arcsec),
+            contrast=column(chosen.contrast),
+            threshold=column(chosen.threshold),
+            exposure_s=column(choice.exposure_s),
+            n_frames=column(choice.n_frames),
+            em_gain=column(choice.em_gain),
             time_s=column(model.time_s(choice.visit_s)),
-            **columns(noise, "snr", "significance"),
+            snr=column(noise.snr),
+            significance=column(noise.significance),
             margin=column(margin),
             floor_margin=self._most(floor.max(axis=1), column(margin)),
             needed_margin=np.full(n, needed),
@@ -337,7 +339,7 @@ class _Search:
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],
             longest_exposure_s=column(chosen.problem("significance").longest_s()),
-            **columns(chosen.rates, "peak_columns_e_s"),
+            peak_columns_e_s=column(chosen.rates.peak_columns_e_s),
             peak_hole_e_s=column(chosen.rates.peak_in_hole_e_s),
             tail_e_s=column(chosen.rates.register_tail_e_s),
             core_throughput=column(

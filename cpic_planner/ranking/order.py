@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -56,9 +56,14 @@ class RankSetting:
         score: ScoreName = DEFAULT_SCORE,
     ) -> Self:
         """Return what a ranking is asked for, checked and complete; parameters are those of `rank_targets`."""
-        names, time_s = model.named(bands), etc.check_range("time_s", time_s, 1e-3, 1e9, "s")
-        choice = population or PopulationChoice.default()
-        return cls(model, time_s, planet or ReferencePlanet(), names, choice, score)
+        return cls(
+            model=model,
+            time_s=etc.check_range("time_s", time_s, 1e-3, 1e9, "s"),
+            planet=planet or ReferencePlanet(),
+            bands=model.named(bands),
+            population=population or PopulationChoice.default(),
+            score=score,
+        )
 
     def drawn(self, targets: Targets) -> Planets | KnownSample:
         """Return the planets that completeness counts: of a population, the same at every star, or each star's own."""
@@ -67,10 +72,19 @@ class RankSetting:
 
     def digest(self, targets: Targets) -> str:
         """Hash of everything that decides a ranking."""
-        model, law = self.model.content(), etc.default_law().model_dump(mode="json")
-        asked = {"bands": list(self.bands), "time_s": self.time_s, "score": self.score}
-        about = {"kind": "rank", "version": __version__, "model": model, "detection": law, "targets": targets.content()}
-        return content_hash(asked | about | {"planet": self.planet.content(), "population": self.population.content()})
+        decides = {
+            "kind": "rank",
+            "version": __version__,
+            "model": self.model.content(),
+            "detection": etc.default_law().model_dump(mode="json"),
+            "targets": targets.content(),
+            "bands": list(self.bands),
+            "time_s": self.time_s,
+            "score": self.score,
+            "planet": self.planet.content(),
+            "population": self.population.content(),
+        }
+        return content_hash(decides)
 
 
 @dataclass(frozen=True)
@@ -152,7 +166,8 @@ def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tu
 
 def ranked(setting: RankSetting, targets: Targets, *, with_times: bool = True) -> Ranked:
     """Best settings, completeness and score of every star; least times of detection only ``with_times``."""
-    model, planet, bands, planets = setting.model, setting.planet, setting.bands, setting.drawn(targets)
+    model, planet, bands = setting.model, setting.planet, setting.bands
+    planets = setting.drawn(targets)
     chosen = SCORES[setting.score]
     if len(targets) < 1:
         raise InputError("targets", len(targets), allowed="at least one star")
@@ -174,7 +189,8 @@ def _numbers(
     counted: Sequence[BandCompleteness],
 ) -> StarNumbers:
     """What scores are made of; completeness is -1 where albedos are extrapolated, if they are known in another band."""
-    shares, times = np.stack([part.completeness for part in counted]), np.stack([item.time_s for item in by_band])
+    shares = np.stack([part.completeness for part in counted])
+    times = np.stack([item.time_s for item in by_band])
     known = np.array(["extrapolated" not in part.flags for part in counted])
     counts = known[:, None] | ~known.any()
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -182,10 +198,17 @@ def _numbers(
     speed = np.zeros(shares.shape[1])
     if quickest is not None:
         speed = np.where(quickest.n_frames > 0, 3600.0 / np.maximum(quickest.time_s, 1e-9), 0.0)
-    made = {"detections_per_hour": speed, "completeness": np.where(counts, shares, -1.0)}
-    made["completeness_per_hour"] = np.where(counts, rates, -1.0)
-    columns = {item.name: getattr(best, item.name) for item in fields(StarNumbers) if item.name not in made}
-    return StarNumbers(**made, **columns)
+    return StarNumbers(
+        completeness=np.where(counts, shares, -1.0),
+        completeness_per_hour=np.where(counts, rates, -1.0),
+        detections_per_hour=speed,
+        margin=best.margin,
+        snr=best.snr,
+        significance=best.significance,
+        contrast=best.contrast,
+        deepest_limit=best.deepest_limit,
+        time_s=best.time_s,
+    )
 
 
 def _counted(
@@ -287,7 +310,9 @@ def _row(
     found: Ranked, targets: Targets, i: int, rank: int, setting: dict[str, Any], companion_blooms: bool
 ) -> RankedTarget:
     best, quickest, model, planet = found.best, found.quickest, found.setting.model, found.setting.planet
-    star, band, separation = targets.select([i]), str(best.band[i]), best.separation_arcsec[i : i + 1]
+    star = targets.select([i])
+    band = str(best.band[i])
+    separation = best.separation_arcsec[i : i + 1]
     distance = float(etc.reference_distance_au(star, separation, planet)[0, 0])
     luminosity = finite(targets.luminosity_lsun[i])
     flags = [*targets.flags[i], *model.strategy.reference_library.flags]
@@ -297,8 +322,10 @@ def _row(
         flags.append("stellar_grid_clamped")
     if companion_blooms:
         flags.append("companion_saturates")
-    counted, time_s = found.counted[found.picked[i]], float(found.completeness_time_s[i])
-    share, expected = float(counted.completeness[i]), counted.expected_detections
+    counted = found.counted[found.picked[i]]
+    time_s = float(found.completeness_time_s[i])
+    share = float(counted.completeness[i])
+    expected = counted.expected_detections
     return RankedTarget.of(
         best,
         targets,
@@ -337,6 +364,11 @@ def setting_fields(
         What limits it, of `limits_of`.
     """
     possible = best.n_frames[i] >= 1
+
+    def taken(values: FloatArray) -> float | None:
+        """Return the star's value where it can be observed."""
+        return float(values[i]) if possible else None
+
     return {
         "status": standing[0].value,
         "reason": standing[1].value,
@@ -347,7 +379,10 @@ def setting_fields(
         "detection_margin": float(best.margin[i]),
         "limited_by": limited_by,
         "n_frames": int(best.n_frames[i]) if possible else None,
-    } | {name: float(getattr(best, name)[i]) if possible else None for name in ("exposure_s", "em_gain", "time_s")}
+        "exposure_s": taken(best.exposure_s),
+        "em_gain": taken(best.em_gain),
+        "time_s": taken(best.time_s),
+    }
 
 
 def finite(value: float) -> float | None:

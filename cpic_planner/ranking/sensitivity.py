@@ -165,8 +165,11 @@ def sensitivity(
     """
     setting = RankSetting.of(model, time_s=time_s, planet=planet, bands=bands, population=population, score=score)
     check_range("top", top, 1, math.inf, "stars")
-    digest, nominal = setting.digest(targets), in_order(setting, targets)
-    n_ranked, n_ok, n_top = len(targets), int(np.count_nonzero(nominal.detected)), min(top, len(targets))
+    digest = setting.digest(targets)
+    nominal = in_order(setting, targets)
+    n_ranked = len(targets)
+    n_ok = int(np.count_nonzero(nominal.detected))
+    n_top = min(top, n_ranked)
     pool = near_top(nominal.rank, nominal.margin, top)
     targets, nominal = targets.select(pool), nominal.select(pool)
     rows = []

@@ -63,7 +63,9 @@ def make_schedule(problem: Problem) -> Schedule:
         chosen = exchanged(problem, cuts_at)
         better = _value(problem, chosen)
         if method == "milp" or better > value:
-            method, value = "milp" if method == "milp" else "greedy, exchanged", better
+            if method == "greedy":
+                method = "greedy, exchanged"
+            value = better
             booked = [item for star in sorted(chosen) for item in _gains(problem, star, chosen[star])]
             room = Room.of(problem, [(star, visit) for star, visit, _ in booked])
     spare: list[tuple[int, Visit, float]] = []
@@ -82,7 +84,8 @@ def _allocated(
     if len(groups) == 1:
         chosen, bound = everyone.rounds(whole=True)
         return _worthwhile(problem, chosen), bound
-    room, found = Room.of(problem), dict[int, list[Visit]]()
+    room = Room.of(problem)
+    found: dict[int, list[Visit]] = {}
     for group in groups:
         programme = _Programme(problem, room, group)
         if not programme.columns:
@@ -131,7 +134,8 @@ def _by_star(visits: Iterable[tuple[int, Visit]]) -> dict[int, list[Visit]]:
 
 def _gains(problem: Problem, star: int, visits: Sequence[Visit]) -> list[tuple[int, Visit, float]]:
     """Visits of a star in the order of the calendar, with what each adds."""
-    state, found = _worth(problem, star, ()), []
+    state = _worth(problem, star, ())
+    found = []
     for visit in sorted(visits, key=lambda item: item[1]):
         after = state.after(visit)
         found.append((star, visit, after.value - state.value))
@@ -155,10 +159,12 @@ def exchanged(problem: Problem, made: dict[int, list[Visit]]) -> dict[int, list[
 
 def _exchange(problem: Problem, room: Room, star: int) -> bool:
     """Put each visit of a star where it adds most to the others; whether that helped."""
-    item, helped = problem.stars[star], False
+    item = problem.stars[star]
+    helped = False
     for visit in list(room.visits[star]):
         others = [other for other in room.visits[star] if other != visit]
-        state, cost = _worth(problem, star, others), problem.cost_h(star, visit)
+        state = _worth(problem, star, others)
+        cost = problem.cost_h(star, visit)
         room.budget_h += cost
         room.slots_h[visit[1]] += cost
         gains = np.where(room.holds(item.cost_h), state.gains()[0], -np.inf)
@@ -192,7 +198,9 @@ class _Programme:
     """Columns, limits and cuts of some stars of a problem, in the room that is left for them."""
 
     def __init__(self, problem: Problem, room: Room, stars: Sequence[int]) -> None:
-        self.problem, self.budget_h, self.slots_h = problem, room.budget_h, room.slots_h.copy()
+        self.problem = problem
+        self.budget_h = room.budget_h
+        self.slots_h = room.slots_h.copy()
         # A visit adds at most what it is worth alone: those worth less than the strategy asks are never made. Where a
         # detection needs several, it is they together that have to be worth it.
         least = problem.strategy.scheduler.min_gain if problem.needed == 1 else 0.0
@@ -216,7 +224,8 @@ class _Programme:
     def _add(self, star: int, visits: Sequence[Visit]) -> float:
         """One cut; returns what the visits are worth in `U`."""
         state = _worth(self.problem, star, visits)
-        upper, gains = state.gains()[1], np.zeros(len(self.columns))
+        upper = state.gains()[1]
+        gains = np.zeros(len(self.columns))
         for k in self._own[star]:
             visit = self.columns[k][1]
             gains[k] = 0.0 if visit in visits else upper[visit]

@@ -156,7 +156,8 @@ class PlanningSky:
     """
 
     def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
-        self._seed, self._reach = seed, reach_arcsec
+        self._seed = seed
+        self._reach = reach_arcsec
         self._kept: dict[str, tuple[PlanetSample, OrbitPlaces]] = {}
 
     def of(
@@ -169,9 +170,15 @@ class PlanningSky:
         days: FloatArray,
     ) -> tuple[PlanetSample, OrbitPlaces]:
         """Planets of one star, `N_DRAWS` new ones and `N_KNOWN` draws of each known one, and their places by day."""
-        name, content = str(star.name[0]), None if population is None else population.content()
-        asked = {"star": name, "population": content, "rows": list(rows), "epoch": epoch_mjd, "days": days.tolist()}
-        key = content_hash(asked)
+        name = str(star.name[0])
+        decides = {
+            "star": name,
+            "population": None if population is None else population.content(),
+            "rows": list(rows),
+            "epoch": epoch_mjd,
+            "days": days.tolist(),
+        }
+        key = content_hash(decides)
         if key not in self._kept:
             who = name, float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0])
             draw = partial(draw_planet_sample, *who, epoch_mjd=epoch_mjd, seed=self._seed, stage="planning")
@@ -237,11 +244,15 @@ def screen(
             own = settings_of(model, chosen, band, strategy.visit, time_s)
             settings.append(tuple(own))
             if drawn is not None:
-                frames = {
-                    name: np.array([getattr(item, name) for item in own])
-                    for name in ("exposure_s", "n_frames", "em_gain")
-                }
-                counted = completeness(model, chosen, band, drawn, **frames)
+                counted = completeness(
+                    model,
+                    chosen,
+                    band,
+                    drawn,
+                    exposure_s=np.array([item.exposure_s for item in own]),
+                    n_frames=np.array([item.n_frames for item in own]),
+                    em_gain=np.array([item.em_gain for item in own]),
+                )
                 promising |= counted.completeness > 0.0
     known_rows = tuple(tuple(every[row]) for row in rows)
     return Screened(strategy, model, chosen, tuple(settings), promising, known_rows)
@@ -271,16 +282,20 @@ def candidates(
         What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
         would have been seen count for less.
     """
-    strategy, model, targets, found = screened.strategy, screened.model, screened.targets, []
+    strategy, model, targets = screened.strategy, screened.model, screened.targets
+    found = []
     for place, i in enumerate(screened.rows):
         rows = screened.known_rows[i]
         options = tuple(by_star[i] for by_star in screened.settings if by_star[i].possible)
         costs = [calendar.cost_h(model, place, option, strategy.visit.settlings) for option in options]
         cost = np.stack(costs) if options else np.zeros((0, 0))
         done = () if log is None else log.of(str(targets.name[i]))
-        visits_left, most_empty = strategy.revisits.max_visits - len(done), strategy.stop.after_empty
-        shown = any(visit.planets for visit in done)
-        closed = strategy.stop.after_detection if shown else most_empty is not None and len(done) >= most_empty
+        visits_left = strategy.revisits.max_visits - len(done)
+        if any(visit.planets for visit in done):
+            closed = strategy.stop.after_detection
+        else:
+            most_empty = strategy.stop.after_empty
+            closed = most_empty is not None and len(done) >= most_empty
         for visit in done:
             since = np.abs(calendar.day[place] + calendar.start_mjd - visit.mjd)
             cost[:, since < strategy.revisits.min_gap_days] = np.inf
@@ -306,8 +321,17 @@ def candidates(
             chance[o, slots] = detection_chance(seen, rule, placed, calibration=rule.calibration)
         counts = (chance > 0.0).any(axis=(0, 1)) & (weight > 0.0)
         if counts.any():  # the others are never seen
-            worth = chance[:, :, counts], weight[counts]
-            found.append(Candidate(int(i), options, cost, *worth, rows, visits_left, calendar.day[place]))
+            candidate = Candidate(
+                index=int(i),
+                options=options,
+                cost_h=cost,
+                chance=chance[:, :, counts],
+                weight=weight[counts],
+                known_rows=rows,
+                visits_left=visits_left,
+                day=calendar.day[place],
+            )
+            found.append(candidate)
     found.sort(key=lambda item: (_class(strategy, item), -item.worth, item.index))
     return found[: strategy.targets.max_targets]
 
@@ -323,7 +347,9 @@ def _left(
     known: KnownPlanetTable | None,
 ) -> FloatArray:
     """What earlier visits leave of the weight of each planet: a known one is there all the same."""
-    albedos, placed, epoch_mjd = albedos_of(population), at_known_place(planets, known), calendar.start_mjd
+    albedos = albedos_of(population)
+    placed = at_known_place(planets, known)
+    epoch_mjd = calendar.start_mjd
     left = missed(model, star, planets, albedos, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed)
     for row in np.unique(planets.known[planets.known != NEW]):
         mine = planets.known == row

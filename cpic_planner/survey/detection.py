@@ -110,7 +110,9 @@ def expected_signals(
     planet's own place; a companion's wings turn with the roll. With a library of two rolls, half of it to either side,
     the aperture has to lie there at both, and to move by its diameter between them.
     """
-    shape, metrics, band = places.phase_deg.shape, model.metrics[setting.band], setting.band
+    shape = places.phase_deg.shape
+    band = setting.band
+    metrics = model.metrics[band]
     roll = np.broadcast_to(np.asarray(roll_deg, float)[:, None], shape)
     separation_au = np.hypot(places.east_au, places.north_au)
     separation = separation_au / float(star.distance_pc[0])

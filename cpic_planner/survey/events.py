@@ -105,9 +105,13 @@ class Clock:
     @classmethod
     def of(cls, n: int, budget_h: float, promised_h: float) -> Clock:
         """Return the start of ``n`` universes: whole budget, and what planned visits will take of it."""
-        zero = np.zeros(n)
         return cls(
-            np.full(n, budget_h), zero.copy(), np.full(n, promised_h), zero.copy(), zero.copy(), np.zeros(n, np.int64)
+            left=np.full(n, budget_h),
+            slot=np.zeros(n),
+            promised=np.full(n, promised_h),
+            search=np.zeros(n),
+            follow=np.zeros(n),
+            visits=np.zeros(n, np.int64),
         )
 
     def affords(self, cost_h: float) -> BoolArray:
@@ -212,7 +216,8 @@ class Events:
         block : int
             Number of the block of universes.
         """
-        n, rows = len(clock.left), []
+        n = len(clock.left)
+        rows = []
         counted = ("new_planets", "known_planets", "stars_with_planet", "characterised_planets")
         universes: dict[str, NDArray[Any]] = {name: np.zeros(n, np.int64) for name in counted}
         for i, star in sorted(stars.items()):
@@ -236,7 +241,8 @@ class Events:
 
 def rows_of(tables: SurveyTables, strategy: str, first_universe: int) -> dict[str, Mapping[str, NDArray[Any]]]:
     """Columns of all tables of one block, universes by their number in the survey."""
-    n, found = len(tables.universes["visits"]), tables.detections["universe"]
+    n = len(tables.universes["visits"])
+    found = tables.detections["universe"]
     columns = {
         "universes": tables.universes | {"universe": first_universe + np.arange(n)},
         "detections": tables.detections | {"universe": first_universe + found},

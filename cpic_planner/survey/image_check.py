@@ -92,13 +92,24 @@ def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> Con
     pa_deg = (float(row["pa_deg"]) - float(row["roll_deg"])) % 360.0
     drawn = {key: float(row[key]) for key in ("radius_rjup", "distance_au", "phase_deg", "separation_arcsec")}
     albedo = albedos_of(survey.strategy.population)[int(row["kind"])]
-    planet, name = Planet(name="planet", pa_deg=pa_deg, albedo=albedo, **drawn), f"{row['star']} {number}"
+    planet = Planet(name="planet", pa_deg=pa_deg, albedo=albedo, **drawn)
+    name = f"{row['star']} {number}"
     scene = star_scene(turned, (planet,), name=name, exozodi_zodis=model.instrument.sky.exozodi_zodis)
     place = sky_to_detector(drawn["separation_arcsec"], pa_deg, parity=model.instrument.detector.parity)
     frames = Frames(setting.exposure_s, int(setting.n_frames), setting.em_gain)
     expected = [expected_of(model, turned, setting.band, place, float(row["contrast"]), frames)]
-    how: dict[str, Any] = {"fidelity": "standard", "realisations": REALISATIONS, "audit": False, "overrides": None}
-    task = task_of(model, scene, setting.band, frames, expected, seed=seed, **how)
+    task = task_of(
+        model,
+        scene,
+        setting.band,
+        frames,
+        expected,
+        seed=seed,
+        fidelity="standard",
+        realisations=REALISATIONS,
+        audit=False,
+        overrides=None,
+    )
     return None if refusals_of(task) else task
 
 

@@ -36,14 +36,13 @@ def outcome(
         Date of the first visit of each star; empty for none.
     images : ImageSample, optional
     """
-    universes, strategy = tables["universes"], survey.strategy
+    universes, detections = tables["universes"], tables["detections"]
+    strategy, instrument = survey.strategy, survey.model.instrument
     new, known = (universes[name].astype(float) for name in ("new_planets", "known_planets"))
     hours = universes["search_h"] + universes["follow_up_h"]
     counted = [name for name in universes if name.endswith(("planet", "planets", "alarms"))]
     counts: dict[str, Any] = {name: _estimate(universes[name].astype(float)) for name in counted}
-    instrument, detections = survey.model.instrument, tables["detections"]
     planned = [visit for visit in survey.schedule.visits if not visit.reserve]
-    spare, planned_h = len(survey.schedule.visits) - len(planned), sum(visit.cost_h for visit in planned)
     return results.StrategyOutcome.of(
         strategy,
         instrument=results.AssumedInstrument.of(
@@ -54,7 +53,12 @@ def outcome(
         ),
         leading_planet=_leading(survey, detections, len(new)),
         settings=strategy.model_dump(mode="json"),
-        schedule=results.ScheduleRecord.of(survey.schedule, visits=len(planned), reserve_visits=spare, hours=planned_h),
+        schedule=results.ScheduleRecord.of(
+            survey.schedule,
+            visits=len(planned),
+            reserve_visits=len(survey.schedule.visits) - len(planned),
+            hours=sum(visit.cost_h for visit in planned),
+        ),
         planets=_estimate(new + known),
         **counts,
         hours=_estimate(hours),
@@ -80,7 +84,8 @@ def _leading(survey: Survey, detections: Columns, n: int) -> results.PlanetShare
 
 
 def _estimate(values: FloatArray) -> results.EstimateRecord:
-    found, (low, high) = mean_interval(values), spread(values)
+    found = mean_interval(values)
+    low, high = spread(values)
     return results.EstimateRecord.of(found, low=max(found.low, min(0.0, found.mean)), survey_low=low, survey_high=high)
 
 
@@ -115,7 +120,8 @@ def _planned(survey: Survey, star: int) -> list[PlannedVisit]:
 
 def _curve(detections: Columns, n: int, most_h: float) -> list[results.CurvePoint]:
     """Planets found by the time that so many hours were used, up to the longest survey."""
-    universe, used = detections["universe"] - detections["universe"].min(initial=0), detections["used_h"]
+    universe = detections["universe"] - detections["universe"].min(initial=0)
+    used = detections["used_h"]
     _, universe = np.unique(universe, return_inverse=True)
     points = []
     for hours in np.linspace(0.0, most_h, _CURVE_POINTS):
@@ -129,11 +135,13 @@ def _curve(detections: Columns, n: int, most_h: float) -> list[results.CurvePoin
 def _targets(survey: Survey, stars: Columns, first_utc: Sequence[str]) -> list[results.SurveyTarget]:
     rows = []
     for i, name in enumerate(survey.targets.name):
-        own, mine = _planned(survey, i), stars["star"] == name
+        own = _planned(survey, i)
+        mine = stars["star"] == name
         if not own or not mine.any():
             continue
         mean = {key: float(stars[key][mine].sum()) / float(stars["universes"][mine].sum()) for key in _MEANS}
-        hours, known_seen = mean["search_h"] + mean["follow_up_h"], mean.pop("known_planets")
+        hours = mean["search_h"] + mean["follow_up_h"]
+        known_seen = mean.pop("known_planets")
         known = [] if survey.known is None else survey.known.text("planet")
         ways = [survey.options[i][visit.option] for visit in own]
         rows.append(
@@ -196,8 +204,9 @@ def _difference(first: str, second: str, quantity: Any, one: FloatArray, other: 
     else:
         verdict = f"{first} and {second} do not differ by more than chance"
     correlation = float(np.corrcoef(one, other)[0, 1]) if varies else None
-    said = {"first": first, "second": second, "quantity": quantity, "verdict": verdict}
-    return results.DifferenceRecord.of(found, correlation=correlation, **said)
+    return results.DifferenceRecord.of(
+        found, first=first, second=second, quantity=quantity, verdict=verdict, correlation=correlation
+    )
 
 
 def rank_changes(outcomes: Sequence[results.StrategyOutcome]) -> list[results.RankChange]:

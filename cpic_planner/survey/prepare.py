@@ -55,9 +55,11 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
     InputError
         For a preset, file, band or star that does not exist, or a population without an occurrence rate.
     """
-    universe, limits = config.universe, load_visibility(config.universe.visibility)
+    universe = config.universe
+    limits = load_visibility(universe.visibility)
     _check_rolls(config, limits)
-    catalogue, instrument = as_catalogue(universe.catalog), load_instrument(universe.instrument)
+    catalogue = as_catalogue(universe.catalog)
+    instrument = load_instrument(universe.instrument)
     known = known_table(universe)
     log = _checked(read_log(universe.observed), catalogue, instrument) if universe.observed else None
     looked = []
@@ -65,8 +67,10 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
         logged = () if log is None else [visit.setting.band for visit in log.visits]
         bands = tuple(dict.fromkeys((*strategy.visit.bands, *strategy.follow_up.bands, *logged)))
         model = assumed_model(instrument, strategy, bands)
-        cuts = {name: getattr(strategy.targets, name) for name in ("v_mag_max", "dwarfs_only", "singles_only")}
-        targets = rank_sample(catalog=catalogue, **cuts)
+        cuts = strategy.targets
+        targets = rank_sample(
+            catalog=catalogue, v_mag_max=cuts.v_mag_max, dwarfs_only=cuts.dwarfs_only, singles_only=cuts.singles_only
+        )
         looked.append(screen(strategy, model, targets, known, universe.seed))
         advance(f"{strategy.name}: stars")
     stars = _every_star(looked)
@@ -111,9 +115,13 @@ def _check_rolls(config: StrategiesConfig, limits: VisibilityConfig) -> None:
         reach = strategy.revisits.roll_dither_deg + half
         if reach > limits.roll_deg:
             dither = strategy.revisits.roll_dither_deg
-            what = "revisits.roll_dither_deg" if dither else "reduction.roll_deg"
-            allowed, hint = f"rolls within {limits.roll_deg:g} deg of the best one", f"strategy {strategy.name}"
-            raise InputError(what, dither or strategy.reduction.roll_deg, unit="deg", hint=hint, allowed=allowed)
+            raise InputError(
+                "revisits.roll_dither_deg" if dither else "reduction.roll_deg",
+                dither or strategy.reduction.roll_deg,
+                unit="deg",
+                allowed=f"rolls within {limits.roll_deg:g} deg of the best one",
+                hint=f"strategy {strategy.name}",
+            )
 
 
 def _checked(log: ObservationLog, catalogue: Catalogue, instrument: Instrument) -> ObservationLog:
@@ -135,8 +143,13 @@ def _without(item: Screened, hours: float) -> Screened:
     """The strategy with the time that is left of its budget."""
     budget_h = item.strategy.time_budget_h
     if budget_h <= hours:
-        allowed, hint = f"more than the {hours:g} h of the observation log", f"strategy {item.strategy.name}"
-        raise InputError("time_budget_h", budget_h, unit="h", allowed=allowed, hint=hint)
+        raise InputError(
+            "time_budget_h",
+            budget_h,
+            unit="h",
+            allowed=f"more than the {hours:g} h of the observation log",
+            hint=f"strategy {item.strategy.name}",
+        )
     return replace(item, strategy=item.strategy.model_copy(update={"time_budget_h": budget_h - hours}))
 
 

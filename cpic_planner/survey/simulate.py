@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, field
-from functools import partial
 
 import numpy as np
 
@@ -88,7 +87,8 @@ class StarHistory:
         self.found = np.zeros(len(self.planets), bool)
         self.shown = np.zeros((bands, len(self.planets)), bool)
         self.tried = np.zeros(shape, np.int64)
-        self.stopped, self.empty = np.zeros(n, bool), np.zeros(n, np.int64)
+        self.stopped = np.zeros(n, bool)
+        self.empty = np.zeros(n, np.int64)
 
     def universes_of(self, some: BoolArray) -> BoolArray:
         """Universes that have at least one of some planets."""
@@ -141,11 +141,15 @@ class _Simulation:
     def __init__(self, survey: Survey, block: int, n: int, seed: int) -> None:
         from scipy.special import ndtri
 
-        self.survey, self.block, self.n, self.seed = survey, block, n, seed
+        self.survey = survey
+        self.block = block
+        self.n = n
+        self.seed = seed
         rule = survey.strategy.detection
         # Calibration of each universe, and the shift of its detection law in standard errors.
         drawn = ndtri(chance(seed, "calibration", block, shape=(2, n)))
-        self.calibration, self.shift = np.maximum(rule.calibration + rule.calibration_error * drawn[0], 0.0), drawn[1]
+        self.calibration = np.maximum(rule.calibration + rule.calibration_error * drawn[0], 0.0)
+        self.shift = drawn[1]
         by_star: dict[int, list[tuple[int, PlannedVisit]]] = {}
         for k, visit in enumerate(survey.schedule.visits):
             by_star.setdefault(visit.star, []).append((k, visit))
@@ -153,18 +157,31 @@ class _Simulation:
         self.stars = {i: self._star(i, visits, float(mass[i])) for i, visits in sorted(by_star.items())}
         promised_h = sum(visit.cost_h for visit in survey.schedule.visits if not visit.reserve)
         self.clock = Clock.of(n, survey.strategy.time_budget_h, promised_h)
-        self.log, self.planets_found = Events(n), np.zeros(n, np.int64)
+        self.log = Events(n)
+        self.planets_found = np.zeros(n, np.int64)
 
     def _star(self, i: int, visits: Sequence[tuple[int, PlannedVisit]], mass_msun: float) -> StarHistory:
         """Planets of a star, and what every visit would detect of them."""
         survey, block, n, seed = self.survey, self.block, self.n, self.seed
-        strategy, target, name = survey.strategy, survey.targets.select([i]), str(survey.targets.name[i])
-        luminosity, known_rows = float(target.luminosity_lsun[0]), survey.known_rows[i]
-        draw = partial(draw_planet_sample, name, mass_msun, luminosity, strategy.population, known=survey.known)
+        strategy = survey.strategy
+        target = survey.targets.select([i])
+        name = str(survey.targets.name[i])
         epoch_mjd = survey.calendar.start_mjd
-        planets = draw(known_rows=known_rows, epoch_mjd=epoch_mjd, n=n, seed=seed, block=block)
+        planets = draw_planet_sample(
+            name,
+            mass_msun,
+            float(target.luminosity_lsun[0]),
+            strategy.population,
+            known=survey.known,
+            known_rows=survey.known_rows[i],
+            epoch_mjd=epoch_mjd,
+            n=n,
+            seed=seed,
+            block=block,
+        )
         if survey.log is not None and (done := survey.log.of(name)):
-            albedos, placed = albedos_of(strategy.population), at_known_place(planets, survey.known)
+            albedos = albedos_of(strategy.population)
+            placed = at_known_place(planets, survey.known)
             left = missed(
                 survey.model, target, planets, albedos, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed
             )
@@ -195,15 +212,20 @@ class _Simulation:
         """
         survey, strategy = self.survey, self.survey.strategy
         roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
-        places, albedos = planets.places(survey.calendar.day[i, when[0]]), albedos_of(strategy.population)
+        places = planets.places(survey.calendar.day[i, when[0]])
+        albedos = albedos_of(strategy.population)
         found = expected_signals(survey.model, survey.targets.select([i]), setting, planets, albedos, places, roll)
         shift, calibration = self.shift[planets.universe], self.calibration[planets.universe]
         return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll
 
     def search(self, k: int, visit: PlannedVisit) -> None:
         """One planned visit in all universes."""
-        star, clock, strategy, cost = self.stars[visit.star], self.clock, self.survey.strategy, visit.cost_h
-        stop, wanted = strategy.stop, ~star.stopped
+        star = self.stars[visit.star]
+        clock = self.clock
+        strategy = self.survey.strategy
+        cost = visit.cost_h
+        stop = strategy.stop
+        wanted = ~star.stopped
         if stop.after_planets is not None:
             wanted &= self.planets_found < stop.after_planets
         go = wanted & clock.affords(cost)

@@ -179,11 +179,13 @@ def draw_planet_sample(
     one_each : bool
         Exactly one new planet in every universe, whatever the occurrence rate.
     """
-    path, parts = (star, stage, block), [_sample({}, np.zeros(0, np.int64), 0, NEW, 0)]
+    path = (star, stage, block)
+    parts = [_sample({}, np.zeros(0, np.int64), 0, NEW, 0)]
     behind = 0 if population is None else len(population.mixture)
     if known is not None and len(known_rows):
-        names, quantities = known.text("planet"), len(KNOWN_QUANTITIES)
-        uniforms = [chance(seed, "known", *path, names[row], shape=(quantities, n)).T for row in known_rows]
+        names = known.text("planet")
+        shape = (len(KNOWN_QUANTITIES), n)
+        uniforms = [chance(seed, "known", *path, names[row], shape=shape).T for row in known_rows]
         rows = [int(row) for row in known_rows]
         drawn = draw_known(known, rows, np.stack(uniforms), epoch_mjd=epoch_mjd, star_mass_msun=mass_msun)
         for number, row in enumerate(rows):

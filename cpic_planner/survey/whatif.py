@@ -157,7 +157,8 @@ def _images(prepared: Prepared, detections: Columns, runner: Runner, n: int) -> 
     """Simulate and measure a sample of each strategy's detections; equal images are made once."""
     if n < 1:
         return [None] * len(prepared.surveys)
-    own, seed = [_rows(detections, survey.strategy.name) for survey in prepared.surveys], prepared.config.universe.seed
+    seed = prepared.config.universe.seed
+    own = [_rows(detections, survey.strategy.name) for survey in prepared.surveys]
     samples = [sampled_detections(survey, rows, n, seed) for survey, rows in zip(prepared.surveys, own, strict=True)]
     tasks = [[_image_task(item) for item in sampled] for sampled, _ in samples]
     bodies = runner.finish(image_task, itertools.chain(*tasks))

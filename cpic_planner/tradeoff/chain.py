@@ -72,9 +72,15 @@ class Places:
         white = metrics.zone.covers(offset, offset, -radius) & away
         weights = overlap_weights(radius / pixel)
         at = int(np.abs(offset - planet.y_arcsec).argmin()), int(np.abs(offset - planet.x_arcsec).argmin())
-        annulus, level = metrics.zone.covers(offset, offset) & around, _level(case, weights, at)
-        own = star.rate_e_s, metrics.source_noise_fraction
-        return cls(white, white & around, annulus, weights, level, *own)
+        return cls(
+            white=white,
+            near=white & around,
+            annulus=metrics.zone.covers(offset, offset) & around,
+            weights=weights,
+            level=_level(case, weights, at),
+            star_e_s=star.rate_e_s,
+            source_noise_fraction=metrics.source_noise_fraction,
+        )
 
 
 def _level(case: FixedScene, weights: FloatArray, at: tuple[int, int]) -> FloatArray:

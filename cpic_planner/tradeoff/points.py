@@ -102,17 +102,18 @@ def _knobs(case: FixedScene) -> list[Point]:
     best = reference_setup(case)
 
     def one(name: str, title: str, **changes: Any) -> Point:
-        knobs = {key: changes.pop(key) for key in tuple(changes) if key in type(best.knobs).model_fields}
-        setup = best.changed(knobs=best.knobs.model_copy(update=knobs), **changes)
-        return Point(name, title, "knob", setup=setup)
+        return Point(name, title, "knob", setup=best.changed(**changes))
+
+    def one_of_optics(name: str, title: str, **knobs: Any) -> Point:
+        return one(name, title, knobs=best.knobs.model_copy(update=knobs))
 
     epochs = [count for count in (1, 2, 4) if count < min(case.n_frames, REFERENCE_EPOCHS)]
     other = "exact" if case.scene_model == "paper" else "paper"
     return [
-        *(one(f"wavelengths_{n}", f"{n} wavelengths a band", wavelength_nodes=n) for n in (1, 2, 3, 4, 5)),
-        *(one(f"pixel_nodes_{n}", f"{n} x {n} nodes a pixel", pixel_nodes=n) for n in (1, 2, 3, 4)),
-        one("single", "single precision", precision="single"),
-        *(one(f"pupil_{n}", f"{n} samples across the pupil", pupil_samples=n) for n in (64, 128)),
+        *(one_of_optics(f"wavelengths_{n}", f"{n} wavelengths a band", wavelength_nodes=n) for n in (1, 2, 3, 4, 5)),
+        *(one_of_optics(f"pixel_nodes_{n}", f"{n} x {n} nodes a pixel", pixel_nodes=n) for n in (1, 2, 3, 4)),
+        one_of_optics("single", "single precision", precision="single"),
+        *(one_of_optics(f"pupil_{n}", f"{n} samples across the pupil", pupil_samples=n) for n in (64, 128)),
         *(one(f"epochs_{n}", f"{n} wavefront{'s' * (n > 1)} a visit", epochs=n) for n in epochs),
         one("window", "window around the hole", region="hole"),
         one(f"{other}_scene", f"{other} scene model", scene_model=other),

@@ -236,8 +236,18 @@ def choice_of(case: FixedScene, dial: Dial) -> Choice:
     case : FixedScene
     dial : Dial
     """
-    shown: dict[str, Any] = {"planets": (PLANET,), "reduced": True, "full": dial.fidelity == "reference"}
-    predicted = forecast(case.scene, case.instrument, **case.frames, scene_model=case.scene_model, **shown)
+    predicted = forecast(
+        case.scene,
+        case.instrument,
+        band=case.band,
+        exposure_s=case.exposure_s,
+        n_frames=case.n_frames,
+        em_gain=case.em_gain,
+        scene_model=case.scene_model,
+        planets=(PLANET,),
+        reduced=True,
+        full=dial.fidelity == "reference",
+    )
     return choose(predicted, dial.of("planet_flux", "snr"), fixed=("hole_region",))
 
 
@@ -250,8 +260,16 @@ def chosen_by(case: FixedScene, choice: Choice) -> Setup:
     choice : Choice
     """
     region = "hole" if choice.draw == "sums" else choice.region
-    left: dict[str, Any] = {"switches": dict(choice.switches), "left_out": tuple(choice.left_out), "sky": choice.sky}
-    return Setup(choice.draw, region, choice.knobs, choice.epochs, scene_model=case.scene_model, **left)
+    return Setup(
+        choice.draw,
+        region,
+        choice.knobs,
+        choice.epochs,
+        switches=dict(choice.switches),
+        left_out=tuple(choice.left_out),
+        sky=choice.sky,
+        scene_model=case.scene_model,
+    )
 
 
 def visit(
@@ -265,10 +283,15 @@ def visit(
     realisation: int = 0,
 ) -> Observation:
     """One visit; reference visits show no planet."""
-    frames = case.frames | ({"n_frames": n_frames} if n_frames else {})
+    most_epochs = setup.epochs if epochs is None else epochs
+    if setup.draw == "sums":
+        most_epochs = 1
     return observe(
         setup.scene(case, planets=planets and role == "science"),
-        **frames,
+        band=case.band,
+        exposure_s=case.exposure_s,
+        n_frames=n_frames or case.n_frames,
+        em_gain=case.em_gain,
         seed=SEED,
         fidelity=setup.knobs,
         instrument=setup.instrument(case),
@@ -276,5 +299,5 @@ def visit(
         realisation=realisation,
         window=setup.region,
         scene_model=setup.scene_model,
-        max_epochs=1 if setup.draw == "sums" else setup.epochs if epochs is None else epochs,
+        max_epochs=most_epochs,
     )

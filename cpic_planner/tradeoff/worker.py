@@ -139,26 +139,43 @@ class _Row:
 
     def made(self, **more: Any) -> TradeoffRow:
         """The row."""
-        point = {name: getattr(self.point, name) for name in ("title", "group")}
-        given = {"predicted_error": self.predicted, "machine": self.machine, "version": __version__}
-        own = {"scene": self.case.name, "point": self.point.name, "n_frames": self.case.n_frames}
-        return TradeoffRow(**point, **given, **own, **more)
+        return TradeoffRow(
+            scene=self.case.name,
+            point=self.point.name,
+            title=self.point.title,
+            group=self.point.group,
+            predicted_error=self.predicted,
+            n_frames=self.case.n_frames,
+            machine=self.machine,
+            version=__version__,
+            **more,
+        )
 
     def ok(
         self, setup: Setup, timing: Timing, flux_e: float, samples: dict[str, list[float]], cold_s: float | None = None
     ) -> TradeoffRow:
         """The row of images."""
-        names = ("draw", "region", "sky", "drift", "scene_model")
-        settings = {name: getattr(setup, name) for name in names} | {
+        settings = {
+            "draw": setup.draw,
+            "region": setup.region,
             "epochs": setup.n_epochs(self.case),
             "knobs": setup.knobs.model_dump(mode="json"),
             "switches": dict(setup.switches),
             "left_out": list(setup.left_out),
+            "sky": setup.sky,
+            "drift": setup.drift,
+            "scene_model": setup.scene_model,
         }
         assert self.places is not None  # images have places
-        samples |= {"own_e2": [own_noise_e2(self.case, setup, self.places, flux_e)]}
-        measured = {"flux_e": flux_e, "settings": settings, "samples": samples, **dataclasses.asdict(timing)}
-        return self.made(status="ok", cold_s=cold_s, **measured)
+        own_e2 = own_noise_e2(self.case, setup, self.places, flux_e)
+        return self.made(
+            status="ok",
+            cold_s=cold_s,
+            flux_e=flux_e,
+            settings=settings,
+            samples=samples | {"own_e2": [own_e2]},
+            **dataclasses.asdict(timing),
+        )
 
 
 def measured_rows(

@@ -80,11 +80,19 @@ def tier_table(result: TradeoffResult) -> str:
         if not good:
             continue
         times = sorted(row.wall_s or 0.0 for row in good)
-        tier, span = "closed form" if name == "etc" else f"`{name}`", f"{_seconds(times[0])} to {_seconds(times[-1])}"
+        tier = "closed form" if name == "etc" else f"`{name}`"
+        span = f"{_seconds(times[0])} to {_seconds(times[-1])}"
         memory = f"{max(row.peak_memory_mb or 0.0 for row in good):.0f}"
-        lines.append([tier, span, memory, *(_worst(good, of) for of in _ERRORS), f"{len(good)} of {len(rows)}"])
-    errors = (f"largest error of {what}" for what in ("the planet's flux", "SNR"))
-    return _table(["tier", "wall clock of an observation", "memory (MB)", *errors, "scenes"], lines)
+        lines.append([tier, span, memory, _worst(good, "flux"), _worst(good, "snr"), f"{len(good)} of {len(rows)}"])
+    head = [
+        "tier",
+        "wall clock of an observation",
+        "memory (MB)",
+        "largest error of the planet's flux",
+        "largest error of SNR",
+        "scenes",
+    ]
+    return _table(head, lines)
 
 
 def _worst(rows: Sequence[TradeoffRow], quantity: str) -> str:
@@ -130,9 +138,15 @@ def _line(row: TradeoffRow, machine: str) -> list[str]:
     mark = "" if row.machine == machine else " (another machine)"
     if row.status != "ok":
         return [f"{row.title}{mark}", f"{row.status}: {row.reason.replace('_', ' ')}", "", "", "", row.message, ""]
-    times = map(_seconds, (row.wall_s, row.cpu_s, row.cold_s))
-    errors = (_error(getattr(row, f"{of}_error"), getattr(row, f"{of}_uncertainty")) for of in _ERRORS)
-    return [f"{row.title}{mark}", *times, _memory(row.peak_memory_mb), *errors]
+    return [
+        f"{row.title}{mark}",
+        _seconds(row.wall_s),
+        _seconds(row.cpu_s),
+        _seconds(row.cold_s),
+        _memory(row.peak_memory_mb),
+        _error(row.flux_error, row.flux_uncertainty),
+        _error(row.snr_error, row.snr_uncertainty),
+    ]
 
 
 def report_text(result: TradeoffResult, *, head: str = "") -> str:
@@ -195,7 +209,6 @@ LOOKS: dict[str, tuple[str, str, str, str]] = {
     "knob": ("The reference with one knob changed", "#CC79A7", "+", "one knob changed"),
     "effect": ("The reference without one effect", "#999999", "x", "one effect left out"),
 }
-_ERRORS = ("flux", "snr")
 SMALLEST = 1e-6
 """Errors below are drawn here, as upper limits."""
 _LABELS = {"reference": "reference", "standard": "standard", "quick": "quick", "etc": "closed form"}
@@ -239,7 +252,7 @@ def pareto_figure(result: TradeoffResult) -> Figure:
 def _size(row: TradeoffRow) -> tuple[float, bool]:
     """Error to draw, and whether it is only a limit."""
     sizes = []
-    for quantity in _ERRORS:
+    for quantity in ("flux", "snr"):
         value, limit = abs(getattr(row, f"{quantity}_error") or 0.0), getattr(row, f"{quantity}_uncertainty") or 0.0
         sizes.append((value, False) if value > limit else (limit, True))
     value, limit = max(sizes)
