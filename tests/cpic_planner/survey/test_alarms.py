@@ -1,5 +1,6 @@
 """False alarms: noise over the area of the hole, and background stars from counts."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +41,22 @@ def test_counts_grow_with_magnitude_and_towards_the_plane():
     assert star_counts_deg2(18.0, 90.0, -40.0) == star_counts_deg2(18.0, 90.0, 40.0)
     assert star_counts_deg2(18.0, 90.0, 1.0) == star_counts_deg2(18.0, 90.0, 10.0)
     assert star_counts_deg2(40.0, 90.0, 40.0) == star_counts_deg2(30.0, 90.0, 40.0)
+
+
+@pytest.mark.parametrize(("v_mag", "l_deg", "b_deg"), [(8.0, 30.0, 25.0), (15.75, 90.0, 40.0), (21.0, 200.0, -70.0)])
+def test_counts_are_those_of_bahcall_and_soneira(v_mag, l_deg, b_deg):
+    """Equation B1 of 1980 ApJS 44, 73 with the constants of its table for V, term by term."""
+    slope = min(max(v_mag, 12.0), 20.0) - 12.0
+    mu, gamma = 0.03 + 0.0075 * slope, 0.36 - 0.04 * slope
+    b, towards = math.radians(abs(b_deg)), math.cos(math.radians(l_deg))
+    disc = 925.0 * math.exp(math.log(10.0) * 0.035 * (v_mag - 15.75))
+    disc *= (1.0 + math.pow(10.0, -0.132 * (v_mag - 15.75))) ** -3
+    disc *= (math.sin(b) * (1.0 - mu * towards / math.tan(b))) ** (5.0 * gamma - 3.0)
+    halo = 1050.0 * math.exp(math.log(10.0) * 0.087 * (v_mag - 17.5))
+    halo *= (1.0 + math.pow(10.0, -0.180 * (v_mag - 17.5))) ** -2.5
+    centre = math.cos(b) * towards
+    halo *= (1.0 - centre) ** (0.20 * centre - 1.45)
+    assert star_counts_deg2(v_mag, l_deg, b_deg) == pytest.approx(disc + halo, rel=1e-12)
 
 
 def test_counts_at_the_pole_are_of_the_right_order():

@@ -168,6 +168,11 @@ def test_gains_out_of_range_are_refused_by_name(refused, gain: object) -> None:
     refused("gain", multiply, [1], gain, rng=stream(1, "x"))
 
 
+@pytest.mark.parametrize("stages", [True, 0, -1, 2.5, 604.0, "604"])
+def test_stages_are_counted(refused, stages: object) -> None:
+    refused("stages", stage_probability, 1.5, stages)
+
+
 def test_more_gain_than_doubling_at_every_stage_is_refused(refused) -> None:
     assert float(stage_probability(8.0, 3)) == pytest.approx(1.0)
     refused("gain", stage_probability, 8.1, 3)
