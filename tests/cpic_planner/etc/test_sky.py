@@ -45,3 +45,19 @@ def test_stray_light_counts_in_the_aperture(refused, tmp_path):
     mapped, _ = predicted({"sky": {"stray_light": {"map_file": str(tmp_path / "stray.fits")}}}, "tau Cet")
     assert mapped - without == pytest.approx(0.25 * model.metrics["F662"].aperture_pixels)
     refused(r"stray", predicted, {"sky": {"stray_light": {"rate_e_s": -1}}}, "tau Cet")
+
+
+def test_stray_light_of_a_map_is_that_under_the_hole(tmp_path):
+    """A slope along rows and another along columns, and the hole laid on the frame around the star."""
+    rows, columns = np.mgrid[:1050, :1080]
+    slopes = fits.PrimaryHDU(1e-3 * rows + 1e-5 * columns)
+    slopes.header["BUNIT"] = "electron / s"
+    slopes.writeto(tmp_path / "slopes.fits")
+    without, model = predicted(None, "tau Cet")
+    mapped, _ = predicted({"sky": {"stray_light": {"map_file": str(tmp_path / "slopes.fits")}}}, "tau Cet")
+    metrics, detector = model.metrics["F662"], model.instrument.detector
+    half = len(metrics.hole) // 2
+    under = np.zeros((1050, 1080), bool)
+    row, column = detector.star_row - half, detector.star_column - half
+    under[row : row + len(metrics.hole), column : column + len(metrics.hole)] = metrics.hole
+    assert mapped - without == pytest.approx(slopes.data[under].mean() * metrics.aperture_pixels, rel=1e-9)

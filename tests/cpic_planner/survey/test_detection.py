@@ -14,6 +14,7 @@ from cpic_planner.planets.orbits import ORBIT
 from cpic_planner.planets.population_config import QUANTITIES
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking.completeness import completeness
+from cpic_planner.survey import detection
 from cpic_planner.survey.detection import (
     ExpectedSignals,
     Setting,
@@ -404,3 +405,18 @@ def test_light_of_errors_grows_with_a_walk(model):
         odds.append(share / (1.0 - share))
         visit_s.append(n_frames * (exposure_s + 1.1))  # readout of the default camera
     np.testing.assert_allclose(odds, odds[0] / visit_s[0] * np.array(visit_s), rtol=1e-9)
+
+
+def test_two_rolls_show_a_planet_half_the_angle_to_either_side():
+    """Where it is at the first, and that both quadrants and its own shadow of the other roll leave room for it."""
+    two = build_model(load_instrument(), ("F520",), Strategy(library="roll", roll_deg=40.0))
+    metrics, parity = two.metrics["F520"], two.instrument.detector.parity
+    separation, pa = (part.ravel() for part in np.meshgrid(np.linspace(0.3, 1.4, 12), np.arange(0.0, 360.0, 7.0)))
+    x, y, usable = detection._at_two_rolls(two, metrics, separation, pa)
+    first, second = (sky_to_detector(separation, pa + turn, parity=parity) for turn in (-20.0, 20.0))
+    assert (x, y) == (pytest.approx(first[0], rel=1e-12), pytest.approx(first[1], rel=1e-12))
+    radius = metrics.aperture_radius_arcsec
+    apart = np.hypot(first[0] - second[0], first[1] - second[1]) >= 2.0 * radius
+    seen = detection.inside_zone(metrics.zone, *first, radius) & detection.inside_zone(metrics.zone, *second, radius)
+    assert 0 < usable.sum() < usable.size
+    assert np.array_equal(usable, seen & apart)
