@@ -2,11 +2,13 @@
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.stats import norm
 
-from simulator.camera import aperture_loss_per_s
+from simulator.camera import aperture_loss_per_s, noise
 from simulator.camera.noise import mean_projection_um
 from simulator.config import load_instrument
 from simulator.detectors import clean_fraction
@@ -173,3 +175,29 @@ def test_bad_input_is_refused(refused):
     refused("aperture_radius_pixel", aperture_loss_per_s, instrument, "F520", aperture_radius_pixel=0.0)
     refused("when", aperture_loss_per_s, instrument, "F520", start_utc="yesterday")
     refused("max_length_um", mean_projection_um, 14.0, 14.0)
+
+
+@pytest.mark.parametrize("angle", [1e-9, 1e-4, 0.3, 0.999, 1.001, 2.5, 6.0])
+def test_an_angle_less_its_sine(angle):
+    with mpmath.workdps(60):
+        exact = float(mpmath.mpf(angle) - mpmath.sin(mpmath.mpf(angle)))
+    assert noise._less_sine(angle) == pytest.approx(exact, rel=1e-14, abs=0.0)
+
+
+@pytest.mark.parametrize("model", ["physical", "paper", "template"])
+def test_the_hull_of_a_mean_track_ends_where_its_charge_is_one_electron(model):
+    """A straight track has no area and two sides; the Gaussian beyond its end or side holds one electron."""
+    rays = load_instrument({"cosmic_rays": {"model": model}}).cosmic_rays
+    area, perimeter, reach = noise._mean_shape_um(rays)
+    tracks, streaks = rays.physical, rays.paper
+    if model == "paper":
+        length, sigma = mean_projection_um(streaks.depth_um, streaks.max_length_um), streaks.width_um
+    elif model == "template":
+        length, sigma = generated_projection_um(rays.template, tracks), tracks.diffusion_um
+    else:
+        length, sigma = mean_projection_um(tracks.depth_um, tracks.max_length_um), tracks.diffusion_um
+    near_e = streaks.mean_charge_e * min(1.0, noise._STRETCH_SIGMA * sigma / length)
+    if model == "physical":
+        near_e = tracks.mean_loss_e_um * tracks.depth_um
+    assert (area, perimeter) == (0.0, pytest.approx(2.0 * length, rel=1e-12))
+    assert near_e * norm.sf(reach / sigma) == pytest.approx(1.0, rel=1e-9)

@@ -1,5 +1,6 @@
 """Noise of a visit against sums over the pixels of an aperture."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,7 +8,9 @@ import numpy as np
 import pytest
 
 from simulator.camera import FrameNoise
-from simulator.ledger.visit import visit_variance_e2
+from simulator.config import load_instrument, load_scene
+from simulator.ledger import visit
+from simulator.ledger.visit import stamp_flaws, visit_variance_e2
 
 
 def random_visit(rng):
@@ -74,3 +77,58 @@ def test_a_visit_has_the_variance_of_its_pixels_and_frames(seed):
     del settings["flaws_e"]
     without = visit_variance_e2(planet, around, frame, **settings)
     assert without == pytest.approx(expected | {"flaws": 0.0}, rel=1e-9, abs=0.0)
+
+
+def test_shares_of_speckles_are_of_the_whole_variance():
+    """Squares of what builds up in the time, over everything; the least counts where it is more than the most."""
+    variances = {"planet": 100.0, "halo": 44.0, "speckle": 1e6}
+    speckle, walk = visit._shares(variances, (0.5, 1.2, 0.4), 10.0)
+    assert speckle == pytest.approx(12.0**2 / (144.0 + 12.0**2), rel=1e-12)
+    assert walk == pytest.approx(4.0**2 / (144.0 + 12.0**2), rel=1e-12)
+    assert visit._shares(variances, (2.0, 1.2, 0.4), 10.0)[0] == pytest.approx(12.0**2 / (144.0 + 20.0**2), rel=1e-12)
+
+
+def test_speckles_inside_the_hole_are_its_floor_and_beyond_it_the_beat_with_other_light():
+    """A floor of 5 e-/s of which 3 are frozen: the walk makes 4. Beyond the hole nobody measured a floor."""
+    hours = 2.5
+
+    def floor(visit_nm, *, walk_nm_per_sqrt_hour, visit_hours, separation_arcsec):
+        assert (visit_nm, visit_hours, separation_arcsec) == (0.05, hours, 0.5)
+        return np.hypot(3e-9, 4e-9 if walk_nm_per_sqrt_hour > 0 else 0.0)
+
+    metrics = SimpleNamespace(rdi_floor=floor)
+    drift = SimpleNamespace(visit_nm=0.05, walk_nm_per_sqrt_hour=0.07)
+    place = {"x_arcsec": 0.3, "y_arcsec": 0.4, "halo_e_s": 20.0, "scattered_e_s": 30.0}
+    asked = (1e9, hours * 3600.0)
+    within = visit._speckles(metrics, drift, SimpleNamespace(inside=True, **place), *asked, still=False)
+    least, most, beat = visit._FLOOR_LEAST, visit._FLOOR_MOST, visit._BEAT * math.sqrt(2 * 20.0 * 30.0 + 30.0**2)
+    assert within == pytest.approx((least * 5.0, most * 5.0, most * 4.0), rel=1e-12)
+    beyond = visit._speckles(metrics, drift, SimpleNamespace(inside=False, **place), *asked, still=False)
+    assert beyond == pytest.approx((0.0, max(most * 5.0, beat), max(most * 4.0, beat)), rel=1e-12)
+    assert visit._speckles(metrics, drift, SimpleNamespace(inside=True, **place), *asked, still=True) == (0.0, 0.0, 0.0)
+
+
+def test_flaws_in_an_aperture_are_counted_on_the_pixels_of_the_frame():
+    """Hot pixels and bad columns of the calibration set under the weights of the planet, by their switches."""
+    detector = load_instrument().detector
+    side = 137
+    corner = (detector.star_row - side // 2, detector.star_column - side // 2)
+    flaws, _ = stamp_flaws(detector, corner, side)
+    weights = np.full((side, side), 0.5)
+    planet = SimpleNamespace(weights=weights, place=(slice(0, side), slice(0, side)))
+    parts = {key: 0.25 * float(flaws[key].dark_e_s.sum()) for key in ("bad_pixels", "bad_columns")}
+    assert sum(parts.values()) > 0.0
+    assert visit._flaws_e(detector, corner, side, planet) == pytest.approx(sum(parts.values()), rel=1e-12)
+    for off, left in (("bad_pixels", "bad_columns"), ("bad_columns", "bad_pixels")):
+        some = detector.switched(off=(off,))
+        assert visit._flaws_e(some, corner, side, planet) == pytest.approx(parts[left], rel=1e-12)
+    assert visit._flaws_e(detector.switched(off=("dark",)), corner, side, planet) == 0.0
+
+
+def test_the_window_of_a_visit_is_centred_on_the_star():
+    scene = load_scene({"name": "s", "cstar": {"name": "star", "v_mag": 4.0, "teff_k": 5800}})
+    found = visit.visit_of(scene, load_instrument(), band="F662", exposure_s=10.0, n_frames=4, em_gain=50.0)
+    side, detector = len(found.metrics.raw_contrast), load_instrument().detector
+    row, column = found.camera.first_pixel
+    assert (row + side // 2, column + side // 2) == (detector.star_row, detector.star_column)
+    assert found.optics.visit_s == pytest.approx(4 * (10.0 + detector.readout_s), rel=1e-12)
