@@ -1,4 +1,4 @@
-"""What the embedded data are: vintage, counts per cut, sources, licences and credits.
+"""Say what the embedded data are: vintage, counts per cut, sources, licences and credits.
 
 Which star table a question is about: the snapshot, with or without updates, the latest refreshed one, or a file.
 """
@@ -25,20 +25,20 @@ STAR_CREDITS = (
     "Places of companions that have moved: orbits of Akeson et al. 2021 and Bond et al. 2015, and of the Sixth Catalog "
     "of Orbits of Visual Binary Stars (ORB6, US Naval Observatory).",
 )
-"""Of the embedded and refreshed star tables."""
+"""Credits of the embedded and refreshed star tables."""
 
 PLANET_CREDITS = (
     "Known planets: the NASA Exoplanet Archive (Akeson et al. 2013), operated by the California Institute of "
     "Technology under contract with NASA's Exoplanet Exploration Program; orbits as in the reference of each.",
 )
-"""Of the table of known planets."""
+"""Credits of the table of known planets."""
 
 MODEL_CREDITS = (
     "Stellar spectra: PHOENIX (Allard et al. 2012; Husser et al. 2013) with the trends of Castelli & Kurucz 2004; "
     "Pickles 1998; Sun and Vega: CALSPEC.",
     "Giant-planet albedos: Karkoschka 1998. Zodiacal light: Leinert et al. 1998.",
 )
-"""Of the other data, which every result rests on."""
+"""Credits of the other data, which every result rests on."""
 
 
 @functools.cache

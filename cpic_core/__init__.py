@@ -1,4 +1,4 @@
-"""What every floor stands on: errors, outcomes, quantities, files, random streams; no physics."""
+"""The floor below all others: errors, outcomes, quantities, files, random streams; no physics."""
 
 from cpic_core.lazy_names import lazy_names
 

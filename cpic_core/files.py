@@ -217,7 +217,7 @@ def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
 
 _DAMAGED = (zipfile.BadZipFile, zlib.error)
 NPZ_ERRORS = (OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, *_DAMAGED)
-"""What reading a damaged npz file may raise."""
+"""Errors that reading a damaged npz file may raise."""
 
 
 @contextlib.contextmanager
