@@ -32,8 +32,6 @@ from catalogs.refresh import (
 )
 from catalogs.simbad import (
     Cuts as Cuts,
-    RefreshError as RefreshError,
-    TapService as TapService,
     queries as queries,
     service_url as service_url,
 )
@@ -65,4 +63,5 @@ from catalogs.table_files import (
     parse_table as parse_table,
     read_bytes as read_bytes,
 )
+from catalogs.tap_client import RefreshError as RefreshError, TapService as TapService
 from cpic_core.errors import InputError as InputError

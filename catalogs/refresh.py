@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 
 from catalogs.catalogue import STAR_CREDITS, snapshot_vintage
-from catalogs.simbad import Cuts, TapService, ask, queries, service_url
+from catalogs.simbad import NARROWER, Cuts, queries, service_url
 from catalogs.simbad_answer import read_measurements, read_stars
 from catalogs.simbad_rows import Assembled, assemble
 from catalogs.star_columns import COLUMNS
 from catalogs.stars import StarTable, load_stars, star_table
+from catalogs.tap_client import TapService, ask
 from cpic_core import InputError
 
 FORMAT_KEY = "cpic_star_table"
@@ -101,17 +102,18 @@ def refresh(
         If the service fails or its answers cannot be right.
     """
     questions = queries(cuts)
-    answers: list[Any] = []
+    url = service_url(service)
+    answers = []
     when = datetime.now(UTC).replace(microsecond=0)
     for question, what in zip(questions, ("stars", "measurements"), strict=True):
-        answers.append(ask(service, question, tell=tell))
+        answers.append(ask(service, url, question, narrower=NARROWER, tell=tell))
         step(what)
     snapshot = load_stars()
     label = f"the catalogue refreshed on {when:%Y-%m-%d}"
     made = assemble(read_stars(answers[0]), read_measurements(answers[1]), snapshot, cuts, label)
     step("table")
     changes = compare(made, snapshot, cuts)
-    return Refreshed(made.table, when, service_url(service), questions, cuts, made.counts, made.left_out, changes)
+    return Refreshed(made.table, when, url, questions, cuts, made.counts, made.left_out, changes)
 
 
 def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> Changes:

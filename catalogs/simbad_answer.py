@@ -18,11 +18,11 @@ import numpy as np
 from catalogs.coordinates import separation_arcsec
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import GREEK, designation_key, split_component
-from catalogs.simbad import RefreshError
 from catalogs.star_systems import is_blend_id
 from catalogs.stars import StarTable
 from catalogs.table_cells import Column, Columns, Rows, read_rows
-from catalogs.table_files import RawColumn, RawTable, raw_column
+from catalogs.table_files import RawColumn, RawTable
+from catalogs.tap_client import RefreshError
 from cpic_core import FloatArray, InputError, NDArray
 
 _ANY = (-np.inf, np.inf)
@@ -92,12 +92,12 @@ class Measurements:
         return len(self.bibcode)
 
 
-def read_stars(table: Any) -> Answer:
+def read_stars(table: RawTable) -> Answer:
     """Check the answer to the first question.
 
     Parameters
     ----------
-    table : astropy.table.Table
+    table : RawTable
         Columns under any name of :data:`STARS`.
 
     Raises
@@ -119,7 +119,7 @@ def read_stars(table: Any) -> Answer:
     return Answer(**columns, ids=names)
 
 
-def read_measurements(table: Any) -> Measurements:
+def read_measurements(table: RawTable) -> Measurements:
     """Check the answer to the second question; an empty one is fine.
 
     Values that cannot be meant (temperature outside 2000 to 50 000 K, gravity outside -2 to 7, metallicity outside
@@ -141,10 +141,10 @@ def read_measurements(table: Any) -> Measurements:
     return Measurements(**columns)
 
 
-def _columns(table: Any, columns: Columns, check: Callable[[Rows], None]) -> dict[str, Any]:
+def _columns(table: RawTable, columns: Columns, check: Callable[[Rows], None]) -> dict[str, Any]:
     """Return the columns of an answer by our names; numbers as arrays, nan where missing."""
     try:
-        raw = RawTable("the answer", [_raw(table, name, columns) for name in table.colnames])
+        raw = RawTable(table.name, [_raw(column, columns) for column in table.columns])
         rows = read_rows(raw, columns, [(name,) for name in columns], about="main_id" if columns is STARS else "oid")
         check(rows)
     except InputError as error:
@@ -155,22 +155,20 @@ def _columns(table: Any, columns: Columns, check: Callable[[Rows], None]) -> dic
     return listed | numbers | {"oid": numbers["oid"].astype(np.int64)}
 
 
-def _raw(table: Any, name: str, columns: Columns) -> RawColumn:
+def _raw(given: RawColumn, columns: Columns) -> RawColumn:
     """Return one column of the answer with its cells as people write them; a pure number has no unit."""
-    column, meant = table[name], columns.meant_by(name)[0]
-    raw = raw_column("the answer", name, column)
-    cells = [None if cell == "~" else cell for cell in raw.cells]
-    if column.dtype == np.float32:  # 7.3 shall be 7.3, not 7.300000190734863
-        cells = [None if cell is None else str(np.float32(cell)) for cell in cells]
+    meant = columns.meant_by(given.heading)[0]
+    cells = [None if cell == "~" else cell for cell in given.cells]
     if meant is not None and meant.name in ("ra_deg", "dec_deg") and any(map(_is_sexagesimal, cells)):
         from astropy.coordinates import Angle
 
         unit = "hourangle" if meant.name == "ra_deg" else "deg"  # what SIMBAD gave before TAP
         try:
-            return RawColumn(name, "deg", [Angle(str(cell), unit=unit).deg for cell in cells])
+            return RawColumn(given.heading, "deg", [Angle(str(cell), unit=unit).deg for cell in cells])
         except ValueError as error:
-            raise InputError(f"the answer column {name}", "unreadable", allowed="angles", hint=str(error)) from None
-    return RawColumn(name, raw.unit if meant is not None and meant.unit else "", cells)
+            where = f"the answer column {given.heading}"
+            raise InputError(where, "unreadable", allowed="angles", hint=str(error)) from None
+    return RawColumn(given.heading, given.unit if meant is not None and meant.unit else "", cells)
 
 
 def _is_sexagesimal(cell: object) -> bool:

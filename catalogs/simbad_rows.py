@@ -20,12 +20,13 @@ import numpy as np
 from catalogs import stellar_physics
 from catalogs.coordinates import position_angle, separation_arcsec, tangent_offset
 from catalogs.nomenclature import designation_key
-from catalogs.simbad import Cuts, RefreshError
+from catalogs.simbad import Cuts
 from catalogs.simbad_answer import Answer, Measurements, Names, blends, match_snapshot, own_names, row_name
 from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.star_columns import parallax_flags, type_flags
 from catalogs.star_systems import CLOSE_COMPANION_ARCSEC, Adopted, Member, adopt_parallaxes, group_systems
 from catalogs.stars import StarTable, star_table
+from catalogs.tap_client import RefreshError
 from cpic_core import NDArray
 
 _KEPT_LETTERS = ("F", "G", "K")

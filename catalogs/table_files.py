@@ -273,7 +273,7 @@ def raw_column(name: str, heading: str, column: Any) -> RawColumn:
     heading : str
         Name of the column.
     column : astropy.table.Column
-        Masked cells and nan are missing.
+        Masked cells and nan are missing; a number of single precision becomes the shortest decimal that it stands for.
 
     Raises
     ------
@@ -284,7 +284,10 @@ def raw_column(name: str, heading: str, column: Any) -> RawColumn:
     if getattr(values, "ndim", 1) != 1:
         raise InputError(f"{name} column {heading}", f"{values.ndim}-dimensional", allowed="one value per row")
     gone = np.ma.getmaskarray(values).tolist()
-    cells = [None if lost else _plain(cell) for cell, lost in zip(np.ma.getdata(values).tolist(), gone, strict=True)]
+    data = np.ma.getdata(values)
+    if data.dtype == np.float32:  # 7.3 shall be 7.3, not 7.300000190734863
+        data = data.astype(np.str_).astype(np.float64)
+    cells = [None if lost else _plain(cell) for cell, lost in zip(data.tolist(), gone, strict=True)]
     unit = getattr(column, "unit", None)
     return RawColumn(heading, "" if unit is None else str(unit), cells)
 

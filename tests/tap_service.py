@@ -4,6 +4,7 @@ Only what the two questions need is understood (select columns, inner and left j
 AND), but that is evaluated, not recognised: a query that asks for something else gets other rows or an error.
 """
 
+import contextlib
 import gzip
 import re
 import threading
@@ -146,6 +147,13 @@ def error_document(text):
     ).encode()
 
 
+def many_rows(count):
+    """Write an answer of many rows."""
+    one = votable([("oid", "long", ""), ("main_id", "char", ""), ("ra", "double", "deg")], [[1, "HD 1", 12.5]])
+    start, row, end = re.fullmatch(rb"(.*<TABLEDATA>)(.*)(</TABLEDATA>.*)", one, re.DOTALL).groups()
+    return start + row * count + end
+
+
 OLD_NAMES = """
 oid OID main_id MAIN_ID ra RA_d dec DEC_d plx_value PLX_VALUE plx_err PLX_ERROR pmra PMRA pmdec PMDEC
 rvz_radvel RV_VALUE sp_type SP_TYPE otype OTYPE b FLUX_B v FLUX_V ids IDS oidref OIDREF teff Fe_H_Teff
@@ -182,7 +190,10 @@ class TapService:
 
             def do_GET(self):
                 service.paths.append(self.path)
-                self.send_error(404)
+                if self.path.startswith("/next/"):
+                    service.redirect(self, service.mode)
+                else:
+                    self.send_error(404)
 
             def log_message(self, *_):
                 pass
@@ -222,6 +233,10 @@ class TapService:
             self.send(handler, b"<html>Not here</html>", 404, "text/html")
         elif mode == "hang":
             time.sleep(1.5)
+        elif mode in ("trickled header", "continue"):
+            self.never_end(handler, mode)
+        elif mode.startswith("redirect"):
+            self.redirect(handler, mode)
         elif mode == "html":
             self.send(handler, b"<!DOCTYPE html><html>Please log in to the hotel network</html>", 200, "text/html")
         elif mode == "garbage":
@@ -236,10 +251,43 @@ class TapService:
             ).encode()
             data = gzip.compress(data) if mode == "refer packed" else data
             self.send(handler, data, mode="gzip" if mode == "refer gzip" else "")
+        elif mode == "bomb":
+            self.send(handler, b" " * 20_000_000, mode="gzip")
+        elif mode == "long text":
+            self.send(handler, votable([("main_id", "char", "")], [["x" * 30_000]]))
+        elif mode == "many rows":
+            self.send(handler, many_rows(150_000))
+        elif mode == "promised rows":
+            data = votable([("oid", "long", "")], [[1]])
+            self.send(handler, data.replace(b"<TABLE>", b'<TABLE nrows="2000000000000">'))
+        elif mode == "no table":
+            self.send(handler, error_document("").replace(b"ERROR", b"OK"))
         elif mode == "error":
             self.send(handler, error_document("Query rejected: maintenance of <SIMBAD>"), 200)
         else:
             self.send_rows(handler, form, mode)
+
+    def never_end(self, handler, mode):
+        """Send what is no answer yet, until nobody listens."""
+        endless = b"HTTP/1.1 100 Continue\r\n\r\n" if mode == "continue" else b"X-a: b\r\n"
+        with contextlib.suppress(OSError):
+            handler.wfile.write(b"" if mode == "continue" else b"HTTP/1.1 200 OK\r\n")
+            while True:
+                handler.wfile.write(endless)
+                handler.wfile.flush()
+                time.sleep(0.02)
+        handler.close_connection = True
+
+    def redirect(self, handler, mode):
+        """Send the client elsewhere: to `mode`'s last word, or round and round, slowly where it says so."""
+        *_, where = mode.split()
+        if where == "slowly":
+            time.sleep(0.4)
+        turning = where in ("redirect", "slowly")
+        handler.send_response(303)
+        handler.send_header("Location", f"/next/{len(self.paths)}" if turning else where)
+        handler.send_header("Content-Length", "0")
+        handler.end_headers()
 
     def send_rows(self, handler, form, mode):
         try:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 _EMBEDDED = Path(catalogs.__file__).resolve().parent
-_SOFTWARE = ("astroquery", "pyvo", "astropy", "numpy")
+_SOFTWARE = ("astroquery", "astropy", "numpy")
 
 
 @dataclass(frozen=True)
@@ -261,6 +261,10 @@ def refresh_catalogue(
     timeout_s: Annotated[float, typer.Option("--timeout-s", help="Most time for one answer.")] = 180.0,
     retries: Annotated[int, typer.Option("--retries", help="How often a failure on the way is tried again.")] = 3,
     maxrec: Annotated[int, typer.Option("--maxrec", help="Most rows of one answer.")] = 200_000,
+    plain_http: Annotated[
+        bool, typer.Option("--plain-http", help="Allow plain http, which anybody on the way can read and alter.")
+    ] = False,
+    other_hosts: Annotated[bool, typer.Option("--other-hosts", help="Follow redirects to another host.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the queries and the place, ask nothing.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -282,7 +286,14 @@ def refresh_catalogue(
 
       cpic catalog refresh --url https://simbad.harvard.edu/simbad/sim-tap --timeout-s 600
     """
-    service = TapService(url=url, timeout_s=timeout_s, retries=retries, maxrec=maxrec)
+    service = TapService(
+        url=url,
+        timeout_s=timeout_s,
+        retries=retries,
+        maxrec=maxrec,
+        plain_http=plain_http,
+        other_hosts=other_hosts,
+    )
     cuts = Cuts(v_mag_max=v_mag_max, parallax_min_mas=parallax_min_mas)
     if dry_run:
         _show_plan(out, service, cuts, as_json=as_json)

@@ -118,9 +118,9 @@ def test_names_stay_unique():
 
 def test_blends_are_found_by_identifier_name_or_double_star_letters(simbad):
     from catalogs import queries
-    from catalogs.simbad import ask
+    from catalogs.tap_client import ask
 
-    answer = read_stars(ask(TapService(url=simbad.url), queries(Cuts())[0]))
+    answer = read_stars(ask(TapService(), simbad.url, queries(Cuts())[0]))
     listed, alone = blends(answer)
     assert {answer.main_id[i] for i in listed} == {"* alf Cen", "HD 999010"}
     assert {answer.main_id[i] for i in alone} == {"* alf Aur"}
@@ -129,9 +129,9 @@ def test_blends_are_found_by_identifier_name_or_double_star_letters(simbad):
 def test_no_two_objects_are_one_star_of_the_snapshot(simbad):
     next(row for row in simbad.tables["ids"] if row["oidref"] == 11)["ids"] += "|HIP 8102"  # a stray identifier
     from catalogs import queries
-    from catalogs.simbad import ask
+    from catalogs.tap_client import ask
 
-    answer = read_stars(ask(TapService(url=simbad.url), queries(Cuts())[0]))
+    answer = read_stars(ask(TapService(), simbad.url, queries(Cuts())[0]))
     rows = [row for row in match_snapshot(answer, load_stars()) if row >= 0]
     assert len(set(rows)) == len(rows)
     names = load_stars().column("name").tolist()

@@ -1,0 +1,266 @@
+"""Ask a TAP service and get its whole answer, or words for why not, within a time that is kept whatever happens.
+
+The question goes to a process of its own (`catalogs.tap_session`) that is ended when the time is up: a service that
+trickles, that says "continue" for ever or whose answer takes too long to read cannot hold anybody. The time is for one
+whole answer, from the first byte sent to the last cell read; it comes back as plain columns, whole or not at all.
+
+An answer counts only if it is whole: a marker of overflow, as many rows as were allowed, a dropped connection, a status
+of error or anything that is no VOTable is a `RefreshError`. Failures on the way are tried again. Addresses are https
+ones, or http ones of this very machine; plain http elsewhere, and redirects to another host, only where that is asked
+for; a redirect to a file never.
+"""
+
+import atexit
+import contextlib
+import json
+import math
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+from urllib.parse import urlsplit
+
+from catalogs.table_files import RawColumn, RawTable
+from cpic_core import InputError
+
+_PAUSE_FACTOR = 2.0
+_START_S = 60.0
+_LOOPBACK = frozenset(("localhost", "127.0.0.1", "::1"))
+_REMEDIES = {
+    "way": "check the network or the address, or try later; tables already here stay as they are",
+    "final": "check the network or the address, or try later; tables already here stay as they are",
+    "query": "the service may have changed; --dry-run shows the query",
+}
+
+
+class RefreshError(RuntimeError):
+    """A table could not be refreshed; the text is one line: what failed, and what to do about it."""
+
+    def __init__(self, what: str, remedy: str = "") -> None:
+        self.what = what
+        self.remedy = remedy
+        super().__init__(" ".join((f"{what}; {remedy}" if remedy else what).split()))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Survive pickling."""
+        return (RefreshError, (self.what, self.remedy))
+
+
+@dataclass(frozen=True)
+class TapService:
+    """Where and how patiently to ask.
+
+    Parameters
+    ----------
+    url : str
+        Address of the TAP service, with or without its ``/sync``; ``""`` for the archive's own.
+    timeout_s : float
+        Most time for one answer, s.
+    retries : int
+        How often a failure on the way is tried again, after pauses of 1, 2, 4 ... times `pause_s`.
+    pause_s : float
+        First pause, s.
+    maxrec : int
+        Most rows of one answer; as many or more count as cut off.
+    max_bytes : int
+        Most bytes of one answer, packed or unpacked.
+    plain_http : bool
+        Whether plain http, which anybody on the way can alter, will do for other machines than this one.
+    other_hosts : bool
+        Whether redirects to another host are followed.
+    """
+
+    url: str = ""
+    timeout_s: float = 180.0
+    retries: int = 3
+    pause_s: float = 2.0
+    maxrec: int = 200_000
+    max_bytes: int = 256 * 2**20
+    plain_http: bool = False
+    other_hosts: bool = False
+
+    def __post_init__(self) -> None:
+        if self.url:
+            self.check_url("url", self.url)
+        check_range("timeout_s", self.timeout_s, 0.1, 86400.0, "s")
+        check_range("retries", self.retries, 0, 20)
+        check_range("pause_s", self.pause_s, 0.0, 3600.0, "s")
+        check_range("maxrec", self.maxrec, 1, 2_000_000)
+        check_range("max_bytes", self.max_bytes, 1, 2**30)
+
+    def check_url(self, name: str, url: str) -> str:
+        """Return the base of an address that may be asked (its ``/sync`` is).
+
+        Raises
+        ------
+        InputError
+            If it is no address, or one of plain http that is not asked for.
+        """
+        try:
+            parts = urlsplit(url)
+            host = parts.hostname
+        except ValueError:
+            host = None
+        if not host or parts.scheme not in ("https", "http"):
+            raise InputError(name, url, allowed="an address that starts with https:// (http:// on this machine)")
+        if not may_be_asked(url, plain_http=self.plain_http):
+            hint = "--plain-http allows it"
+            raise InputError(name, url, allowed="an address that starts with https://", hint=hint)
+        return url.rstrip("/").removesuffix("/sync")
+
+
+def may_be_asked(url: str, *, plain_http: bool) -> bool:
+    """Tell whether an address may be asked: by https, or by http where that will do or on this very machine."""
+    parts = urlsplit(url)
+    return parts.scheme == "https" or (parts.scheme == "http" and (plain_http or is_here(parts.hostname)))
+
+
+def is_here(host: str | None) -> bool:
+    """Tell whether a host is this very machine."""
+    return host in _LOOPBACK
+
+
+def check_range(name: str, value: float, low: float, high: float, unit: str = "") -> None:
+    """Refuse a number outside its range.
+
+    Parameters
+    ----------
+    name : str
+        What it is, for messages.
+    value, low, high : float
+        The number, and the range, inclusive.
+    unit : str
+        Unit of all three.
+
+    Raises
+    ------
+    InputError
+        If it is outside, or nan.
+    """
+    if not (math.isfinite(value) and low <= value <= high):
+        raise InputError(name, value, unit=unit, allowed=f"{low:g} to {high:g}")
+
+
+def ask(
+    service: TapService,
+    url: str,
+    query: str,
+    *,
+    narrower: str = "ask for less",
+    tell: Callable[[str], None] = lambda text: None,
+) -> RawTable:
+    """Put one question and return the whole answer.
+
+    Parameters
+    ----------
+    service : TapService
+        How patiently to ask.
+    url : str
+        Where: the base address.
+    query : str
+        ADQL.
+    narrower : str
+        How to ask for less, for messages.
+    tell : callable
+        Called with a sentence when a failure is tried again.
+
+    Raises
+    ------
+    RefreshError
+        If the service cannot be reached, refuses the query, or its answer is not whole.
+    """
+    question = {"url": url, "query": query} | {
+        name: getattr(service, name) for name in ("maxrec", "max_bytes", "plain_http", "other_hosts")
+    }
+    pause_s = service.pause_s
+    for attempt in range(service.retries + 1):
+        said = _PROCESS.answer(question, service.timeout_s)
+        if "columns" in said:
+            return RawTable("the answer", [RawColumn(*column) for column in said["columns"]])
+        text, kind = said["problem"], said["kind"]
+        if kind == "query":
+            raise RefreshError(f"{url} refused the query: {text}", _REMEDIES[kind])
+        if kind in ("cut", "limit"):
+            raise RefreshError(f"{url}: {text}", f"{'raise --maxrec, or ' * (kind == 'cut')}{narrower}")
+        if kind == "final" or attempt == service.retries:
+            tries = "" if attempt == 0 else f" ({attempt + 1} attempts)"
+            raise RefreshError(f"{url}: {text}{tries}", _REMEDIES[kind])
+        tell(f"{url}: {text}; trying again in {pause_s:g} s")
+        time.sleep(pause_s)
+        pause_s *= _PAUSE_FACTOR
+    raise AssertionError("unreachable: the last attempt returns or raises")
+
+
+class _Process:
+    """The process that questions are put in, one after another; started when there is none."""
+
+    def __init__(self) -> None:
+        self._child: subprocess.Popen[bytes] | None = None
+        self._line: Connection[Any, Any] | None = None
+
+    def answer(self, question: dict[str, Any], time_s: float) -> dict[str, Any]:
+        """Return what `catalogs.tap_session` says to a question; the process is ended if that takes longer.
+
+        Parameters
+        ----------
+        question : dict
+            Fields of `catalogs.tap_session.Question`.
+        time_s : float
+            Most time, s; that of starting the process is not counted.
+        """
+        asked = {"question": question, "time_s": time_s, "environment": dict(os.environ)}
+        try:
+            line = self._ready_line()
+            line.send_bytes(json.dumps(asked).encode())
+            if line.poll(time_s):
+                said: dict[str, Any] = json.loads(line.recv_bytes())
+                return said
+            self.end()
+            return {"problem": f"no complete answer within {time_s:g} s", "kind": "way"}
+        except (EOFError, OSError):
+            self.end()
+            return {"problem": "the process that reads the answer ended (too little memory?)", "kind": "way"}
+        except BaseException:  # an interruption: the answer that is on its way is nobody's
+            self.end()
+            raise
+
+    def _ready_line(self) -> "Connection[Any, Any]":
+        """Return the connection to the process that is there, or to a new one."""
+        if self._child is not None and self._child.poll() is None and self._line is not None:
+            return self._line
+        self.end()
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._line = Connection(ours.detach())
+            self._child = subprocess.Popen(
+                [sys.executable, "-P", "-m", "catalogs.tap_session", str(theirs.fileno())],
+                pass_fds=(theirs.fileno(),),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(part or os.getcwd() for part in sys.path)},
+            )
+        if not self._line.poll(_START_S):
+            raise OSError("not started")
+        self._line.recv_bytes()
+        return self._line
+
+    def end(self) -> None:
+        """End the process, if there is one, whatever it is doing."""
+        line, child = self._line, self._child
+        self._line = self._child = None
+        if line is not None:
+            line.close()
+        if child is not None:
+            with contextlib.suppress(OSError):
+                child.kill()
+            child.wait()
+
+
+_PROCESS = _Process()
+atexit.register(_PROCESS.end)
