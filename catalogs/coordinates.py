@@ -1,4 +1,4 @@
-"""Star positions: space motion between epochs, tangent-plane offsets, ecliptic coordinates.
+"""Star positions: space motion between epochs, tangent-plane offsets, neighbours, ecliptic coordinates.
 
 Pure numpy; angles in degrees, ICRS throughout. Proper motion in right ascension includes the factor cos(dec).
 """
@@ -15,6 +15,7 @@ _ARCSEC_PER_RAD = 180.0 * 3600.0 / np.pi
 _MAS_PER_RAD = 1000.0 * _ARCSEC_PER_RAD
 #: Mean obliquity of the ecliptic at J2000.0 (IAU 2006 precession, Capitaine et al. 2003): 84381.406 arcsec.
 _OBLIQUITY_RAD = 84381.406 / _ARCSEC_PER_RAD
+_MOST_PAIRS = 1_000_000
 
 
 class Propagated(NamedTuple):
@@ -163,6 +164,42 @@ def separation_arcsec(ra_deg: ArrayLike, dec_deg: ArrayLike, ra0_deg: ArrayLike,
     sine = np.sin(north / 2.0) ** 2 + wide * np.sin(east / 2.0) ** 2
     cosine = np.sin((dec + dec0) / 2.0) ** 2 + wide * np.cos(east / 2.0) ** 2
     return np.asarray(2.0 * np.arctan2(np.sqrt(sine), np.sqrt(cosine)) * _ARCSEC_PER_RAD)
+
+
+def neighbours(ra_deg: ArrayLike, dec_deg: ArrayLike, reach_arcsec: float) -> list[dict[int, float]]:
+    """Return the neighbours of each of many positions: their rows, in order, with separations in arcsec.
+
+    Parameters
+    ----------
+    ra_deg, dec_deg : array_like, shape (n,)
+        Positions, degrees.
+    reach_arcsec : float
+        Largest separation, arcsec, below half the sky.
+
+    Raises
+    ------
+    InputError
+        If there are more than a million pairs: that is no sky of stars, and would take hours.
+    """
+    from scipy.spatial import KDTree
+
+    places = _finite("ra_deg", ra_deg), _finite("dec_deg", dec_deg)
+    ra, dec = map(np.deg2rad, places)
+    near: list[dict[int, float]] = [{} for _ in range(ra.size)]
+    if not near:
+        return near
+    tree = KDTree(np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1))
+    chord = 2.0 * np.sin(reach_arcsec / _ARCSEC_PER_RAD / 2.0) * (1.0 + 1e-6) + 1e-12  # the separation itself decides
+    n_pairs = (int(tree.count_neighbors(tree, chord)) - ra.size) // 2
+    if n_pairs > _MOST_PAIRS:
+        allowed = f"at most {_MOST_PAIRS} within {reach_arcsec:g} arcsec of each other"
+        raise InputError("pairs of neighbouring stars", n_pairs, allowed=allowed)
+    first, second = tree.query_pairs(chord, output_type="ndarray").T
+    sep = separation_arcsec(*(angle[rows] for rows in (first, second) for angle in places))
+    for i, j, between in sorted(zip(first.tolist(), second.tolist(), sep.tolist(), strict=True)):
+        if between < reach_arcsec:
+            near[i][j] = near[j][i] = between
+    return near
 
 
 def ecliptic(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -22,7 +22,7 @@ from catalogs.simbad_answer import read_measurements, read_stars
 from catalogs.simbad_rows import Assembled, assemble
 from catalogs.star_columns import COLUMNS
 from catalogs.stars import StarTable, load_stars, star_table
-from catalogs.tap_client import TapService, ask
+from catalogs.tap_client import RefreshError, TapService, ask
 from cpic_core import InputError
 
 FORMAT_KEY = "cpic_star_table"
@@ -110,7 +110,10 @@ def refresh(
         step(what)
     snapshot = load_stars()
     label = f"the catalogue refreshed on {when:%Y-%m-%d}"
-    made = assemble(read_stars(answers[0]), read_measurements(answers[1]), snapshot, cuts, label)
+    try:
+        made = assemble(read_stars(answers[0]), read_measurements(answers[1]), snapshot, cuts, label)
+    except InputError as error:
+        raise RefreshError(str(error), "the service is not SIMBAD; tables already here stay as they are") from None
     step("table")
     changes = compare(made, snapshot, cuts)
     return Refreshed(made.table, when, url, questions, cuts, made.counts, made.left_out, changes)

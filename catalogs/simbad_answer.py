@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.coordinates import separation_arcsec
+from catalogs.coordinates import neighbours
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import GREEK, designation_key, split_component
 from catalogs.star_systems import is_blend_id
@@ -308,16 +308,14 @@ def blends(answer: Answer) -> tuple[dict[int, str], set[int]]:
             bases.setdefault(base, []).append(i)
     listed: dict[int, str] = {}
     alone: set[int] = set()
-    for i in range(len(answer)):
-        sep = separation_arcsec(answer.ra_deg[i], answer.dec_deg[i], answer.ra_deg, answer.dec_deg)
-        near = [j for j in np.flatnonzero(sep < _NAMED_PART_ARCSEC).tolist() if j != i]
+    for i, near in enumerate(neighbours(answer.ra_deg, answer.dec_deg, _NAMED_PART_ARCSEC)):
         parts = {j for j in bases.get(designation_key(answer.main_id[i]), ()) if j in near}
         for system, held in letters[i].items():
             if len(held) > 1:
                 parts |= {j for j in near if len(letters[j].get(system, "")) == 1 and letters[j][system] in held}
         named = is_blend_id(answer.main_id[i])
         if named:
-            parts |= {j for j in near if sep[j] < _UNNAMED_PART_ARCSEC and not is_blend_id(answer.main_id[j])}
+            parts |= {j for j, sep in near.items() if sep < _UNNAMED_PART_ARCSEC and not is_blend_id(answer.main_id[j])}
         fainter = sorted(j for j in parts if answer.v_mag[j] >= answer.v_mag[i])
         if fainter:
             listed[i] = ", ".join(answer.main_id[j] for j in fainter)

@@ -18,7 +18,7 @@ from statistics import median
 import numpy as np
 
 from catalogs import stellar_physics
-from catalogs.coordinates import position_angle, separation_arcsec, tangent_offset
+from catalogs.coordinates import neighbours, position_angle, tangent_offset
 from catalogs.nomenclature import designation_key
 from catalogs.simbad import Cuts
 from catalogs.simbad_answer import Answer, Measurements, Names, blends, match_snapshot, own_names, row_name
@@ -111,6 +111,7 @@ def assemble(answer: Answer, measurements: Measurements, snapshot: StarTable, cu
     known = {i: snapshot.row(matched[i]) if matched[i] >= 0 else None for i in kept}
     shown = _shown_names(names, known, kept)
     medians = _snapshot_medians(snapshot)
+    near = neighbours(answer.ra_deg, answer.dec_deg, _NEIGHBOUR_ARCSEC)
     rows = []
     for i in kept:
         row: Row = {"name": shown[i], **_identity(names[i], known[i])}
@@ -122,7 +123,7 @@ def assemble(answer: Answer, measurements: Measurements, snapshot: StarTable, cu
         v_mag, b_mag = float(answer.v_mag[i]), float(answer.b_mag[i])
         row |= stellar_physics.light_columns(v_mag, b_mag - v_mag, answer.sp_type[i], "measured")
         flags = _fill(row, measured.get(int(answer.oid[i]), {}), known[i], medians)
-        flags |= _companion(row, answer, i, known[i], shown, listed)
+        flags |= _companion(row, answer, i, known[i], shown, listed, near[i])
         flags |= type_flags(answer.sp_type[i], answer.object_type[i], answer.main_id[i])
         flags |= parallax_flags(adopted[i].parallax_mas, adopted[i].parallax_err_mas)
         flags |= {"shared_parallax"} if adopted[i].shared else set()
@@ -298,10 +299,11 @@ def _companion(
     known: Mapping[str, object] | None,
     shown: Mapping[int, str],
     not_stars: Collection[int],
+    near: Mapping[int, float],
 ) -> set[str]:
     """Fill the companion columns: the snapshot's, else the neighbour in the answer with most light; return the flags.
 
-    `not_stars` are the objects that are blends of others.
+    `not_stars` are the objects that are blends of others, `near` the neighbours with their separations in arcsec.
 
     The neighbour's position is good to about an arcsecond, and orbital motion is not modelled, as in the snapshot.
     """
@@ -312,17 +314,18 @@ def _companion(
             for name in _COMPANION_SOURCES
         }
         return set()
-    sep = separation_arcsec(answer.ra_deg[i], answer.dec_deg[i], answer.ra_deg, answer.dec_deg)
-    near = (sep > _LEAST_SEPARATION_ARCSEC) & (sep < _NEIGHBOUR_ARCSEC)
-    near &= np.abs(answer.parallax_mas - answer.parallax_mas[i]) < _PARALLAX_TOLERANCE * answer.parallax_mas[i]
-    near[list(not_stars)] = False
-    candidates = np.flatnonzero(near)
+    candidates = {
+        j: sep
+        for j, sep in near.items()
+        if sep > _LEAST_SEPARATION_ARCSEC
+        and abs(answer.parallax_mas[j] - answer.parallax_mas[i]) < _PARALLAX_TOLERANCE * answer.parallax_mas[i]
+        and j not in not_stars
+    }
     row |= dict.fromkeys(_COMPANION_COLUMNS, float("nan")) | {"companion_name": ""}
     row |= dict.fromkeys(_COMPANION_SOURCES, "missing")
     row["close_companion"] = answer.object_type[i] in _BINARY_TYPES
-    if candidates.size:
-        light = 10.0 ** (-0.4 * answer.v_mag[candidates]) / sep[candidates] ** 2
-        j = int(candidates[np.argmax(light)])
+    if candidates:
+        j = max(candidates, key=lambda j: 10.0 ** (-0.4 * answer.v_mag[j]) / candidates[j] ** 2)
         east, north = tangent_offset(answer.ra_deg[j], answer.dec_deg[j], answer.ra_deg[i], answer.dec_deg[i])
         row |= {
             "companion_name": shown.get(j, answer.main_id[j]),
@@ -334,5 +337,5 @@ def _companion(
             "companion_pa_src": "derived:positions of the entries",
             "companion_delta_v_src": "derived:V of both entries",
         }
-        row["close_companion"] = bool(row["close_companion"]) or float(sep[j]) < CLOSE_COMPANION_ARCSEC
+        row["close_companion"] = bool(row["close_companion"]) or candidates[j] < CLOSE_COMPANION_ARCSEC
     return {"companions_not_searched"}

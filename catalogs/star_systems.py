@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catalogs.coordinates import separation_arcsec
+from catalogs.coordinates import neighbours, separation_arcsec
 
 CLOSE_ARCSEC = 30.0
 """Rows of consistent parallax this close are one system whatever their proper motions say."""
@@ -51,15 +51,17 @@ def is_blend_id(simbad_id: str) -> bool:
 
 def group_systems(members: Sequence[Member]) -> list[int]:
     """Return the system number of each row: that of its first member, a single star is a system of its own."""
-    systems = list(range(len(members)))
-    ra = np.array([member.ra_deg for member in members])
-    dec = np.array([member.dec_deg for member in members])
-    for i in range(len(members)):
-        for j in np.flatnonzero(separation_arcsec(ra[i], dec[i], ra, dec) < _GROUP_ARCSEC).tolist():
-            if j > i and systems[j] != systems[i] and _bound(members[i], members[j]):
-                old, new = max(systems[i], systems[j]), min(systems[i], systems[j])
-                systems = [new if system == old else system for system in systems]
-    return systems
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    near = neighbours([item.ra_deg for item in members], [item.dec_deg for item in members], _GROUP_ARCSEC)
+    bound = [(i, j) for i, others in enumerate(near) for j in others if j > i and _bound(members[i], members[j])]
+    if not bound:
+        return list(range(len(members)))
+    links = coo_array((np.ones(len(bound)), tuple(zip(*bound, strict=True))), shape=(len(members),) * 2)
+    _, label = connected_components(links, directed=False)
+    _, first, system = np.unique(label, return_index=True, return_inverse=True)
+    return [int(row) for row in first[system]]
 
 
 def _bound(a: Member, b: Member) -> bool:

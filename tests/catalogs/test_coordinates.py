@@ -7,7 +7,7 @@ from astropy.coordinates import BarycentricMeanEcliptic, Distance, SkyCoord
 from astropy.time import Time
 
 from catalogs import position_angle, separation_arcsec, tangent_offset
-from catalogs.coordinates import ecliptic, propagate
+from catalogs.coordinates import ecliptic, neighbours, propagate
 
 # alf Cen A, 61 Cyg A, tau Cet, eps Ind, Barnard, a star near the pole, and one crossing RA 0.
 STARS = np.array(
@@ -90,3 +90,23 @@ def test_ecliptic_agrees_with_astropy() -> None:
     lon, lat = ecliptic(ra, dec)
     there = SkyCoord(ra * u.deg, dec * u.deg).transform_to(BarycentricMeanEcliptic(equinox=Time("J2000")))
     assert np.max(separation_arcsec(lon, lat, there.lon.deg, there.lat.deg)) < 0.1
+
+
+def test_neighbours_are_those_of_all_pairs():
+    rng = np.random.default_rng(5)
+    ra = np.concatenate([rng.uniform(0.0, 360.0, 200), [0.0001, 359.9999, 10.0, 190.0, 33.0, 33.0]])
+    dec = np.concatenate([rng.uniform(-90.0, 90.0, 200), [5.0, 5.0, 89.9999, 89.9999, -20.0, -20.0]])
+    ra[:100], dec[:100] = ra[100:200] + rng.uniform(-0.1, 0.1, 100), np.clip(dec[100:200] + 0.05, -90.0, 90.0)
+    found = neighbours(ra, dec, 300.0)
+    for i in range(ra.size):
+        sep = separation_arcsec(ra[i], dec[i], ra, dec)
+        assert found[i] == {j: sep[j] for j in np.flatnonzero(sep < 300.0).tolist() if j != i}
+        assert list(found[i]) == sorted(found[i])
+    assert found[200] == {201: pytest.approx(0.72 * np.cos(np.deg2rad(5.0)))}
+    assert 203 in found[202], "across the pole"
+    assert found[204] == {205: 0.0}
+    assert neighbours([], [], 1.0) == []
+
+
+def test_a_heap_of_positions_is_no_sky(refused):
+    refused("pairs of neighbouring stars = 1124250.*at most 1000000", neighbours, [5.0] * 1500, [5.0] * 1500, 10.0)

@@ -124,10 +124,8 @@ def test_an_answer_larger_than_allowed_packed_or_not_is_refused(simbad, mode, ma
 def test_a_hostile_service_holds_nobody(simbad, mode, words):
     asked(simbad)
     simbad.mode = mode
-    began = time.monotonic()
     with pytest.raises(RefreshError, match=words) as failure:
         asked(simbad, timeout_s=0.5, retries=0, maxrec=150_000)
-    assert time.monotonic() - began < 10.0
     assert "\n" not in str(failure.value)
     simbad.mode = ""
     assert "* tau Cet" in asked(simbad)["main_id"], "the next question is answered"
