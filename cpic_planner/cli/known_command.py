@@ -79,8 +79,15 @@ def known(
     check_plot(plot)
     table = open_catalogue(question.catalog)
     model = build_model(question.instrument, question.bands)
-    planets, draws = question.known_planets or "snapshot", {"n_draws": question.n_draws, "seed": question.seed}
-    choice = KnownChoice.at(planets, question.date_utc, question.albedo, question.instrument, **draws)
+    choice = KnownChoice.at(
+        question.known_planets or "snapshot",
+        question.date_utc,
+        question.albedo,
+        question.instrument,
+        n_draws=question.n_draws,
+        seed=question.seed,
+        candidates=question.candidates,
+    )
     note(*table.notes, *choice.table.notes)
     if star is None:
         targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max)
