@@ -39,11 +39,13 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
     if result.years is not None:
         shown = [*counted[:limit], *listed]
     stars = len({row.star for row in counted})
-    title = (
-        f"Known planets: {len(counted[:limit])} of {count_text(len(counted))} around {count_text(stars)} "
-        f"star{'s' * (stars != 1)}, {result.date_utc[:10]}, {band}"
-        + (f"; {count_text(len(listed))} more listed and not counted" if listed else "")
+    told = (
+        f"{len(counted[:limit])} of {count_text(len(counted))} around {count_text(stars)} star{'s' * (stars != 1)}"
+        if counted
+        else "none that is counted"
     )
+    more = f"; {count_text(len(listed))} {'more ' * bool(counted)}listed and not counted" if listed else ""
+    title = f"Known planets: {told}, {result.date_utc[:10]}, {band}{more}"
     print_table(console, title, _cells(), shown)
     if result.years is not None:
         years = f"{result.years:g} years from {result.date_utc[:10]}"
@@ -90,8 +92,9 @@ def _planet_name(row: KnownPlanetRow) -> str:
 
 def _print_standing(row: KnownPlanetRow, console: Console) -> None:
     """Print how sure a planet is, who says so, and where its orbit was published."""
-    asked = ", counted because candidates were asked for" if row.status == "candidate" else ""
-    sentences = [f"{_planet_name(row)}: {row.status}" + (asked if row.counted else ", not counted")]
+    words = {(False, True): ", not counted unless candidates are asked for", (True, True): ", counted as asked"}
+    asked = words.get((row.counted, row.status == "candidate"), "" if row.counted else ", not counted")
+    sentences = [f"{_planet_name(row)}: {row.status}{asked}"]
     sentences += [f"Status from {row.status_reference}"] if row.status_reference else []
     sentences += [row.note[0].upper() + row.note[1:]] if row.note else []
     if len(row.orbits) > 1:
