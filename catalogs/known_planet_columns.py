@@ -85,6 +85,13 @@ COLUMNS = Columns(
     _error("radius_err_rjup", "jupiterRad", 10.0, "radiuserr plradjerr1"),
     _float("star_mass_msun", "solMass", (0.01, 100.0), "starmass stmass", "mass of the star that the reference takes"),
     _error("star_mass_err_msun", "solMass", 100.0, "starmasserr stmasserr1"),
+    _float(
+        "solution_weight",
+        "",
+        (1e-3, 1e3),
+        "weight",
+        "weight of this orbit among the several published ones of its planet, each in a row of its own",
+    ),
     _text("reference", "plrefname plorbitreference", "where the orbit was published"),
     _mass("best_mass_mjup", "plbmassj", "the archive's best mass, instead of mass_mjup and msini_mjup"),
     _error("best_mass_err_mjup", "jupiterMass", 1000.0, "plbmassjerr1"),
@@ -96,7 +103,7 @@ COLUMNS = Columns(
     _text(
         "status",
         "planetstatus",
-        "confirmed, controversial, candidate or refuted; the last two are listed and never counted",
+        "confirmed, controversial, candidate or refuted; candidates count only when asked for, refuted planets never",
     ),
     _text("status_reference", "", "where the status was published, if not where the orbit was"),
     _text("updated", "", "date on which the row was last changed"),
@@ -104,23 +111,29 @@ COLUMNS = Columns(
 )
 """Every column by its name, in the order of the shipped file."""
 STANDING = ("status", "status_reference", "updated", "note")
-"""Columns that say how sure a planet is; the table of 2019 has none of them, and what is laid over it may."""
+"""Columns that say how sure a planet is."""
+UPDATES_ONLY = ("solution_weight", *STANDING)
+"""Columns that the table of 2019 does not have, and what is laid over it may."""
 _BEST = tuple(f"best_mass_{what}" for what in ("mjup", "err_mjup", "kind", "limit"))
 INPUT_ONLY = ("omega_planet_deg", *_BEST, "eccentricity_limit", "controversial")
 """Columns that a table of a user's own may have; reading turns them into the others."""
 STATUSES: dict[str, str] = {
     "confirmed": "a planet that nobody disputes: counted",
     "controversial": "a published planet that later work doubts and does not exclude: counted",
-    "candidate": "a signal that may be a planet: listed, not counted",
+    "candidate": "a signal that may be a planet: listed, counted only when asked for",
     "refuted": "a published planet that later work excludes: listed, not counted",
 }
 """Meaning of each status."""
 COUNTED = ("confirmed", "controversial")
 """Statuses of the planets that rankings, plans, what-ifs and scenes have; the others are only listed."""
+CANDIDATE = "candidate"
+"""Status of those that are counted as well when asked for."""
 
 FLAGS: dict[str, str] = {
     "controversial": "the archive marks the planet as controversial; read as the status of that name",
     "earlier_orbit": "period, time, eccentricity and omega are of an earlier publication, which gives the time",
+    "several_orbits": "several published orbits that disagree: each is drawn with its weight",
+    "orbit_superseded": "a later publication has another orbit, outside the errors of this one: cpic known says which",
     "edge_on_assumed": "the source sets the inclination to 90 deg: its mass is m sin i, the inclination unknown",
     "mass_lower_limit": "the source gives the mass as a lower limit: taken as m sin i",
     "eccentricity_upper_limit": "the eccentricity is an upper limit",

@@ -2,12 +2,12 @@
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
 
-from catalogs.known_planet_columns import COLUMNS, COUNTED, INPUT_ONLY
+from catalogs.known_planet_columns import CANDIDATE, COLUMNS, COUNTED, INPUT_ONLY
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
 from cpic_core import ArrayLike, InputError, NDArray
@@ -34,12 +34,19 @@ class KnownPlanetTable:
         One line for results: what it is, its vintage or file name, the first digits of its sha256.
     notes : tuple of str
         Remarks on the reading, for its owner.
+    solutions : mapping of str to KnownPlanetTable
+        All published orbits of the planets that have several, by the name of the planet, each orbit a row with its
+        ``solution_weight``. In ``columns`` these planets have the orbit of the largest weight.
+    candidates : bool
+        Whether candidates are counted as well.
     """
 
     columns: Mapping[str, NDArray[np.generic]]
     label: str
     provenance: str
     notes: tuple[str, ...] = ()
+    solutions: Mapping[str, "KnownPlanetTable"] = field(default_factory=dict)
+    candidates: bool = False
 
     def __len__(self) -> int:
         """Return the number of planets, counted or not."""
@@ -47,7 +54,8 @@ class KnownPlanetTable:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to worker processes (a mapping proxy does not pickle)."""
-        return (table_of, (dict(self.columns), self.label, self.provenance, self.notes))
+        rest = (self.label, self.provenance, self.notes, dict(self.solutions), self.candidates)
+        return (table_of, (dict(self.columns), *rest))
 
     def number(self, name: str) -> NDArray[np.float64]:
         """Return a column of numbers (read-only)."""
@@ -69,12 +77,21 @@ class KnownPlanetTable:
         """Return the table of the rows of a mask, or of row numbers in their order."""
         index = np.asarray(rows)
         index = np.flatnonzero(index) if index.dtype == np.bool_ else index.astype(np.int64)
-        return table_of({name: cells[index] for name, cells in self.columns.items()}, self.label, self.provenance)
+        columns = {name: cells[index] for name, cells in self.columns.items()}
+        return table_of(columns, self.label, self.provenance, (), self.solutions, self.candidates)
+
+    def orbits_of(self, row: int) -> "KnownPlanetTable":
+        """Return the published orbits of one planet, each a row: one, or several with their weights."""
+        return self.solutions.get(str(self.columns["planet"][row])) or self.select([row])
+
+    def with_candidates(self) -> "KnownPlanetTable":
+        """Return the table in which candidates are counted like confirmed planets."""
+        return replace(self, candidates=True, provenance=f"{self.provenance}, candidates counted")
 
     @functools.cached_property
     def counted(self) -> NDArray[np.bool_]:
-        """Tell which planets are counted: those whose status is not ``candidate`` or ``refuted``."""
-        return np.isin(self.columns["status"], COUNTED)
+        """Tell which planets are counted: those whose status is not ``refuted``, nor ``candidate`` unless asked for."""
+        return np.isin(self.columns["status"], (*COUNTED, CANDIDATE) if self.candidates else COUNTED)
 
     @functools.cached_property
     def listed_by_star(self) -> Mapping[str, tuple[int, ...]]:
@@ -94,9 +111,11 @@ class KnownPlanetTable:
     def placed(self) -> NDArray[np.bool_]:
         """Tell which planets have a place on the sky: phase, inclination and node are known, within `PLACE_DEG` deg.
 
-        The errors of the angles are added in quadrature, that of the phase as it is a period after the time given.
+        Planets with several published orbits have none. The errors of the angles are added in quadrature, that of the
+        phase as it is a period after the time given.
         """
-        dated = np.array(["phase_unknown" not in self.flags(row) for row in range(len(self))], bool)
+        lacking = {"phase_unknown", "several_orbits"}
+        dated = np.array([lacking.isdisjoint(self.flags(row)) for row in range(len(self))], bool)
         times = [self.number(f"{what}_err_days") for what in ("conjunction", "periastron")]
         time_days = np.where(np.isfinite(self.number("conjunction_jd")), *times)
         turns = [days / self.number("period_days") for days in (time_days, self.number("period_err_days"))]
@@ -163,7 +182,12 @@ def planet_key(star: str, planet: str) -> tuple[str, str]:
 
 
 def table_of(
-    columns: Mapping[str, NDArray[np.generic]], label: str, provenance: str, notes: tuple[str, ...] = ()
+    columns: Mapping[str, NDArray[np.generic]],
+    label: str,
+    provenance: str,
+    notes: tuple[str, ...] = (),
+    solutions: Mapping[str, KnownPlanetTable] | None = None,
+    candidates: bool = False,
 ) -> KnownPlanetTable:
     """Return a table whose columns nobody can change.
 
@@ -175,7 +199,12 @@ def table_of(
         What messages call the table, and the line that results quote.
     notes : tuple of str
         Remarks on the reading.
+    solutions : mapping of str to KnownPlanetTable, optional
+        Orbits of the planets that have several.
+    candidates : bool
+        Whether candidates are counted.
     """
     for cells in columns.values():
         cells.flags.writeable = False
-    return KnownPlanetTable(MappingProxyType(dict(columns)), label, provenance, notes)
+    several = MappingProxyType(dict(solutions or {}))
+    return KnownPlanetTable(MappingProxyType(dict(columns)), label, provenance, notes, several, candidates)

@@ -7,7 +7,8 @@ more. A number is nan where the source has none; nothing is filled in, and ``fla
 
 A row that is laid over another one of the same planet replaces its whole orbit, so that elements of two publications
 are never mixed; what it does not say about the planet's status stays. A row with a status and no orbit changes the
-status alone.
+status alone. Where publications disagree, a planet has several rows, each a whole orbit with a weight: together they
+are a mixture, from which draws take one orbit each.
 """
 
 import csv
@@ -54,11 +55,12 @@ _DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
 _SHOWN = 6
 _LABEL = "the table of known planets"
+_SOLUTIONS = "solutions"
 _NAMED = (("star",), ("planet",))
 _REQUIRED = (("period_days", "semi_major_axis_au"), ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"))
 
 
-def load_known_planets(source: str | Path = "snapshot") -> KnownPlanetTable:
+def load_known_planets(source: str | Path = "snapshot", *, candidates: bool = False) -> KnownPlanetTable:
     """Return a table of known planets.
 
     Parameters
@@ -68,6 +70,8 @@ def load_known_planets(source: str | Path = "snapshot") -> KnownPlanetTable:
         A CSV, ECSV, VOTable or FITS file with the columns that ``cpic catalog columns`` lists is laid over the
         snapshot: planets of the same name are replaced, the others stay. ``"archive_2019+FILE"`` lays it over the table
         of 2019, ``"none+FILE"`` takes the file alone. Headings of the NASA Exoplanet Archive are understood.
+    candidates : bool
+        Count candidates like confirmed planets; otherwise they are only listed.
 
     Returns
     -------
@@ -90,8 +94,12 @@ def load_known_planets(source: str | Path = "snapshot") -> KnownPlanetTable:
     0.702
     """
     base, name = split_source(source)
-    if not name:
-        return _shipped(base)
+    table = _with_file(base, name) if name else _shipped(base)
+    return table.with_candidates() if candidates else table
+
+
+def _with_file(base: str, name: str) -> KnownPlanetTable:
+    """Return a file laid over a shipped table."""
     file = read_bytes(name, key="known_planets", presets="snapshot, archive_2019")
     raw = parse_table(file)
     own, notes = _rows_of_file(raw)
@@ -198,6 +206,20 @@ def _with_status(row: Row, older: Row | None = None) -> Row:
     return {"status": "confirmed"} | row | known | {"flags": others}
 
 
+def _one_each(rows: Iterable[Row]) -> list[Row]:
+    """Return one row a planet: of several orbits the one of the largest weight, with all of them as ``solutions``."""
+    orbits: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        orbits.setdefault(_key(row), []).append(row)
+    return [_mixture(own) if len(own) > 1 else own[0] for own in orbits.values()]
+
+
+def _mixture(orbits: list[Row]) -> Row:
+    first = max(orbits, key=lambda row: float(row["solution_weight"]))
+    given = {"several_orbits", *first["flags"].split(";")}
+    return first | {"flags": ";".join(word for word in FLAGS if word in given), _SOLUTIONS: tuple(orbits)}
+
+
 def _key(row: Row) -> tuple[str, str]:
     return planet_key(row["star"], row["planet"])
 
@@ -224,15 +246,19 @@ def _rows_of_file(raw: RawTable) -> tuple[list[Row], tuple[str, ...]]:
     Raises
     ------
     InputError
-        If a column or cell is missing or out of range, or a planet is there twice.
+        If a column or cell is missing or out of range, or a planet is there twice without weights.
     """
     with_status = any(column.name == "status" for item in raw.columns if (column := COLUMNS.meant_by(item.heading)[0]))
     given = read_rows(raw, COLUMNS, _NAMED if with_status else (*_NAMED, *_REQUIRED), about="planet")
     if "omega_star_deg" in given.headings and "omega_planet_deg" in given.headings:
         raise InputError(f"{raw.name} columns", "omega_star_deg and omega_planet_deg", allowed="one of the two")
     rows = [_user_row(row, where, given) for where, row in given]
-    given.refuse_twins(_key, remedy="of an archive's solutions keep the default ones")
-    return rows, given.notes
+    unweighted = {_key(row) for _, row in given if "solution_weight" not in row}
+    given.refuse_twins(
+        lambda row: (_key(row), "" if _key(row) in unweighted else row.get("reference", "")),
+        remedy="of an archive's solutions keep the default ones, or give each its reference and a solution_weight",
+    )
+    return _one_each(rows), given.notes
 
 
 def _user_row(given: Row, where: str, table: Rows) -> Row:
@@ -276,4 +302,9 @@ def _table(rows: Sequence[Row], label: str, provenance: str, notes: tuple[str, .
     for name in TABLE_COLUMNS:
         missing = math.nan if name in NUMBERS else ""
         columns[name] = np.array([row.get(name, missing) for row in rows])
-    return table_of(columns, label, provenance, notes)
+    solutions = {
+        row["planet"]: _table([orbit | {"planet": row["planet"]} for orbit in row[_SOLUTIONS]], label, provenance)
+        for row in rows
+        if _SOLUTIONS in row
+    }
+    return table_of(columns, label, provenance, notes, solutions)

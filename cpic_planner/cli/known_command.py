@@ -54,8 +54,14 @@ def known(
 
       cpic known --known-planets my_planets.csv
 
+      cpic known "alpha Cen A" --candidates
+
     Every planet has a status. Confirmed and controversial planets are counted by cpic rank, plan and whatif;
-    candidates and refuted planets are listed here with the reference and counted nowhere.
+    candidates and refuted planets are listed here with the reference. --candidates, an option of those commands
+    too, counts candidates as well; refuted planets are never counted.
+
+    Where publications disagree on an orbit, each draw takes one of them by its weight, and the answer says which.
+    An orbit that a later publication contradicts is flagged orbit_superseded.
 
     The shipped table is that of the NASA Exoplanet Archive of 2019 with the updates since that change what can be
     seen. A table of your own (cpic catalog columns lists its columns) is laid over it: a planet of the same name is
@@ -79,8 +85,15 @@ def known(
     check_plot(plot)
     table = open_catalogue(question.catalog)
     model = build_model(question.instrument, question.bands)
-    planets, draws = question.known_planets or "snapshot", {"n_draws": question.n_draws, "seed": question.seed}
-    choice = KnownChoice.at(planets, question.date_utc, question.albedo, question.instrument, **draws)
+    choice = KnownChoice.at(
+        question.known_planets or "snapshot",
+        question.date_utc,
+        question.albedo,
+        question.instrument,
+        n_draws=question.n_draws,
+        seed=question.seed,
+        candidates=question.candidates,
+    )
     note(*table.notes, *choice.table.notes)
     if star is None:
         targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max)

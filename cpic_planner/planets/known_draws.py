@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from catalogs import KnownPlanetTable
-from cpic_core import ArrayLike, FloatArray, InputError, check_finite, stream
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_finite, stream
 from cpic_planner.planets.known_rows import QUANTITIES, DrawnRows
+from cpic_planner.planets.laws import chosen_entry
 from cpic_planner.planets.orbits import ORBIT, OrbitingPlanets, OrbitPlaces
 from cpic_planner.planets.population import Planets
 from simulator.config import AlbedoSpec
@@ -137,6 +138,9 @@ def draw_known(
 
     The archive's omega is the star's; the planet's is 180 degrees more.
 
+    Of a planet with several published orbits each draw has one, taken with its weight: the draws are a mixture, which
+    is as wide as the publications disagree.
+
     Without an inclination the pole of the orbit is isotropic, ``p(i) ~ sin i``, which with m sin i alone is also the
     posterior if true masses are as common in every interval of the logarithm; orbits so nearly face-on that the true
     mass would pass 0.08 solar masses, a star's, are left out. A missing radius is that of the true mass (Chen & Kipping
@@ -151,24 +155,42 @@ def draw_known(
     if given.size and not ((given >= 0.0) & (given <= 1.0)).all():
         raise InputError("uniforms", "outside", allowed="numbers from 0 to 1")
     epoch = float(check_finite("epoch_mjd", epoch_mjd, "d"))
-    made = DrawnRows(table, index, given)
     masses = np.broadcast_to(np.asarray(np.nan if star_mass_msun is None else star_mass_msun, float), index.shape)
+    drawn = _drawn(table, index, given, epoch, masses)
+    share = given[:, :, QUANTITIES.index("solution")]
+    names = table.text("planet")
+    for place, row in enumerate(index):
+        orbits = table.solutions.get(names[row])
+        if orbits is not None:
+            several = len(orbits)
+            each = np.broadcast_to(given[place], (several, *given.shape[1:]))
+            found = _drawn(orbits, np.arange(several), each, epoch, np.full(several, masses[place]))
+            chosen = chosen_entry(share[place], tuple(orbits.number("solution_weight").tolist()))
+            for name, values in drawn.items():
+                values[place] = found[name][chosen, np.arange(len(chosen))]
+    return KnownDraws(epoch_mjd=epoch, **drawn)
+
+
+def _drawn(
+    table: KnownPlanetTable, index: IntArray, uniforms: FloatArray, epoch_mjd: float, masses: FloatArray
+) -> dict[str, FloatArray]:
+    """Return the draws of some rows of a table by the names of `KnownDraws`, each row one orbit."""
+    made = DrawnRows(table, index, uniforms)
     star = made.normal("star_mass_msun", "star_mass_err_msun", "star_mass", fill=masses)
     inclination, mass = made.tilt_and_mass()
     axis, period = made.axis_and_period(star, mass)
     eccentricity, omega_star = made.eccentricity(), made.angle("omega_star_deg", "omega_err_deg", "omega")
-    return KnownDraws(
-        epoch_mjd=epoch,
-        radius_rjup=made.radius(mass),
-        mass_mjup=mass,
-        semi_major_axis_au=axis,
-        eccentricity=eccentricity,
-        inclination_deg=inclination,
-        argument_of_pericentre_deg=(omega_star + 180.0) % 360.0,
-        node_deg=made.angle("node_deg", "node_err_deg", "node"),
-        mean_anomaly_deg=made.mean_anomaly(epoch, period, eccentricity, omega_star),
-        period_days=period,
-    )
+    return {
+        "radius_rjup": made.radius(mass),
+        "mass_mjup": mass,
+        "semi_major_axis_au": axis,
+        "eccentricity": eccentricity,
+        "inclination_deg": inclination,
+        "argument_of_pericentre_deg": (omega_star + 180.0) % 360.0,
+        "node_deg": made.angle("node_deg", "node_err_deg", "node"),
+        "mean_anomaly_deg": made.mean_anomaly(epoch_mjd, period, eccentricity, omega_star),
+        "period_days": period,
+    }
 
 
 def places_at(draws: KnownDraws, row: int, mjd: ArrayLike) -> OrbitPlaces:
@@ -258,7 +280,7 @@ def ephemeris(
     separation = np.concatenate([np.hypot(part.east_au, part.north_au) for part in parts], axis=1) / distance_pc
     names = ("distance_au", "phase_deg")
     middle = {name: np.concatenate([quantiles(getattr(part, name)) for part in parts], axis=1) for name in names}
-    oriented = np.isfinite(table.number("node_deg")[row])
+    oriented = np.isfinite(table.orbits_of(row).number("node_deg")).all()
     return Ephemeris(
         mjd=dates,
         separation_arcsec=quantiles(separation),

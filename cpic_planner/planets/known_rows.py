@@ -68,8 +68,8 @@ def radius_from_mass(mass_mjup: ArrayLike, deviate: ArrayLike = 0.0) -> FloatArr
 
 
 _OF_COLUMNS = ("period", "epoch", "eccentricity", "omega", "semi_major_axis", "mass", "inclination", "node")
-QUANTITIES = (*_OF_COLUMNS, "mean_anomaly", "radius", "star_mass")
-"""What is drawn of one known planet, in the order of the last axis of the uniforms."""
+QUANTITIES = (*_OF_COLUMNS, "mean_anomaly", "radius", "star_mass", "solution")
+"""What is drawn of one known planet, in the order of the last axis of the uniforms; ``solution`` is which orbit."""
 
 ECCENTRICITY_HIGH = 0.99
 _MJD_ZERO_JD = 2400000.5

@@ -30,7 +30,7 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
 
 
 _SAMPLE = ("universes", "seed", "start_utc", "duration_days", "slot_days")
-UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "catalog", "instrument", "known_planets")
+UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "catalog", "instrument", "known_planets", "candidates")
 """Fields that stand instead of those of `cpic_planner.survey.strategy_file.UniverseConfig`, which checks them."""
 
 
@@ -69,6 +69,7 @@ class WhatIfQuestion(RunQuestion):
         "population; off leaves them out.",
         read=str,
     )
+    candidates: bool | None = asked(None, "Count candidates among the known planets too.", unset="no")
     images: int = asked(6, "Detections of each strategy that are simulated as images.", ge=0)
     workers: int = asked(
         2, "Local worker processes; results do not depend on their number.", ge=1, le=256, physics=False

@@ -313,6 +313,9 @@ class KnownPlanetsQuestion(Question):
         physics=False,
         read=str,
     )
+    candidates: bool = asked(
+        False, "Count candidates among the known planets too, not only confirmed and controversial ones.", physics=False
+    )
     date_utc: config.Utc | None = asked(
         None, "Date of the known planets' places, UTC.", option="--date", unset="the mission's start", physics=False
     )

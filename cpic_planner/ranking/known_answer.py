@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs import resolve_star, snapshot_vintage
+from catalogs import KnownPlanetTable, resolve_star, snapshot_vintage
 from cpic_core import FloatArray, InputError, check_whole
 from cpic_planner.etc import EtcModel, check_range, reflected_contrast
 from cpic_planner.planets import (
@@ -24,7 +24,17 @@ from cpic_planner.planets import (
     quantiles,
 )
 from cpic_planner.ranking.known_completeness import KnownChoice
-from cpic_planner.results import KnownBand, KnownHole, KnownPlanetRow, KnownResult, KnownTrack, KnownWindow, Quantiles
+from cpic_planner.ranking.known_superseded import superseded_by
+from cpic_planner.results import (
+    KnownBand,
+    KnownHole,
+    KnownOrbit,
+    KnownPlanetRow,
+    KnownResult,
+    KnownTrack,
+    KnownWindow,
+    Quantiles,
+)
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue
 from cpic_planner.version import __version__
 from simulator.config import MAX_SEPARATION_ARCSEC, AlbedoSpec, content_hash, scenes_from_table
@@ -115,8 +125,8 @@ def known_answer(
     choice : KnownChoice
         Table, date, draws and albedo.
     years : float, optional
-        Also the separations over so long, and the days on which the dark hole covers them; 0.01 to 100. Candidates
-        and refuted planets have neither.
+        Also the separations over so long, and the days on which the dark hole covers them; 0.01 to 100. Planets that
+        are not counted have neither.
     catalogue : str, optional
         Which table the stars are from; the snapshot by default.
     bands : sequence of str, optional
@@ -210,13 +220,17 @@ def _row(
     mass = drawn.mass_mjup[0]
     texts = {name: table.text(name)[row] for name in _TEXTS}
     orbit = {name: _quantiles(getattr(drawn, name)[0]) for name in _OF_ORBIT}
+    later = superseded_by(choice, row, float(star.distance_pc[0]))
     place = {name: _three(getattr(where, name)[:, 0]) for name in ("separation_arcsec", "distance_au", "phase_deg")}
     return KnownPlanetRow.of(
         star,
         at=0,
         star=str(star.name[0]),
         hip=int(star.hip[0]) or None,
-        flags=list(table.flags(row)),
+        flags=[*table.flags(row), *(["orbit_superseded"] if later else [])],
+        counted=bool(table.counted[row]),
+        orbits=_orbits(table, row),
+        superseded_by=later,
         **(texts | orbit | place),
         mass_mjup=_quantiles(mass) if np.isfinite(mass).all() else None,
         pa_deg=None if where.pa_deg is None else _three(where.pa_deg[:, 0]),
@@ -224,6 +238,26 @@ def _row(
         windows=windows,
         track=None if years is None else _track(where),
     )
+
+
+def _orbits(table: KnownPlanetTable, row: int) -> list[KnownOrbit]:
+    orbits = table.orbits_of(row)
+    weights = np.nan_to_num(orbits.number("solution_weight"), nan=1.0) if len(orbits) > 1 else np.ones(1)
+    numbers = [orbits.number(name) for name in ("period_days", "semi_major_axis_au", "eccentricity")]
+    found = []
+    for k, reference in enumerate(orbits.text("reference")):
+        period, axis, eccentricity = (float(values[k]) if np.isfinite(values[k]) else None for values in numbers)
+        share = float(weights[k] / weights.sum())
+        found.append(
+            KnownOrbit(
+                reference=reference,
+                share=share,
+                period_days=period,
+                semi_major_axis_au=axis,
+                eccentricity=eccentricity,
+            )
+        )
+    return found
 
 
 def _days(length: float, period: float) -> list[float]:

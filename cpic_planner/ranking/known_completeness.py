@@ -77,6 +77,7 @@ class KnownChoice:
         *,
         n_draws: int,
         seed: int,
+        candidates: bool = False,
     ) -> "KnownChoice":
         """Return the choice of a table and a date as people write them.
 
@@ -89,6 +90,8 @@ class KnownChoice:
         albedo : AlbedoSpec
         instrument : Instrument
         n_draws, seed : int
+        candidates : bool
+            Whether candidates are counted.
 
         Raises
         ------
@@ -96,7 +99,7 @@ class KnownChoice:
             For a table that cannot be used, or a text that is no date.
         """
         utc = checked_utc("--date", instrument.mission.start_utc if date is None else date)
-        return cls(load_known_planets(source), utc, mjd_of(utc), albedo, n_draws, seed)
+        return cls(load_known_planets(source, candidates=candidates), utc, mjd_of(utc), albedo, n_draws, seed)
 
     def stars(self, targets: Targets) -> Targets:
         """Targets that have known planets which are counted.
@@ -140,11 +143,10 @@ class KnownChoice:
 
     def content(self) -> dict[str, Any]:
         """For content hashes."""
-        cells = repr([(name, column.tolist()) for name, column in self.table.columns.items()])
-        digest, albedo = (
-            hashlib.sha256(cells.encode()).hexdigest(),
-            ReferencePlanet(albedo=self.albedo).content()["albedo"],
-        )
+        tables = [self.table, *self.table.solutions.values()]
+        cells = [[(name, column.tolist()) for name, column in table.columns.items()] for table in tables]
+        digest = hashlib.sha256(repr((cells, self.table.candidates)).encode()).hexdigest()
+        albedo = ReferencePlanet(albedo=self.albedo).content()["albedo"]
         return {"table": digest, "mjd": self.mjd, "n_draws": self.n_draws, "seed": self.seed, "albedo": albedo}
 
 
@@ -160,7 +162,7 @@ def counted_planets(question: RankedQuestion) -> PopulationChoice | KnownChoice:
         return PopulationChoice(question.population, question.n_planets, question.seed)
     n_draws, albedo = check_whole("n_planets", question.n_planets, 1, MAX_DRAWS), question.planet.albedo
     where = question.known_planets, question.date_utc, albedo, question.instrument
-    return KnownChoice.at(*where, n_draws=n_draws, seed=question.seed)
+    return KnownChoice.at(*where, n_draws=n_draws, seed=question.seed, candidates=question.candidates)
 
 
 def known_completeness(

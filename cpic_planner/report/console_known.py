@@ -13,44 +13,60 @@ from cpic_planner.report.cells import Cells, print_note, print_plain, print_tabl
 from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, pretty_name, ratio_text
 from cpic_planner.report.summary import day_text, pointing_sentence
 from cpic_planner.report.words import BLOCK_WORDS
-from cpic_planner.results import KnownPlanetRow, KnownResult, Quantiles, VisibilityResult, VisibleTarget
+from cpic_planner.results import (
+    KnownOrbit,
+    KnownPlanetRow,
+    KnownResult,
+    KnownWindow,
+    Quantiles,
+    VisibilityResult,
+    VisibleTarget,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-
-_LISTED = ("candidate", "refuted")
-"""Statuses of planets that are listed and not counted."""
+_WINDOWS = 6
+"""Windows of a planet that are printed."""
 
 
 def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
     """Print the planets, widest on the sky first unless a star was asked for, and what the numbers mean."""
     band = result.holes[0].band
-    counted = [row for row in result.planets if row.status not in _LISTED]
-    listed = [row for row in result.planets if row.status in _LISTED]
+    counted = [row for row in result.planets if row.counted]
+    listed = [row for row in result.planets if not row.counted]
     shown = sorted(counted, key=lambda row: -row.bands[0].hole_share)[:limit]
     if result.years is not None:
         shown = [*counted[:limit], *listed]
     stars = len({row.star for row in counted})
-    title = (
-        f"Known planets: {len(counted[:limit])} of {count_text(len(counted))} around {count_text(stars)} "
-        f"star{'s' * (stars != 1)}, {result.date_utc[:10]}, {band}"
-        + (f"; {count_text(len(listed))} more listed and not counted" if listed else "")
+    told = (
+        f"{len(counted[:limit])} of {count_text(len(counted))} around {count_text(stars)} star{'s' * (stars != 1)}"
+        if counted
+        else "none that is counted"
     )
+    more = f"; {count_text(len(listed))} {'more ' * bool(counted)}listed and not counted" if listed else ""
+    title = f"Known planets: {told}, {result.date_utc[:10]}, {band}{more}"
     print_table(console, title, _cells(), shown)
     if result.years is not None:
+        years = f"{result.years:g} years from {result.date_utc[:10]}"
+        never = ", ".join(_planet_name(row) for row in counted[:limit] if not row.windows)
+        if never:
+            print_plain(console, f"In no band more likely than not in the dark hole within {years}: {never}.")
         for row in counted[:limit]:
             _print_windows(row, result, console)
             _print_standing(row, console)
     for row in listed:
         _print_standing(row, console)
-    flags = dict.fromkeys(flag for row in shown for flag in row.flags) if result.years is not None else {}
+    lacking: dict[str, list[str]] = {}
+    for row in shown if result.years is not None else ():
+        for flag in row.flags:
+            lacking.setdefault(flag, []).append(row.planet.rpartition(" ")[2])
     print_note(
         console,
         "Numbers: median +- half of the width that holds 68 % of the draws. in hole: share of the draws between inner "
         f"and outer corner of the dark hole of {band} ({result.holes[0].inner_arcsec:.2f} to "
         f"{result.holes[0].outer_arcsec:.2f} arcsec); at a given roll the position angle decides as well.",
-        *(f"{flag}: {FLAGS[flag]}." for flag in flags),
+        *(f"{flag} ({', '.join(letters)}): {FLAGS[flag]}." for flag, letters in lacking.items()),
         f"{result.planets_table}; {count_text(result.n_draws)} draws of each planet with seed {result.seed}, "
         f"{result.albedo} albedo.",
     )
@@ -76,10 +92,20 @@ def _planet_name(row: KnownPlanetRow) -> str:
 
 def _print_standing(row: KnownPlanetRow, console: Console) -> None:
     """Print how sure a planet is, who says so, and where its orbit was published."""
-    sentences = [f"{_planet_name(row)}: {row.status}" + (", not counted" if row.status in _LISTED else "")]
+    words = {(False, True): ", not counted unless candidates are asked for", (True, True): ", counted as asked"}
+    asked = words.get((row.counted, row.status == "candidate"), "" if row.counted else ", not counted")
+    sentences = [f"{_planet_name(row)}: {row.status}{asked}"]
     sentences += [f"Status from {row.status_reference}"] if row.status_reference else []
     sentences += [row.note[0].upper() + row.note[1:]] if row.note else []
-    sentences += [f"Orbit from {row.reference}"] if row.reference else []
+    if len(row.orbits) > 1:
+        told = "; ".join(
+            f"{orbit.share:.0%} of the draws from {orbit.reference}{_elements(orbit)}" for orbit in row.orbits
+        )
+        sentences += [f"{len(row.orbits)} published orbits disagree: {told}"]
+    elif row.reference:
+        sentences += [f"Orbit from {row.reference}"]
+    if row.superseded_by:
+        sentences += [f"This orbit is contradicted by a later one: {row.superseded_by}"]
     print_plain(console, ". ".join(sentences) + ".")
 
 
@@ -87,18 +113,31 @@ def _with_width(value: Quantiles, digits: int) -> str:
     return f"{value.median:.{digits}f} ± {0.5 * (value.high - value.low):.{digits}f}"
 
 
+def _elements(orbit: KnownOrbit) -> str:
+    """Return period and eccentricity of an orbit in brackets."""
+    told = {"P": (orbit.period_days, "d"), "a": (orbit.semi_major_axis_au, "au"), "e": (orbit.eccentricity, "")}
+    words = [f"{name} {value:.4g} {unit}".strip() for name, (value, unit) in told.items() if value is not None]
+    return f" ({', '.join(words)})" if words else ""
+
+
 def _print_windows(row: KnownPlanetRow, result: KnownResult, console: Console) -> None:
-    """Print the days on which the dark hole covers a planet, band by band."""
-    years = f"{result.years:g} years from {result.date_utc[:10]}"
-    if not row.windows:
-        print_plain(console, f"{_planet_name(row)}: in no band more likely than not in the dark hole within {years}")
-        return
+    """Print the days on which the dark hole covers a planet, bands with the same days together."""
+    bands: dict[str, list[str]] = {}
     for hole in result.holes:
         mine = [window for window in row.windows if window.band == hole.band]
-        spans = ", ".join(f"{w.start_utc} to {w.end_utc} (best {w.best_utc}: {w.best_share:.0%})" for w in mine[:6])
-        more = f" and {len(mine) - 6} more" if len(mine) > 6 else ""
-        if mine:
-            print_plain(console, f"{_planet_name(row)}, {hole.band}: in the dark hole {spans}{more}")
+        more = f" and {len(mine) - _WINDOWS} more" if len(mine) > _WINDOWS else ""
+        spans = ", ".join(map(_span, mine[:_WINDOWS])) + more
+        bands.setdefault(spans, []).append(hole.band)
+    for spans, names in bands.items():
+        inside = f"more likely than not in the dark hole {spans}" if spans else "at no time more likely than not in it"
+        if row.windows:
+            print_plain(console, f"{_planet_name(row)}, {', '.join(names)}: {inside}")
+
+
+def _span(window: KnownWindow) -> str:
+    days = f"{window.start_utc} to {window.end_utc}" if window.end_utc != window.start_utc else f"on {window.start_utc}"
+    best = f"best {window.best_utc}: " if window.end_utc != window.start_utc else ""
+    return f"{days} ({best}{window.best_share:.0%})"
 
 
 _SEASONS = 6

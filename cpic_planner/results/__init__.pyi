@@ -23,6 +23,7 @@ from cpic_planner.results.base import (
 from cpic_planner.results.known import (
     KnownBand as KnownBand,
     KnownHole as KnownHole,
+    KnownOrbit as KnownOrbit,
     KnownPlanetRow as KnownPlanetRow,
     KnownResult as KnownResult,
     KnownTrack as KnownTrack,

@@ -48,6 +48,16 @@ class KnownTrack(Result):
     separation_high_arcsec: list[float] = Field(description="84 % of the draws lie below")
 
 
+class KnownOrbit(Result):
+    """One published orbit of a planet; null where the publication has no value."""
+
+    reference: str = Field(description="where it was published")
+    share: float = Field(description="share of the draws that have it")
+    period_days: float | None
+    semi_major_axis_au: float | None
+    eccentricity: float | None
+
+
 class KnownPlanetRow(Row):
     """One known planet at the date."""
 
@@ -58,9 +68,16 @@ class KnownPlanetRow(Row):
     distance_pc: float
     discovery_method: str
     status: Literal["confirmed", "controversial", "candidate", "refuted"] = Field(
-        description="how sure the planet is; candidates and refuted ones are listed and never counted"
+        description="how sure the planet is; refuted planets are listed and never counted"
     )
-    reference: str = Field(description="where the orbit was published")
+    counted: bool = Field(
+        description="whether rankings, plans and what-ifs count it: candidates only when asked for, refuted ones never"
+    )
+    reference: str = Field(description="where the orbit was published; of several the one of the largest weight")
+    orbits: list[KnownOrbit] = Field(description="the published orbits that are drawn: several where they disagree")
+    superseded_by: str = Field(
+        description="publication of a later orbit that contradicts the one in use, and in what; empty: none"
+    )
     status_reference: str = Field(description="where the status was published; empty: where the orbit was")
     updated: str = Field(description="date of the row in the table's updates; empty: as in the table of 2019")
     note: str = Field(description="remark of the table on the planet")

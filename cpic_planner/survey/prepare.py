@@ -105,7 +105,9 @@ def known_table(universe: UniverseConfig) -> KnownPlanetTable | None:
     InputError
         If it cannot be read.
     """
-    return None if universe.known_planets == "off" else load_known_planets(universe.known_planets)
+    if universe.known_planets == "off":
+        return None
+    return load_known_planets(universe.known_planets, candidates=universe.candidates)
 
 
 def _check_rolls(config: StrategiesConfig, limits: VisibilityConfig) -> None:

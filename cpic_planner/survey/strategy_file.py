@@ -34,6 +34,8 @@ class UniverseConfig(FrozenModel):
     instrument, visibility, catalog, known_planets : str
         Presets or files; ``known_planets`` as `catalogs.known_planets.load_known_planets` reads it, ``off`` leaves
         them out.
+    candidates : bool
+        Whether candidates count among the known planets.
     observed : str
         Observation log of what was done already (`cpic_planner.survey.observed`); empty for none.
     background : {"off", "on"}
@@ -50,6 +52,7 @@ class UniverseConfig(FrozenModel):
     visibility: str = "default"
     catalog: str = "snapshot"
     known_planets: str = "snapshot"
+    candidates: bool = False
     observed: str = ""
     background: Literal["off", "on"] = "off"
     universes: Annotated[int, Field(ge=2, le=10_000_000)] = 1000

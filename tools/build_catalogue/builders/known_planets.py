@@ -15,7 +15,7 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 
-from catalogs.known_planet_columns import COLUMNS, INPUT_ONLY, STANDING, flags_of, reference_text, settle
+from catalogs.known_planet_columns import COLUMNS, INPUT_ONLY, UPDATES_ONLY, flags_of, reference_text, settle
 from catalogs.known_planets import DATA_FILE
 from catalogs.nomenclature import designation_key
 from cpic_core import InputError
@@ -83,7 +83,7 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
     order = {person.name: number for number, person in enumerate(people)}
     found = [(star, row) for row in later if (star := stars.find(row)) is not None]
     found.sort(key=lambda item: (order[item[0]], item[1]["pl_letter"]))
-    header = [name for name in COLUMNS if name not in (*INPUT_ONLY, *STANDING)]
+    header = [name for name in COLUMNS if name not in (*INPUT_ONLY, *UPDATES_ONLY)]
     text = io.StringIO()
     writer = csv.DictWriter(text, header, lineterminator="\n", restval="")
     writer.writeheader()
