@@ -18,16 +18,28 @@ from catalogs.coordinates import (
     separation_arcsec as separation_arcsec,
     tangent_offset as tangent_offset,
 )
+from catalogs.exoplanet_archive import PLANETS_QUERY as PLANETS_QUERY, archive_url as archive_url
 from catalogs.known_planet_table import KnownPlanetTable as KnownPlanetTable, star_key as star_key
 from catalogs.known_planets import load_known_planets as load_known_planets, split_source as split_source
 from catalogs.names import StarMatch as StarMatch, resolve_star as resolve_star
 from catalogs.nomenclature import CONSTELLATIONS as CONSTELLATIONS, GREEK as GREEK
+from catalogs.planet_refresh import (
+    RefreshedPlanets as RefreshedPlanets,
+    parse_planets as parse_planets,
+    planets_ecsv as planets_ecsv,
+    refresh_planets as refresh_planets,
+)
 from catalogs.refresh import (
     Refreshed as Refreshed,
-    data_dir as data_dir,
     ecsv_text as ecsv_text,
-    file_name as file_name,
     parse_refreshed as parse_refreshed,
+    refresh_stars as refresh_stars,
+)
+from catalogs.refreshed_tables import (
+    StoredTable as StoredTable,
+    data_dir as data_dir,
+    file_name as file_name,
+    set_aside as set_aside,
     stored_tables as stored_tables,
 )
 from catalogs.simbad import (

@@ -179,22 +179,16 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
             sample="every FGK star of the snapshot with parallax >= 25 mas",
             ranked_v_mag=RANKED_V_MAG,
         )
-    return _from_file(_latest() if source == "latest" else source)
+    if source == "latest":
+        from catalogs.refreshed_tables import latest_table
+
+        source = latest_table("simbad", key="catalog", instead="snapshot", command="cpic catalog refresh")
+    return _from_file(source)
 
 
 def data_credits(provenance: str) -> tuple[str, ...]:
     """Return whose data a result with a table of this `provenance` rests on; a user's own stars are not SIMBAD's."""
     return MODEL_CREDITS if provenance.startswith(_USER_TABLE) else (*STAR_CREDITS, *MODEL_CREDITS)
-
-
-def _latest() -> Path:
-    from catalogs.refresh import data_dir, stored_tables
-
-    found = stored_tables()
-    if not found:
-        hint = f"none in {data_dir()}: run cpic catalog refresh"
-        raise InputError("catalog", "latest", allowed="snapshot, or latest once there is a refreshed table", hint=hint)
-    return found[0].path
 
 
 def _from_file(path: str | Path) -> Catalogue:

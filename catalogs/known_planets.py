@@ -40,7 +40,7 @@ from catalogs.known_planet_table import (
     table_of,
 )
 from catalogs.table_cells import Row, Rows, read_rows
-from catalogs.table_files import RawTable, parse_table, read_bytes
+from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
 from cpic_core import InputError, NDArray
 
 DATA_FILE = "known_planets.csv"
@@ -48,9 +48,12 @@ UPDATES_FILE = "known_planets_updates.csv"
 SOURCES: dict[str, str] = {
     "snapshot": "NASA Exoplanet Archive of 2019 with the updates since",
     "archive_2019": "the same without the updates",
+    "latest": "the newest table that cpic catalog refresh --planets left, with the updates that are newer",
     "none": "no table of ours: only the file behind the +",
 }
 """Tables that a file can be laid over, with a description of each; the first is the default."""
+PRESETS = "snapshot, archive_2019, latest"
+"""Those that need no file, for messages."""
 _DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
 _SHOWN = 6
@@ -66,7 +69,9 @@ def load_known_planets(source: str | Path = "snapshot", *, candidates: bool = Fa
     Parameters
     ----------
     source : str or Path
-        ``"snapshot"``: the archive's table of 2019 with the updates that are shipped; ``"archive_2019"``: without them.
+        ``"snapshot"``: the archive's table of 2019 with the updates that are shipped; ``"archive_2019"``: without them;
+        ``"latest"``: the newest table of the archive that ``cpic catalog refresh --planets`` left in the data folder,
+        with the updates that are newer (`catalogs.planet_refresh.newer_updates`).
         A CSV, ECSV, VOTable or FITS file with the columns that ``cpic catalog columns`` lists is laid over the
         snapshot: planets of the same name are replaced, the others stay. ``"archive_2019+FILE"`` lays it over the table
         of 2019, ``"none+FILE"`` takes the file alone. Headings of the NASA Exoplanet Archive are understood.
@@ -94,19 +99,20 @@ def load_known_planets(source: str | Path = "snapshot", *, candidates: bool = Fa
     0.702
     """
     base, name = split_source(source)
-    table = _with_file(base, name) if name else _shipped(base)
+    table = _with_file(base, name) if name else _base(base)[1]
     return table.with_candidates() if candidates else table
 
 
 def _with_file(base: str, name: str) -> KnownPlanetTable:
     """Return a file laid over a shipped table."""
-    file = read_bytes(name, key="known_planets", presets="snapshot, archive_2019")
+    file = read_bytes(name, key="known_planets", presets=PRESETS)
     raw = parse_table(file)
     own, notes = _rows_of_file(raw)
     about = f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]})"
     below: Sequence[Row] = ()
     if base != "none":
-        below, about = _shipped_rows(base), f"{about} over {_shipped(base).provenance}"
+        below, table = _base(base)
+        about = f"{about} over {table.provenance}"
     rows = _laid_over(below, own, file.name)
     if below:
         notes += (_overlay_note(below, own, file.name),)
@@ -143,6 +149,41 @@ def planets_updated() -> str:
     return max(str(row["updated"]) for row in _updates()[0])
 
 
+def _base(base: str) -> tuple[Sequence[Row], KnownPlanetTable]:
+    """Return a table that needs no file, its rows first."""
+    return _latest() if base == "latest" else (_shipped_rows(base), _shipped(base))
+
+
+def _latest() -> tuple[Sequence[Row], KnownPlanetTable]:
+    """Return the newest refreshed table with the updates that are newer; read anew each time."""
+    from catalogs.planet_refresh import newer_updates, parse_planets
+    from catalogs.refreshed_tables import latest_table
+
+    command = "cpic catalog refresh --planets"
+    path = latest_table("archive", key="known_planets", instead="snapshot, archive_2019", command=command)
+    file = read_bytes(path, key="known_planets", presets=PRESETS)
+    own, day = parse_planets(file)
+    below = _laid_over((), own, file.name)
+    rows = _laid_over(below, newer_updates(below, _updates()[0]), UPDATES_FILE)
+    about = f"NASA Exoplanet Archive of {day}, {len(own)} planets ({file.name} {file.sha256[:_DIGITS]}), {_updated()}"
+    return rows, _table(rows, file.name, about)
+
+
+def read_planets(file: TableBytes) -> list[Row]:
+    """Return the rows of a table of planets, one each.
+
+    Raises
+    ------
+    InputError
+        If it cannot be used, naming file, row, column, value, unit and range.
+    """
+    return _rows_of_file(parse_table(file))[0]
+
+
+def _updated() -> str:
+    return f"updated {planets_updated()} ({UPDATES_FILE} {_updates()[1][:_DIGITS]})"
+
+
 @functools.cache
 def _shipped(base: str) -> KnownPlanetTable:
     """Return a shipped table."""
@@ -150,7 +191,7 @@ def _shipped(base: str) -> KnownPlanetTable:
     digest = hashlib.sha256((_DATA / DATA_FILE).read_bytes()).hexdigest()[:_DIGITS]
     about = f"NASA Exoplanet Archive of 2019-05-31, {len(_shipped_rows('archive_2019'))} planets ({DATA_FILE} {digest})"
     if base == "snapshot":
-        about += f", updated {planets_updated()} ({UPDATES_FILE} {_updates()[1][:_DIGITS]})"
+        about += f", {_updated()}"
     return _table(rows, _LABEL, about)
 
 

@@ -1,22 +1,19 @@
 """Refresh the star table from SIMBAD: ask, check, assemble, compare with the snapshot; and read what was kept back.
 
-Refreshed tables stand beside the snapshot, not in its place: in ``$CPIC_DATA_DIR``, or the user's data folder
-(platformdirs), one dated ECSV file each. Nothing is written here: whoever does writes the whole text at once.
+Where refreshed tables are kept, `catalogs.refreshed_tables` says. Nothing is written here: whoever does writes the
+whole text at once.
 """
 
-import io
 import json
-import os
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from catalogs.catalogue import STAR_CREDITS, snapshot_vintage
+from catalogs.refreshed_tables import DAMAGED, ecsv_of, loss_refused, parse_ecsv
 from catalogs.simbad import NARROWER, Cuts, queries, service_url
 from catalogs.simbad_answer import read_measurements, read_stars
 from catalogs.simbad_rows import Assembled, assemble
@@ -27,13 +24,14 @@ from cpic_core import InputError
 
 FORMAT_KEY = "cpic_star_table"
 _FORMAT_VERSION = 1
-_PREFIX, _SUFFIX = "simbad_", ".ecsv"
-_STAMP = "%Y-%m-%dT%H%M%SZ"
 _LICENCE = "Open Database License (ODbL) 1.0: a database derived from SIMBAD"
 V_CHANGE_MAG = 0.05
 """A V that differs by at least this from the snapshot's counts as changed."""
 PARALLAX_CHANGE = 0.01
 """A parallax that differs by at least this fraction from the snapshot's counts as changed."""
+INSIDE_V_MAG, INSIDE_PARALLAX = 0.2, 0.1
+"""Snapshot stars this much brighter than the cut (mag), with a parallax larger by this fraction, cannot drop out of the
+answer because SIMBAD has newer values: by them it is judged whether the answer is whole."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +50,10 @@ class Changes:
         Stars in both of which neither differs.
     before : int
         Stars of the snapshot within the cuts.
+    well_inside : int
+        Those of them that newer values do not take out of the cuts.
+    lost : tuple of str
+        Names of those that are not in the refreshed table all the same.
     """
 
     added: tuple[str, ...]
@@ -60,6 +62,8 @@ class Changes:
     parallax: tuple[str, ...]
     same: int
     before: int
+    well_inside: int
+    lost: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -75,8 +79,15 @@ class Refreshed:
     left_out: Mapping[str, str]
     changes: Changes
 
+    @property
+    def refusal(self) -> str:
+        """Why the table is set aside; empty if it is not."""
+        return loss_refused(
+            len(self.changes.lost), self.changes.well_inside, "stars of the snapshot well within the cuts"
+        )
 
-def refresh(
+
+def refresh_stars(
     service: TapService,
     cuts: Cuts,
     *,
@@ -142,6 +153,8 @@ def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> Changes:
     parallax_differs = shift["parallax_mas"] >= PARALLAX_CHANGE * old["parallax_mas"][rows[known]]
     inside = (old["v_mag"] <= cuts.v_mag_max) & (old["parallax_mas"] >= cuts.parallax_min_mas)
     gone = sorted(set(np.flatnonzero(inside).tolist()) - set(rows[known].tolist()))
+    well_inside = old["v_mag"] <= cuts.v_mag_max - INSIDE_V_MAG
+    well_inside &= old["parallax_mas"] >= (1.0 + INSIDE_PARALLAX) * cuts.parallax_min_mas
     old_names = snapshot.column("name").tolist()
     return Changes(
         added=tuple(names[i] for i in np.flatnonzero(rows < 0).tolist()),
@@ -150,42 +163,9 @@ def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> Changes:
         parallax=tuple(names[i] for i in known[parallax_differs].tolist()),
         same=int(np.sum(~(v_differs | parallax_differs))),
         before=int(inside.sum()),
+        well_inside=int(well_inside.sum()),
+        lost=tuple(old_names[row] for row in gone if well_inside[row]),
     )
-
-
-@dataclass(frozen=True)
-class StoredTable:
-    """A refreshed table in the data folder, by its file name."""
-
-    path: Path
-    queried_utc: datetime
-
-
-def data_dir() -> Path:
-    """Folder of the refreshed tables (not created here)."""
-    chosen = os.environ.get("CPIC_DATA_DIR")
-    if chosen:
-        return Path(chosen)
-    from platformdirs import user_data_path
-
-    return user_data_path("cpic-planner", appauthor=False)
-
-
-def file_name(queried_utc: datetime) -> str:
-    """Name of the file of a table queried at that time."""
-    return f"{_PREFIX}{queried_utc:{_STAMP}}{_SUFFIX}"
-
-
-def stored_tables() -> list[StoredTable]:
-    """Refreshed tables in the data folder, newest first; files of other names are not looked at."""
-    found = []
-    for path in data_dir().glob(f"{_PREFIX}*{_SUFFIX}"):
-        try:
-            when = datetime.strptime(path.name, f"{_PREFIX}{_STAMP}{_SUFFIX}").replace(tzinfo=UTC)
-        except ValueError:
-            continue
-        found.append(StoredTable(path, when))
-    return sorted(found, key=lambda item: item.queried_utc, reverse=True)
 
 
 def ecsv_text(made: Refreshed, versions: Mapping[str, str]) -> str:
@@ -212,7 +192,7 @@ def ecsv_text(made: Refreshed, versions: Mapping[str, str]) -> str:
             table[column.name] = Column(values, **about)
     parts = asdict(made.changes).items()
     changes = {name: len(part) if isinstance(part, tuple | dict) else part for name, part in parts}
-    table.meta |= {
+    meta = {
         FORMAT_KEY: _FORMAT_VERSION,
         "queried_utc": made.queried_utc.isoformat(),
         "service": made.url,
@@ -226,9 +206,7 @@ def ecsv_text(made: Refreshed, versions: Mapping[str, str]) -> str:
         "licence": _LICENCE,
         "credit": STAR_CREDITS[0],
     }
-    text = io.StringIO()
-    table.write(text, format="ascii.ecsv", delimiter=",")
-    return text.getvalue()
+    return ecsv_of(table, meta)
 
 
 def parse_refreshed(text: str, name: str) -> tuple[StarTable, dict[str, Any]]:
@@ -250,19 +228,9 @@ def parse_refreshed(text: str, name: str) -> tuple[StarTable, dict[str, Any]]:
     InputError
         If it is damaged, of another version, or not a refreshed table.
     """
-    from astropy.io import ascii as text_tables
-
-    hint = "damaged, or made by another version: make a new one with cpic catalog refresh"
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            table = text_tables.read(text.splitlines(), format="ecsv")
-    except Exception as error:
-        reason = " ".join(str(error).split())[:120]
-        raise InputError(name, "unreadable", allowed="a refreshed star table", hint=f"{hint}; {reason}") from None
+    table = parse_ecsv(text, name, FORMAT_KEY, _FORMAT_VERSION)
     meta = json.loads(json.dumps(dict(table.meta), default=str))
-    if meta.get(FORMAT_KEY) != _FORMAT_VERSION:
-        raise InputError(f"{name} {FORMAT_KEY}", str(meta.get(FORMAT_KEY)), allowed=str(_FORMAT_VERSION), hint=hint)
+    hint = DAMAGED
     try:
         datetime.fromisoformat(meta["queried_utc"])
         float(meta["cuts"]["parallax_min_mas"])

@@ -23,6 +23,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import requests
+from astropy.io.votable import parse
 from requests.adapters import HTTPAdapter
 from urllib3.exceptions import HTTPError, ProtocolError
 from urllib3.response import HTTPResponse
@@ -249,8 +250,6 @@ def _parsed(body: bytes) -> tuple[list[RawColumn], list[tuple[str, str]]]:
             if _is_page(body)
             else Problem(f"the answer holds {found}, and references are not followed", "final")
         )
-    from astropy.io.votable import parse
-
     document = parse(io.BytesIO(body))
     tables = list(document.iter_tables())
     notes = chain(document.infos, *(item.infos for item in (*document.resources, *tables)))

@@ -20,6 +20,7 @@ from cpic_planner.cli import (
     image_commands,
     known_command,
     rank_command,
+    refresh_command,
     study_commands,
     upkeep_command,
 )
@@ -79,6 +80,7 @@ _add(known_command.visibility)
 _add(study_commands.whatif)
 _add(study_commands.tradeoff)
 app.command("check")(upkeep_command.check)
+catalog_command.app.command("refresh")(refresh_command.refresh)
 app.add_typer(catalog_command.app, name="catalog")
 app.add_typer(upkeep_command.app, name="cache")
 app.command("schema")(upkeep_command.schema)

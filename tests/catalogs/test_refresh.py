@@ -18,17 +18,17 @@ from catalogs import (
     open_catalogue,
     parse_refreshed,
     queries,
+    refresh_stars,
     snapshot_vintage,
     stored_tables,
 )
-from catalogs.refresh import refresh
 from catalogs.star_columns import COLUMNS
 
 
 @pytest.fixture(scope="module")
 def made(tap, sky):
     service = tap.TapService(sky.small_sky())
-    yield refresh(TapService(url=service.url, retries=0), Cuts())
+    yield refresh_stars(TapService(url=service.url, retries=0), Cuts())
     service.close()
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from catalogs import ADDED_FLAGS, Cuts, RefreshError, TapService, load_stars, resolve_star
-from catalogs.refresh import refresh
+from catalogs import ADDED_FLAGS, Cuts, RefreshError, TapService, load_stars, refresh_stars, resolve_star
 from catalogs.simbad_answer import blends, match_snapshot, own_names, read_stars, row_name
 from catalogs.star_columns import COLUMNS, FLAGS
 from catalogs.stellar_physics import bolometric_correction, colour_temperature
@@ -13,7 +12,7 @@ from catalogs.stellar_physics import bolometric_correction, colour_temperature
 @pytest.fixture(scope="module")
 def made(tap, sky):
     service = tap.TapService(sky.small_sky())
-    yield refresh(TapService(url=service.url, retries=0), Cuts())
+    yield refresh_stars(TapService(url=service.url, retries=0), Cuts())
     service.close()
 
 
@@ -21,7 +20,7 @@ def made(tap, sky):
 def same_sky(tap, sky):
     """The refreshed table when SIMBAD says just what the snapshot says."""
     service = tap.TapService(sky.snapshot_sky(load_stars()))
-    yield refresh(TapService(url=service.url, retries=0), Cuts())
+    yield refresh_stars(TapService(url=service.url, retries=0), Cuts())
     service.close()
 
 
@@ -248,7 +247,7 @@ def test_a_star_that_changed_its_class_or_became_a_blend_is_said_to_be_removed_f
     tables["basic"][3]["sp_type"] = "M0V"
     tables["basic"][4]["plx_value"] = 400.0
     service = tap.TapService(tables)
-    made = refresh(TapService(url=service.url, retries=0), Cuts())
+    made = refresh_stars(TapService(url=service.url, retries=0), Cuts())
     service.close()
     assert made.changes.removed["tau Cet"] == "type M0V"
     assert made.changes.parallax == ("eps Eri",)
@@ -256,7 +255,7 @@ def test_a_star_that_changed_its_class_or_became_a_blend_is_said_to_be_removed_f
 
 def test_wider_cuts_do_not_count_the_snapshots_own_edge(tap, sky):
     service = tap.TapService(sky.small_sky())
-    made = refresh(TapService(url=service.url, retries=0), Cuts(v_mag_max=2.0, parallax_min_mas=500.0))
+    made = refresh_stars(TapService(url=service.url, retries=0), Cuts(v_mag_max=2.0, parallax_min_mas=500.0))
     service.close()
     assert sorted(made.table.column("name").tolist()) == ["alf Cen A", "alf Cen B"]
     assert made.changes.removed == {}
@@ -268,7 +267,7 @@ def test_only_other_classes_is_a_failure(tap, sky):
         row["sp_type"] = "M0V"
     service = tap.TapService(tables)
     with pytest.raises(RefreshError, match="no star of class"):
-        refresh(TapService(url=service.url, retries=0), Cuts())
+        refresh_stars(TapService(url=service.url, retries=0), Cuts())
     service.close()
 
 
@@ -278,7 +277,7 @@ def changed(tap, sky, change):
     change({row["main_id"]: row for row in tables["basic"]}, {row["oidref"]: row for row in tables["allfluxes"]})
     service = tap.TapService(tables)
     try:
-        return refresh(TapService(url=service.url, retries=0), Cuts())
+        return refresh_stars(TapService(url=service.url, retries=0), Cuts())
     finally:
         service.close()
 
@@ -334,7 +333,7 @@ def test_rows_outside_the_cuts_are_left_out_and_counted(tap, sky):
         return headings, rows
 
     service.alter = alter
-    made = refresh(TapService(url=service.url, retries=0), Cuts())
+    made = refresh_stars(TapService(url=service.url, retries=0), Cuts())
     service.close()
     assert made.counts["left out: outside the cuts"] == 1
     assert "HD 77" not in made.table.column("simbad_id").tolist()

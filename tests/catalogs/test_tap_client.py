@@ -13,7 +13,7 @@ STARS, _ = queries(Cuts())
 
 def asked(service, query=STARS, *, tell=lambda text: None, url="", **changes):
     """Put a question, and return the cells of the answer's columns."""
-    patience = TapService(**({"timeout_s": 20.0, "retries": 2, "pause_s": 0.01} | changes))
+    patience = TapService(**({"timeout_s": 120.0, "retries": 2, "pause_s": 0.01} | changes))
     found = ask(patience, url or service.url, query, narrower="ask for less", tell=tell)
     return {column.heading: column.cells for column in found.columns}
 
@@ -104,28 +104,33 @@ def test_an_answer_larger_than_allowed_packed_or_not_is_refused(simbad, mode, ma
     assert len(simbad.queries) == 1
 
 
+@pytest.mark.parametrize("mode", ["trickled header", "continue", "redirect slowly", "many rows"])
+def test_a_service_that_does_not_end_is_left_when_the_time_is_up(simbad, mode):
+    simbad.mode = mode
+    with pytest.raises(RefreshError, match=r"within 0\.1 s"):
+        asked(simbad, timeout_s=0.1, retries=0)
+    simbad.mode = ""
+    assert "* tau Cet" in asked(simbad)["main_id"], "the next question is answered"
+
+
 @pytest.mark.parametrize(
     ("mode", "words"),
     [
-        ("trickled header", r"within 0\.5 s"),
-        ("continue", r"within 0\.5 s"),
-        ("redirect slowly", r"within 0\.5 s"),
         ("redirect", "redirects more than 5 times"),
         ("redirect file:///etc/passwd", "file:///etc/passwd"),
         ("redirect http://localhost/tap", "redirects to http://localhost, another host"),
         ("redirect http://192.0.2.1/tap", "redirects to http://192.0.2.1, which is not asked"),
-        ("many rows", r"within 0\.5 s|cut off at 150000 rows"),
+        ("many rows", "cut off at 150000 rows"),
         ("bomb", "the answer is empty"),
         ("long text", "more than 20000 letters"),
-        ("promised rows", "memory|damaged|within"),
+        ("promised rows", "takes more than 4 GB of memory"),
         ("no table", "holds no table"),
     ],
 )
-def test_a_hostile_service_holds_nobody(simbad, mode, words):
-    asked(simbad)
+def test_what_no_service_should_send_is_refused(simbad, mode, words):
     simbad.mode = mode
     with pytest.raises(RefreshError, match=words) as failure:
-        asked(simbad, timeout_s=0.5, retries=0, maxrec=150_000)
+        asked(simbad, retries=0, maxrec=150_000)
     assert "\n" not in str(failure.value)
     simbad.mode = ""
     assert "* tau Cet" in asked(simbad)["main_id"], "the next question is answered"
@@ -133,7 +138,7 @@ def test_a_hostile_service_holds_nobody(simbad, mode, words):
 
 def test_many_rows_are_read_where_there_is_time(simbad):
     simbad.mode = "many rows"
-    assert len(asked(simbad, timeout_s=100.0)["oid"]) == 150_000
+    assert len(asked(simbad)["oid"]) == 150_000
 
 
 def test_a_redirect_is_followed_on_the_same_host_and_elsewhere_when_asked(simbad, tap):

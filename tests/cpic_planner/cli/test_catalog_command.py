@@ -7,6 +7,7 @@ from shlex import split
 
 import pytest
 
+pytestmark = pytest.mark.usefixtures("nothing_is_lost")
 STARS = "Name,plx [mas],Vmag,SpT,mood\nmine,273.8,3.5,G8V,fine\nHD 20794,165.5,4.26,G8V,\nfaint one,100,8.5,G2V,\n"
 
 
@@ -17,12 +18,11 @@ def stars(tmp_path):
 
 
 def test_refresh_says_what_it_did(done, simbad, data_folder):
-    out, err = done("catalog", "refresh", "--url", simbad.url)
+    out, _ = done("catalog", "refresh", "--url", simbad.url)
     (written,) = data_folder.iterdir()
     assert out.rstrip().endswith(f"wrote {written}")
     for words in ("blend of components", "added", "HD 999001", "removed", "eps Eri"):
         assert words in out
-    assert "1385 of 1390" in err, "a table that lost most of the snapshot is worth a remark"
 
 
 def test_refresh_as_json_and_nothing_else_on_stdout(call, simbad, data_folder):
@@ -62,7 +62,8 @@ def test_dry_run_asks_nothing_and_writes_nothing(done, simbad, data_folder):
 )
 def test_failure_is_one_line_with_a_remedy_and_status_1(call, simbad, data_folder, mode, words):
     simbad.mode, simbad.failures = mode, 99
-    status, out, err = call("catalog", "refresh", "--url", simbad.url, "--timeout-s", "0.3", "--retries", "0")
+    patience = "0.3" if mode == "hang" else "60"
+    status, out, err = call("catalog", "refresh", "--url", simbad.url, "--timeout-s", patience, "--retries", "0")
     assert status == 1
     assert out == ""
     assert err.count("\n") == 1

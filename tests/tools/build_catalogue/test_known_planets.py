@@ -4,9 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from catalogs.exoplanet_archive import ORBIT, REST
 from tools.build_catalogue.builders import known_planets as builder
 
-COLUMNS = [column for _, _, column in (*builder._ORBIT, *builder._REST)]
+COLUMNS = [column for _, _, column in (*ORBIT, *REST)]
 
 
 def row(**given):

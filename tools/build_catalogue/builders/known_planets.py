@@ -15,9 +15,9 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 
-from catalogs.known_planet_columns import COLUMNS, INPUT_ONLY, UPDATES_ONLY, flags_of, reference_text, settle
+from catalogs.exoplanet_archive import believe, host_among, settled
+from catalogs.known_planet_columns import COLUMNS, INPUT_ONLY, UPDATES_ONLY, flags_of, reference_text
 from catalogs.known_planets import DATA_FILE
-from catalogs.nomenclature import designation_key
 from cpic_core import InputError
 from tools.build_catalogue.builders import _star_sources as src
 from tools.build_catalogue.builders._star_aliases import alias_rows
@@ -51,24 +51,6 @@ PLANETS = replace(
 SOURCES = (*src.SOURCES, PLANETS)
 
 _VOTABLE = "{http://www.ivoa.net/xml/VOTable/v1.3}"
-# Column of ours, its error, and the archive's.
-_ORBIT = (
-    ("period_days", "period_err_days", "pl_orbper"),
-    ("periastron_jd", "periastron_err_days", "pl_orbtper"),
-    ("conjunction_jd", "conjunction_err_days", "pl_tranmid"),
-    ("eccentricity", "eccentricity_err", "pl_orbeccen"),
-    ("omega_star_deg", "omega_err_deg", "pl_orblper"),
-)
-_REST = (
-    ("semi_major_axis_au", "semi_major_axis_err_au", "pl_orbsmax"),
-    ("msini_mjup", "msini_err_mjup", "pl_msinij"),
-    ("best_mass_mjup", "best_mass_err_mjup", "pl_bmassj"),
-    ("inclination_deg", "inclination_err_deg", "pl_orbincl"),
-    ("radius_rjup", "radius_err_rjup", "pl_radj"),
-    ("star_mass_msun", "star_mass_err_msun", "st_mass"),
-)
-_LIMITS = ("pl_orbeccen", "pl_bmassj")
-"""Of these a limit is kept and flagged; a limit of anything else is no value."""
 _NEAR_DEG = 10.0 / 3600.0
 _SAME_DISTANCE = 0.2
 
@@ -108,14 +90,10 @@ class _Stars:
         InputError
             If names mean different stars, or the star stands elsewhere.
         """
-        keys = [designation_key(row[name]) for name in ("pl_hostname", "hd_name", "hip_name") if row[name]]
-        hits = [self.aliases[key] for key in keys if key in self.aliases]
-        own = {name for name, kind in hits if kind == 0}
-        if not own:
+        names = [row[key] for key in ("pl_hostname", "hd_name", "hip_name")]
+        name = host_among(f"star of {row['pl_name']}", names, self.aliases)
+        if name is None:
             return None
-        if len({name for name, _ in hits}) > 1:
-            raise InputError(f"star of {row['pl_name']}", ", ".join(sorted(own)), allowed="names of one star")
-        name = own.pop()
         star = self.people[name].row
         away = math.hypot(
             (float(row["ra"]) - star.star.ra_deg) * math.cos(math.radians(star.star.dec_deg)),
@@ -143,11 +121,9 @@ def _planet(star: str, row: Row, earlier: Row | None) -> dict[str, str]:
     orbit, reference = row, row["pl_def_reflink"]
     if not (row["pl_orbtper"] or row["pl_tranmid"]) and earlier is not None and earlier["pl_orbtper"]:
         orbit, reference, given = earlier, earlier["pl_def_refname"], ("earlier_orbit",)
-    numbers = _numbers(orbit, _ORBIT) | _numbers(row, _REST)
-    numbers["best_mass_limit"] = float(row["pl_bmassjlim"] or 0.0)
-    numbers["eccentricity_limit"] = float(orbit["pl_orbeccenlim"] or 0.0)
-    numbers["controversial"] = float(row["pl_controvflag"] or 0.0)
-    numbers, found = settle(numbers, row["pl_bmassprov"], row["pl_name"])
+    numbers, found = settled(row | {"pl_controv_flag": row["pl_controvflag"]}, orbit, row["pl_name"])
+    for name, value in numbers.items():
+        believe(row["pl_name"], name, value)
     words = {
         "star": star,
         "planet": f"{star} {row['pl_letter']}",
@@ -156,24 +132,6 @@ def _planet(star: str, row: Row, earlier: Row | None) -> dict[str, str]:
         "flags": ";".join(flags_of(numbers, given + found)),
     }
     return words | {name: repr(value) for name, value in numbers.items()}
-
-
-def _numbers(row: Row, names: tuple[tuple[str, str, str], ...]) -> dict[str, float]:
-    """Return values and errors that the archive gives, checked against what the columns may hold."""
-    found: dict[str, float] = {}
-    for value_name, error_name, column in names:
-        if not row[column] or (row[f"{column}lim"] not in ("", "0") and column not in _LIMITS):
-            continue
-        found[value_name] = float(row[column])
-        sides = [abs(float(row[f"{column}{end}"])) for end in ("err1", "err2") if row.get(f"{column}{end}")]
-        error = sum(sides) / len(sides) if sides else 0.0
-        if error > 0.0:
-            found[error_name] = float(f"{error:.6g}")
-    for name, value in found.items():
-        believed = COLUMNS[name]
-        if not believed.low <= value <= believed.high:
-            raise InputError(f"{row['pl_name']} {name}", value, unit=believed.unit, allowed=believed.allowed)
-    return found
 
 
 def _provenance(rows: list[dict[str, str]]) -> ProvenanceEntry:

@@ -13,13 +13,14 @@ import pytest
 import catalogs
 from catalogs import Cuts, RefreshError, TapService, open_catalogue
 from cpic_planner import load_targets, rank_targets, signal_to_noise
-from cpic_planner.cli.catalog_command import refresh_catalog, target_path
+from cpic_planner.cli.refreshed_files import refresh_catalog, target_path
 
+pytestmark = pytest.mark.usefixtures("nothing_is_lost")
 EMBEDDED = Path(catalogs.__file__).parent / "data"
 
 
 def service(simbad, **changes):
-    return TapService(**({"url": simbad.url, "timeout_s": 5.0, "retries": 0, "pause_s": 0.01} | changes))
+    return TapService(**({"url": simbad.url, "timeout_s": 60.0, "retries": 0, "pause_s": 0.01} | changes))
 
 
 def content(folder):
@@ -70,7 +71,7 @@ def test_failure_of_the_service_leaves_no_trace(simbad, data_folder, mode):
     before = content(data_folder)
     simbad.mode, simbad.failures = mode, 99
     with pytest.raises(RefreshError):
-        refresh_catalog(service=service(simbad, timeout_s=0.4))
+        refresh_catalog(service=service(simbad, timeout_s=0.4 if mode == "hang" else 60.0))
     assert content(data_folder) == before
     assert open_catalogue("latest").provenance
 
@@ -135,7 +136,7 @@ def test_a_full_or_closed_disk_is_a_failure_in_one_line(simbad, data_folder, mon
     def refuse(path, text):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("cpic_planner.cli.catalog_command.write_text", refuse)
+    monkeypatch.setattr("cpic_planner.cli.refreshed_files.write_text", refuse)
     with pytest.raises(RefreshError, match="No space left on device.*--out or CPIC_DATA_DIR"):
         refresh_catalog(service=service(simbad))
     assert content(data_folder) == {}

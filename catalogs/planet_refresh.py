@@ -1,0 +1,280 @@
+"""Refresh the known planets from the NASA Exoplanet Archive: ask, check, compare with the shipped table, store, read.
+
+A refreshed table stands beside the shipped one as the base that ``latest`` names, and the updates kept by hand are laid
+over it like over the table of 2019, with one difference: an orbit of theirs only where its row is newer than the last
+change of the archive's own row. What they say of a planet's status stays whatever the date, for the archive has no word
+for refuted: a planet that they refute is not counted again because the archive touched its row.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from catalogs.exoplanet_archive import NARROWER, PLANETS_QUERY, ArchivePlanets, archive_url, read_archive
+from catalogs.known_planet_columns import COLUMNS, STANDING
+from catalogs.known_planet_table import NUMBERS, TABLE_COLUMNS, KnownPlanetTable, planet_key
+from catalogs.known_planets import load_known_planets, read_planets
+from catalogs.refreshed_tables import ecsv_of, loss_refused, parse_ecsv
+from catalogs.stars import load_stars
+from catalogs.table_cells import Row
+from catalogs.table_files import TableBytes
+from catalogs.tap_client import TapService, ask
+from cpic_core import InputError
+
+FORMAT_KEY = "cpic_planet_table"
+_FORMAT_VERSION = 1
+_LICENCE = "public facts (NASA Exoplanet Archive); star names as in the embedded catalogue"
+CREDIT = "NASA Exoplanet Archive, table ps (Akeson et al. 2013, PASP 125, 989)"
+SIGMAS = 3.0
+"""An element has moved if it differs by more than this many combined errors, and by more than `LEAST`."""
+LEAST = 0.05
+"""Least difference that counts: of period and semi-major axis as a fraction, of the eccentricity itself."""
+_ELEMENTS = {
+    "period_days": "period_err_days",
+    "semi_major_axis_au": "semi_major_axis_err_au",
+    "eccentricity": "eccentricity_err",
+}
+
+
+@dataclass(frozen=True)
+class Moved:
+    """An element of an orbit outside the errors of what it was.
+
+    Parameters
+    ----------
+    planet : str
+    element : str
+        ``period_days``, ``semi_major_axis_au`` or ``eccentricity``, with its unit in its name.
+    before, before_err, now, now_err : float
+        Values and their errors; an error is nan where none is given.
+    """
+
+    planet: str
+    element: str
+    before: float
+    before_err: float
+    now: float
+    now_err: float
+
+    @property
+    def sigmas(self) -> float:
+        """Difference over the combined error; infinite where neither has one."""
+        error = math.hypot(*np.nan_to_num([self.before_err, self.now_err]))
+        return abs(self.now - self.before) / error if error > 0.0 else math.inf
+
+
+@dataclass(frozen=True)
+class PlanetChanges:
+    """What differs from the shipped table.
+
+    Parameters
+    ----------
+    added : tuple of str
+        Planets that the shipped table does not have.
+    gone : mapping of str to str
+        Counted planets of the shipped table that the archive does not have -> why, where that is known.
+    moved : tuple of Moved
+        Elements of orbits that differ.
+    same : int
+        Planets in both of which no element does.
+    before : int
+        Counted planets of the shipped table that the archive ever had.
+    """
+
+    added: tuple[str, ...]
+    gone: Mapping[str, str]
+    moved: tuple[Moved, ...]
+    same: int
+    before: int
+
+
+@dataclass(frozen=True)
+class RefreshedPlanets:
+    """A refreshed table of planets with its story: when, where and what was asked, and what came of it."""
+
+    planets: ArchivePlanets
+    queried_utc: datetime
+    url: str
+    changes: PlanetChanges
+
+    @property
+    def refusal(self) -> str:
+        """Why the table is set aside; empty if it is not."""
+        return loss_refused(len(self.changes.gone), self.changes.before, "counted planets of the shipped table")
+
+
+def refresh_planets(
+    service: TapService,
+    *,
+    step: Callable[[str], None] = lambda text: None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> RefreshedPlanets:
+    """Ask the NASA Exoplanet Archive for the planets of catalogue stars.
+
+    Parameters
+    ----------
+    service : TapService
+        Where and how patiently to ask.
+    step : callable
+        Called with a word when a piece of work is done (twice).
+    tell : callable
+        Called with a sentence when a failure is tried again.
+
+    Raises
+    ------
+    RefreshError
+        If the service fails or its answer cannot be right.
+    """
+    url = archive_url(service)
+    when = datetime.now(UTC).replace(microsecond=0)
+    answer = ask(service, url, PLANETS_QUERY, narrower=NARROWER, tell=tell)
+    step("planets")
+    planets = read_archive(answer, load_stars())
+    step("table")
+    return RefreshedPlanets(planets, when, url, compare_planets(planets, load_known_planets()))
+
+
+def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> PlanetChanges:
+    """Return what differs from a table of planets.
+
+    Parameters
+    ----------
+    planets : ArchivePlanets
+        What the archive says.
+    shipped : KnownPlanetTable
+        The table with which it is compared; planets of it that are not counted are never gone.
+
+    Notes
+    -----
+    Period, semi-major axis and eccentricity are compared: one has moved if the difference is more than `SIGMAS` times
+    both errors, added in quadrature, and more than `LEAST`, which decides alone where no error is given. Of a planet
+    with several published orbits all must differ.
+    """
+    old = dict(zip(map(planet_key, shipped.text("star"), shipped.text("planet")), range(len(shipped)), strict=True))
+    new = {planet_key(row["star"], row["planet"]): row for row in planets.rows}
+    moved = {key: _moved(row, shipped.orbits_of(old[key])) for key, row in new.items() if key in old}
+    left_out = {planet_key(*name.rsplit(" ", 1)): why for name, why in planets.left_out.items()}
+    counted = {key: row for key, row in old.items() if shipped.counted[row]}
+    names = shipped.text("planet")
+    gone = {names[row]: left_out.get(key, "not in the answer") for key, row in counted.items() if key not in new}
+    return PlanetChanges(
+        added=tuple(row["planet"] for key, row in new.items() if key not in old),
+        gone=gone,
+        moved=tuple(item for found in moved.values() for item in found),
+        same=sum(not found for found in moved.values()),
+        before=len(counted),
+    )
+
+
+def _moved(row: Row, orbits: KnownPlanetTable) -> list[Moved]:
+    """Return the elements of a row that have moved from those of all the orbits of its planet."""
+    found = []
+    for name, error in _ELEMENTS.items():
+        now, now_err = row.get(name, math.nan), row.get(error, math.nan)
+        before = zip(orbits.number(name).tolist(), orbits.number(error).tolist(), strict=True)
+        differing = [Moved(row["planet"], name, value, its_err, now, now_err) for value, its_err in before]
+        if differing and all(map(_differs, differing)):
+            found.append(differing[0])
+    return found
+
+
+def _differs(item: Moved) -> bool:
+    scale = 1.0 if item.element == "eccentricity" else abs(item.before)
+    return abs(item.now - item.before) > LEAST * scale and item.sigmas > SIGMAS  # never where one is nan
+
+
+def planets_ecsv(made: RefreshedPlanets, versions: Mapping[str, str]) -> str:
+    """Return a refreshed table of planets as ECSV 1.0: units of every column, and its story in the header.
+
+    Parameters
+    ----------
+    made : RefreshedPlanets
+        What to write.
+    versions : mapping of str to str
+        Software that made it.
+    """
+    from astropy.table import Column, MaskedColumn, Table
+
+    table = Table()
+    for name in TABLE_COLUMNS:
+        about: dict[str, Any] = {"unit": COLUMNS[name].unit or None, "description": COLUMNS[name].description}
+        cells = [row.get(name) for row in made.planets.rows]
+        if name in NUMBERS:
+            values = np.array([math.nan if cell is None else cell for cell in cells])
+            table[name] = MaskedColumn(values, mask=np.isnan(values), **about)
+        else:
+            table[name] = Column([cell or "" for cell in cells], **about)
+    changes = made.changes
+    return ecsv_of(
+        table,
+        {
+            FORMAT_KEY: _FORMAT_VERSION,
+            "queried_utc": made.queried_utc.isoformat(),
+            "service": made.url,
+            "queries": [PLANETS_QUERY],
+            "counts": dict(made.planets.counts),
+            "left_out": dict(made.planets.left_out),
+            "notes": list(made.planets.notes),
+            "changes_to_snapshot": {
+                "same": changes.same,
+                "added": len(changes.added),
+                "gone": len(changes.gone),
+                "moved": len(changes.moved),
+            },
+            "software": dict(versions),
+            "licence": _LICENCE,
+            "credit": CREDIT,
+        },
+    )
+
+
+def parse_planets(file: TableBytes) -> tuple[list[Row], str]:
+    """Return the rows of a refreshed table of planets, and the day on which the archive was asked.
+
+    Parameters
+    ----------
+    file : TableBytes
+        ECSV as `planets_ecsv` writes it.
+
+    Raises
+    ------
+    InputError
+        If it is damaged, of another version, or another table.
+    """
+    meta = parse_ecsv(file.data.decode("utf-8", "replace"), file.name, FORMAT_KEY, _FORMAT_VERSION).meta
+    rows, whole = read_planets(file), meta.get("counts", {}).get("planets")
+    if len(rows) != whole:
+        raise InputError(file.name, f"{len(rows)} planets", allowed=f"{whole}, as it was written with")
+    return rows, str(meta.get("queried_utc", ""))[:10]
+
+
+def newer_updates(archive: Sequence[Row], updates: Iterable[Row]) -> list[Row]:
+    """Return what of the updates kept by hand is laid over the archive's rows.
+
+    Parameters
+    ----------
+    archive : sequence of Row
+        The refreshed table.
+    updates : iterable of Row
+        The updates, each with a date.
+
+    Returns
+    -------
+    list of Row
+        Planets that the archive lacks, unless the row has no orbit; of the others the whole row where it is newer than
+        the archive's, else its status alone, where that is not ``confirmed``.
+    """
+    dates = {planet_key(row["star"], row["planet"]): row.get("updated", "") for row in archive}
+    found = []
+    for row in updates:
+        date = dates.get(planet_key(row["star"], row["planet"]))
+        with_orbit = any(name in row for name in ("period_days", "semi_major_axis_au"))
+        if with_orbit and (date is None or row["updated"] > date):
+            found.append(row)
+        elif date is not None and row.get("status", "confirmed") != "confirmed":
+            found.append({name: row[name] for name in ("star", "planet", *STANDING) if name in row})
+    return found
