@@ -160,7 +160,7 @@ def read_archive(answer: RawTable, stars: StarTable) -> ArchivePlanets:
     """
     known, notes = _known_columns(answer)
     try:
-        read = read_rows(known, ARCHIVE, [(name,) for name in _NEEDED], about="pl_name")
+        read = read_rows(known, ARCHIVE, (), about="pl_name")
         for where, row in read:
             read.refuse_missing(where, row, (("pl_name",), ("hostname",)))
     except InputError as error:
@@ -190,7 +190,13 @@ def read_archive(answer: RawTable, stars: StarTable) -> ArchivePlanets:
 
 
 def _known_columns(answer: RawTable) -> tuple[RawTable, tuple[str, ...]]:
-    """Return the columns that are read, units as we write them; and remarks on names, units and what is missing."""
+    """Return the columns that are read, units as we write them; and remarks on names, units and what is missing.
+
+    Raises
+    ------
+    RefreshError
+        If one is missing without which the table is worth nothing.
+    """
     columns, notes = [], []
     for given in answer.columns:
         meant, _ = ARCHIVE.meant_by(given.heading)
@@ -204,8 +210,9 @@ def _known_columns(answer: RawTable) -> tuple[RawTable, tuple[str, ...]]:
             notes.append(f"{meant.name} is called {given.heading}")
         columns.append(replace(given, unit=unit))
     found = {meant.name for item in columns if (meant := ARCHIVE.meant_by(item.heading)[0])}
-    lacking = [name for name in ARCHIVE if name not in found and name not in _NEEDED]
-    if lacking:
+    if lacking := [name for name in _NEEDED if name not in found]:
+        raise RefreshError(f"the archive's table has no column {', '.join(lacking)}", _REMEDY)
+    if lacking := [name for name in ARCHIVE if name not in found]:
         notes.append(f"columns that the archive no longer has: {', '.join(lacking)}")
     return RawTable(answer.name, columns), tuple(notes)
 

@@ -45,6 +45,7 @@ _GREEK_FORMS.update({"ς": "sig", "ϵ": "eps", "ϑ": "tet", "ϕ": "phi", "ϰ": "
 
 _SKY: dict[str, str] = {short.lower(): short.lower() for short in CONSTELLATIONS}
 _SKY.update({genitive.lower(): short.lower() for short, genitive in CONSTELLATIONS.items()})
+_LONGEST_SKY = max(map(len, _SKY))
 
 #: Catalogue prefixes that take a plain number; all the nearby-star lists share the Gliese-Jahreiss numbers.
 _PREFIXES = {name: name for name in ("hip", "hd", "hr", "gj", "ltt", "lhs", "nltt", "sao", "ads")}
@@ -88,7 +89,7 @@ def _split_sky(words: list[str]) -> tuple[str, str]:
         if len(words) > count and tail in _SKY:
             return " ".join(words[:-count]), _SKY[tail]
     if len(words) == 1:  # written without a space: tauCeti, 61Cyg
-        for cut in range(1, len(words[0]) - 2):
+        for cut in range(max(1, len(words[0]) - _LONGEST_SKY), len(words[0]) - 2):
             tail = words[0][cut:].lower()
             head = words[0][:cut]
             if tail in _SKY and (head.isdigit() or head.rstrip("0123456789").lower() in _GREEK_FORMS):

@@ -78,11 +78,11 @@ class PlanetChanges:
     gone : mapping of str to str
         Counted planets of the shipped table that the archive does not have -> why, where that is known.
     moved : tuple of Moved
-        Elements of orbits that differ.
+        Elements of orbits that differ, of counted planets.
     same : int
-        Planets in both of which no element does.
+        Counted planets in both of which no element does.
     before : int
-        Counted planets of the shipped table that the archive ever had.
+        Counted planets of the shipped table.
     """
 
     added: tuple[str, ...]
@@ -146,7 +146,7 @@ def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> Plane
     planets : ArchivePlanets
         What the archive says.
     shipped : KnownPlanetTable
-        The table with which it is compared; planets of it that are not counted are never gone.
+        The table with which it is compared; planets of it that are not counted are neither new nor gone nor moved.
 
     Notes
     -----
@@ -156,9 +156,9 @@ def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> Plane
     """
     old = dict(zip(map(planet_key, shipped.text("star"), shipped.text("planet")), range(len(shipped)), strict=True))
     new = {planet_key(row["star"], row["planet"]): row for row in planets.rows}
-    moved = {key: _moved(row, shipped.orbits_of(old[key])) for key, row in new.items() if key in old}
-    left_out = {planet_key(*name.rsplit(" ", 1)): why for name, why in planets.left_out.items()}
     counted = {key: row for key, row in old.items() if shipped.counted[row]}
+    moved = {key: _moved(row, shipped.orbits_of(counted[key])) for key, row in new.items() if key in counted}
+    left_out = {planet_key(name.rpartition(" ")[0], name): why for name, why in planets.left_out.items()}
     names = shipped.text("planet")
     gone = {names[row]: left_out.get(key, "not in the answer") for key, row in counted.items() if key not in new}
     return PlanetChanges(

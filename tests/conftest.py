@@ -118,6 +118,22 @@ def sky():
     return _load("simbad_sky")
 
 
+@pytest.fixture(scope="session")
+def recorded():
+    """The module of the NASA Exoplanet Archive's rows."""
+    return _load("archive_planets")
+
+
+@pytest.fixture
+def archive(tap, recorded):
+    """The NASA Exoplanet Archive on this machine, which has the shipped planets."""
+    from catalogs import load_known_planets, load_stars
+
+    service = tap.ArchiveService(recorded.shipped_rows(load_known_planets(), load_stars()))
+    yield service
+    service.close()
+
+
 @pytest.fixture
 def simbad(tap, sky):
     """A TAP service on this machine with a small sky of its own."""

@@ -170,6 +170,8 @@ PARENTHESES = dict(zip(PARENTHESES[::2], PARENTHESES[1::2], strict=True))
 class TapService:
     """The service. `mode` says how it misbehaves; `rename` how it calls its columns; `alter` changes the answer."""
 
+    PATH = "/simbad/sim-tap"
+
     def __init__(self, tables):
         self.tables = tables
         self.mode = ""
@@ -205,7 +207,7 @@ class TapService:
 
     @property
     def url(self):
-        return f"http://127.0.0.1:{self.server.server_port}/simbad/sim-tap"
+        return f"http://127.0.0.1:{self.server.server_port}{self.PATH}"
 
     def close(self):
         self.server.shutdown()
@@ -214,7 +216,7 @@ class TapService:
 
     def answer(self, handler, form):
         self.paths.append(handler.path)
-        if handler.path != "/simbad/sim-tap/sync" or form.get("REQUEST") != ["doQuery"] or form.get("LANG") != ["ADQL"]:
+        if handler.path != f"{self.PATH}/sync" or form.get("REQUEST") != ["doQuery"] or form.get("LANG") != ["ADQL"]:
             self.send(handler, error_document("not a TAP request"), 400)
             return
         self.queries.append(form["QUERY"][0])
@@ -289,9 +291,13 @@ class TapService:
         handler.send_header("Content-Length", "0")
         handler.end_headers()
 
+    def evaluate(self, query):
+        """Return the headings and rows that a query asks for."""
+        return evaluate(query, self.tables)
+
     def send_rows(self, handler, form, mode):
         try:
-            headings, rows = evaluate(form["QUERY"][0], self.tables)
+            headings, rows = self.evaluate(form["QUERY"][0])
         except QueryError as error:
             self.send(handler, error_document(str(error)), 400)
             return
@@ -339,3 +345,37 @@ class TapService:
                 handler.close_connection = True
         except OSError:
             handler.close_connection = True  # the client has gone
+
+
+class ArchiveService(TapService):
+    """The NASA Exoplanet Archive: all columns of its table ``ps``, in its units; `tables` are rows by column."""
+
+    PATH = "/TAP"
+    UNITS = {  # noqa: RUF012
+        "pl_orbper": "days",
+        "pl_orbtper": "days",
+        "pl_tranmid": "days",
+        "pl_orblper": "deg",
+        "pl_orbincl": "deg",
+        "pl_orbsmax": "au",
+        "pl_bmassj": "Jupiter mass",
+        "pl_msinij": "Jupiter mass",
+        "pl_radj": "Jupiter Radius",
+        "st_mass": "Solar mass",
+        "sy_dist": "pc",
+        "ra": "deg",
+        "dec": "deg",
+    }
+
+    def evaluate(self, query):
+        found = re.fullmatch(r"SELECT \* FROM ps WHERE sy_dist <= ([\d.]+)", query)
+        if not found:
+            raise QueryError('ORA-00904: "PL_NONSENSE": invalid identifier')
+        names = list(dict.fromkeys(name for row in self.tables for name in row))
+        texts = {name for row in self.tables for name, cell in row.items() if isinstance(cell, str)}
+        headings = [
+            (name, "char" if name in texts else "double", self.UNITS.get(re.sub("err[12]$", "", name), ""))
+            for name in names
+        ]
+        near = [row for row in self.tables if row["sy_dist"] <= float(found[1])]
+        return headings, [[row.get(name) for name in names] for row in near]

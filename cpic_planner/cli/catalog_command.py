@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 HELP = "The tables of stars and planets: what ships with the package, and fresh ones from their archives."
 app = typer.Typer(help=HELP, no_args_is_help=True)
 
-_REFRESHED: dict[str, Literal[simbad, archive]] = {"--catalog": "simbad", "--known-planets": "archive"}
+_REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}
 
 
 @app.callback()
@@ -38,11 +38,9 @@ def info(as_json: JsonOption = False) -> None:
     stored = {option: catalogs.stored_tables(kind) for option, kind in _REFRESHED.items()}
     if as_json:
         stars, planets = ([_about(item) for item in items] for items in stored.values())
-        latest = {
-            "latest": stars[0]["file"] if stars else None,
-            "latest_planets": planets[0]["file"] if planets else None,
-        }
-        print_json(facts | {"data_folder": str(data_dir()), "refreshed": stars, "refreshed_planets": planets} | latest)
+        newest = [items[0]["file"] if items else None for items in (stars, planets)]
+        tables = {"refreshed": stars, "latest": newest[0], "refreshed_planets": planets, "latest_planets": newest[1]}
+        print_json(facts | {"data_folder": str(data_dir())} | tables)
         return
     screen = console()
     screen.print(f"[bold]{facts['vintage']}[/bold]")

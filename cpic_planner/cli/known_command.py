@@ -67,7 +67,7 @@ def known(
     seen. A table of your own (cpic catalog columns lists its columns) is laid over it: a planet of the same name is
     replaced, the others stay. It may be one of the archive (default solutions, CSV). A row with a star, a planet
     and a status changes the status alone. --known-planets none+my_planets.csv takes the file alone, archive_2019
-    the table without updates.
+    the table without updates, latest the newest of the archive (cpic catalog refresh --planets).
     """
     from catalogs import open_catalogue
     from cpic_core import InputError

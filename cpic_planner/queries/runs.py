@@ -65,7 +65,7 @@ class WhatIfQuestion(RunQuestion):
     instrument: str | None = asked(None, "Preset name or YAML file.", read=str)
     known_planets: str | None = asked(
         None,
-        "Table of known planets as of cpic rank: snapshot, archive_2019, a file, none+FILE; counted beside the "
+        "Table of known planets as of cpic rank: snapshot, archive_2019, latest, a file, none+FILE; counted beside the "
         "population; off leaves them out.",
         read=str,
     )
