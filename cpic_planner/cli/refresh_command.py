@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-import catalogs
-from catalogs import Cuts, Refreshed, RefreshedPlanets, RefreshError, TapService, archive_url
 from cpic_core import InputError
 from cpic_planner.cli.catalog_command import table
 from cpic_planner.cli.options import JsonOption, console, error_line, note, print_json
 from cpic_planner.cli.progress import progress
-from cpic_planner.cli.refreshed_files import Written, plain, refresh_catalog, refresh_known_planets, target_path
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from catalogs import Cuts, Refreshed, RefreshedPlanets, TapService
+    from cpic_planner.cli.refreshed_files import Written
 
 _NAMES_SHOWN = 8
 _ELEMENTS = {"period_days": "period (d)", "semi_major_axis_au": "semi-major axis (au)", "eccentricity": "eccentricity"}
@@ -84,6 +84,9 @@ def refresh(
 
       cpic catalog refresh --url https://simbad.harvard.edu/simbad/sim-tap --timeout-s 600
     """
+    from catalogs import Cuts, RefreshError, TapService
+    from cpic_planner.cli.refreshed_files import refresh_catalog, refresh_known_planets
+
     service = TapService(
         url=url,
         timeout_s=timeout_s,
@@ -122,11 +125,14 @@ def refresh(
 
 def _show_plan(out: Path | None, service: TapService, cuts: Cuts | None, *, as_json: bool) -> None:
     """Show what would be asked: about stars within cuts, or about planets where there are none."""
+    from catalogs import PLANETS_QUERY, archive_url, queries, service_url
+    from cpic_planner.cli.refreshed_files import target_path
+
     place = target_path(out)
     where = str(place) if out is not None else f"{place}, dated file"
     plan = {
-        "service": archive_url(service) if cuts is None else catalogs.service_url(service),
-        "queries": [catalogs.PLANETS_QUERY] if cuts is None else list(catalogs.queries(cuts)),
+        "service": archive_url(service) if cuts is None else service_url(service),
+        "queries": [PLANETS_QUERY] if cuts is None else list(queries(cuts)),
         "out": where,
     }
     if as_json:
@@ -140,10 +146,13 @@ def _show_plan(out: Path | None, service: TapService, cuts: Cuts | None, *, as_j
 
 def _show_result(done: Written, screen: Console) -> None:
     """Print counts, differences from the shipped table, and where the file is."""
+    from catalogs import RefreshedPlanets
+
     made = done.made
-    planets = isinstance(made, RefreshedPlanets)
-    counts = made.planets.counts if isinstance(made, RefreshedPlanets) else made.counts
-    name = "NASA Exoplanet Archive" if planets else "SIMBAD"
+    if isinstance(made, RefreshedPlanets):
+        name, counts = "NASA Exoplanet Archive", made.planets.counts
+    else:
+        name, counts = "SIMBAD", made.counts
     rows = [(what, str(count)) for what, count in counts.items()]
     table(screen, f"{name} of {made.queried_utc:%Y-%m-%d %H:%M} UTC", ("rows", "number"), rows)
     if isinstance(made, RefreshedPlanets):
@@ -167,6 +176,8 @@ def _show_stars(made: Refreshed, screen: Console) -> None:
 
 
 def _show_planets(made: RefreshedPlanets, screen: Console) -> None:
+    from cpic_planner.cli.refreshed_files import plain
+
     changes = made.changes
     moved = tuple(dict.fromkeys(item.planet for item in changes.moved))
     differences = (

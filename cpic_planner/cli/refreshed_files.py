@@ -49,16 +49,20 @@ class Written:
 
     def summary(self) -> dict[str, Any]:
         """What happened, as plain values: file, source, counts, and what differs from the shipped table."""
-        planets = isinstance(self.made, RefreshedPlanets)
-        return {
+        if isinstance(self.made, RefreshedPlanets):
+            kind, more = "planets_refresh", _of_planets(self.made)
+        else:
+            kind, more = "catalog_refresh", _of_stars(self.made)
+        about = {
             "schema_version": 1,
-            "kind": "planets_refresh" if planets else "catalog_refresh",
+            "kind": kind,
             "file": str(self.path),
             "sha256": self.sha256,
             "set_aside": self.refusal,
             "queried_utc": self.made.queried_utc.isoformat(),
             "service": self.made.url,
-        } | (_of_planets(self.made) if isinstance(self.made, RefreshedPlanets) else _of_stars(self.made))
+        }
+        return about | more
 
 
 def _of_stars(made: Refreshed) -> dict[str, Any]:

@@ -307,9 +307,9 @@ class KnownPlanetsQuestion(Question):
     known_planets: str | None = asked(
         None,
         "Table of known planets: snapshot (NASA Exoplanet Archive of 2019 with the updates since), archive_2019 "
-        "(without them), latest (made by cpic catalog refresh --planets), or a CSV, ECSV, VOTable or FITS file, which is laid over the snapshot planet by planet; "
-        "none+FILE takes the file alone. In a ranking or a plan it stands instead of a population; whatif counts them "
-        "beside it, and off leaves them out.",
+        "(without them), latest (made by cpic catalog refresh --planets), or a CSV, ECSV, VOTable or FITS file, which "
+        "is laid over the snapshot planet by planet; none+FILE takes the file alone. In a ranking or a plan it stands "
+        "instead of a population; whatif counts them beside it, and off leaves them out.",
         physics=False,
         read=str,
     )
