@@ -300,7 +300,10 @@ def test_a_user_s_table_may_say_the_status(tmp_path, text, status, after, axis):
     assert table.counted[row] == (status != "refuted")
 
 
-SEVERAL = "star,planet,P,e,msini,reference,solution_weight\nmine,mine b,100,0.1,1,me 2020,1\nmine,mine b,130,0.5,2,you 2021,3\n"
+SEVERAL = """star,planet,P,e,msini,reference,solution_weight
+mine,mine b,100,0.1,1,me 2020,1
+mine,mine b,130,0.5,2,you 2021,3
+"""
 
 
 def test_several_orbits_of_a_planet_are_one_row_and_its_solutions(tmp_path):
