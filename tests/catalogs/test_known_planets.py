@@ -41,7 +41,7 @@ def test_every_planet_is_of_a_catalogue_star_and_in_its_order(shipped):
     places = [names.index(star) for star in shipped.text("star")]
     assert places[:BEFORE] == sorted(places[:BEFORE])
     assert len(set(places[:BEFORE])) == 112
-    # Hosts of which the table of 2019 has no planet, the two with candidates of the proper motion anomaly included.
+    # 31 hosts that the table of 2019 lacks, and three that have candidates alone.
     assert (len(shipped), len(set(places))) == (BEFORE + NEW, 112 + 34)
     assert len(set(shipped.text("planet"))) == len(shipped)
     for star, planet in zip(shipped.text("star"), shipped.text("planet"), strict=True):
