@@ -30,6 +30,8 @@ STAR_CREDITS = (
 PLANET_CREDITS = (
     "Known planets: the NASA Exoplanet Archive (Akeson et al. 2013), operated by the California Institute of "
     "Technology under contract with NASA's Exoplanet Exploration Program; orbits as in the reference of each.",
+    "Updates of known planets: the California Legacy Survey (Rosenthal et al. 2021), the Extrasolar Planets "
+    "Encyclopaedia (Schneider et al. 2011), archive parameters compiled by Pearce, Males & Limbach 2025.",
 )
 """Credits of the table of known planets."""
 

@@ -53,13 +53,46 @@ def test_refuted_planets_are_shown_with_who_says_so(call, tmp_path):
         assert "confirmed or controversial" in err
 
 
+def test_candidates_count_when_asked_for(done):
+    (row,) = known(done, "alpha Cen A").planets
+    assert (row.status, row.counted, row.track, row.windows) == ("candidate", False, None, [])
+    (row,) = known(done, "alpha Cen A", "--candidates").planets
+    assert row.counted
+    assert row.track is not None
+    told = " ".join(done("known", "alf Cen A", *FEW)[0].split())
+    assert "none that is counted" in told
+    assert "candidate, not counted unless candidates are asked for" in told
+    told = " ".join(done("known", "alf Cen A", "--candidates", *FEW)[0].split())
+    assert "candidate, counted as asked" in told
+    assert "1 of 1 around 1 star" in told
+
+
+def test_orbits_that_disagree_are_told_with_their_shares(done):
+    row = next(row for row in known(done, "HD 219134").planets if row.planet == "HD 219134 h")
+    assert [orbit.share for orbit in row.orbits] == [0.5, 0.5]
+    assert [orbit.eccentricity for orbit in row.orbits] == [0.025, 0.34]
+    assert "several_orbits" in row.flags
+    told = " ".join(done("known", "HD 219134", *FEW)[0].split())
+    assert "2 published orbits disagree: 50% of the draws from Rosenthal et al. 2021" in told
+
+
+def test_a_contradicted_orbit_is_flagged(done):
+    (row,) = known(done, "eps Eri", "--known-planets", "archive_2019").planets
+    assert "orbit_superseded" in row.flags
+    assert row.superseded_by.startswith("Thompson et al. 2025")
+    told = " ".join(done("known", "eps Eri", "--known-planets", "archive_2019", *FEW)[0].split())
+    assert "contradicted by a later one: Thompson et al. 2025" in told
+    (row,) = known(done, "eps Eri").planets
+    assert (row.superseded_by, "orbit_superseded" in row.flags) == ("", False)
+
+
 def test_all_stars_begin_with_the_mission(done):
     result = known(done)
     assert result.date_utc == "2028-01-01T00:00:00"
-    assert len(result.planets) == 132
+    assert len(result.planets) == 182
     assert known(done, "--v-mag-max", "7.5").planets[-1].v_mag > 7.0
     out, _ = done("known", "--limit", "3", *FEW)
-    assert "3 of 129 around 86 stars" in out
+    assert "3 of 174 around 109 stars" in out
     # Sorted by how likely the hole covers the planet.
     shares = [int(share) for share in re.findall(r"(\d+) %", out.split("Numbers")[0])]
     assert len(shares) == 3
@@ -89,7 +122,7 @@ def test_a_table_of_one_s_own(call, done, tmp_path):
     assert before.eccentricity.median == pytest.approx(0.70, abs=0.02)
     _, _, err = call("known", "eps Eri", "--known-planets", str(path), *FEW)
     assert "columns not used: weather" in err
-    assert "mine.csv: 0 of the 176 planets below are changed; 1 is new" in err
+    assert "mine.csv: 0 of the 235 planets below are changed; 1 is new" in err
 
 
 @pytest.mark.parametrize(
@@ -155,6 +188,29 @@ def test_rank_refuses_what_has_no_meaning_with_known_planets(call, options, says
     assert says in err
 
 
+def test_candidates_are_ranked_when_asked_for(call, done):
+    options = [
+        "rank",
+        "--known-planets",
+        "snapshot",
+        "--planets",
+        "50",
+        "--band",
+        "F520",
+        "--v-mag-max",
+        "4.2",
+        "--json",
+    ]
+    names = [
+        {row.name for row in RankResult.model_validate_json(done(*options, *more)[0]).targets}
+        for more in ([], ["--candidates"])
+    ]
+    assert names[1] - names[0] == {"alf Cen A"}
+    status, _, err = call("rank", "--candidates")
+    assert status == 2
+    assert "only with --known-planets" in err
+
+
 def test_rank_refuses_a_date_alone(call):
     status, _, err = call("rank", "--date", "2030-01-01")
     assert status == 2
@@ -166,7 +222,8 @@ def test_catalog_tells_of_planets(call, done):
     told = json.loads(out)["known_planets"]
     assert "176 planets of 112 stars" in told["notes"]
     assert told["updates"]["refuted"] == ["tau Cet e", "82 Eri c", "omi2 Eri b"]
-    assert (told["updates"]["n_rows"], told["updates"]["candidate"]) == (10, [])
+    candidates = ["alf Cen A S1", "ups And e", "HD 89744 c", "HD 155555 b", "HIP 560 b"]
+    assert (told["updates"]["n_rows"], told["updates"]["candidate"]) == (90, candidates)
     assert "not counted: tau Cet e, 82 Eri c, omi2 Eri b" in " ".join(call("catalog", "info")[1].split())
     out, _ = done("catalog", "columns", "--json")
     names = [column["name"] for column in json.loads(out)["planet_columns"]]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.prepare import known_table, prepare
+from cpic_planner.survey.strategy_file import UniverseConfig
 
 
 def test_surveys_share_their_calendar_and_stars(small):
@@ -105,3 +106,10 @@ def test_what_is_refused(refused, small):
     }
     for text, strategy in faults.items():
         refused(text, prepare, small(strategy))
+
+
+def test_candidates_are_known_planets_when_asked_for():
+    """A survey reads the table as cpic known does."""
+    counted = [known_table(UniverseConfig(candidates=asked)) for asked in (False, True)]
+    assert [table.rows_of("alpha Cen A") for table in counted] == [(), (counted[1].row_of("alf Cen A S1"),)]
+    assert known_table(UniverseConfig(known_planets="off", candidates=True)) is None
