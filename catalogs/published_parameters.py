@@ -7,7 +7,7 @@ a diameter was measured, luminosity is that of diameter and temperature of the s
 elsewhere that of V, and the radius follows.
 
 Rows are interferometry and benchmarks, and spectroscopy beside them; a star without rows has not been found there. psi
-Dra A is left out: the diameter that was measured contradicts both its colours by 500 K.
+Dra A, HD 16160 and 5 Ser are left out: their measured diameters contradict colour and spectroscopy by over 200 K.
 """
 
 import csv
@@ -23,9 +23,11 @@ from typing import Any
 import numpy as np
 
 from catalogs import stellar_physics as physics
+from catalogs.star_columns import COLUMNS
 from cpic_core import NDArray
 
 _FILE = Path(__file__).resolve().parent / "data" / "stellar_parameters.csv"
+_DECIMALS = {column.name: column.decimals for column in COLUMNS}
 _DIAMETER_SOURCE = "derived:angular diameter and Teff of the same publication"
 
 
@@ -93,7 +95,8 @@ def updated_columns(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDA
         if star in published_parameters():
             old = {name: values[row].item() for name, values in columns.items()}
             for name, value in _row(old, published_parameters()[star]).items():
-                changed.setdefault(name, columns[name].tolist())[row] = value
+                shown = round(value, _DECIMALS[name]) if isinstance(value, float) else value
+                changed.setdefault(name, columns[name].tolist())[row] = shown
     return {name: np.array(cells) for name, cells in changed.items()}
 
 

@@ -244,8 +244,8 @@ def _fill(
         return float(str(known[name])), f"{known[f'{name}_src']}{_TAKEN_OVER}"
 
     def best(name: str) -> tuple[float, str] | None:
-        """Return SIMBAD's median, else the snapshot's value if it comes from the literature."""
-        return measured.get(name) or old(name, ("measured", "ExoCat-1"))
+        """Return SIMBAD's median, else the snapshot's value if it is measured, or a temperature from V-Ks."""
+        return measured.get(name) or old(name, ("measured", stellar_physics.INFRARED_SOURCE))
 
     sp_type, b_v = str(row["sp_type"]), float(str(row["b_v_mag"]))
     expected_teff, expected_b_v = stellar_physics.nearest_subtype(sp_type, medians)
