@@ -90,18 +90,20 @@ def updated_columns(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDA
     columns : mapping of str to ndarray
         All columns of the table, by name. Stars without published parameters keep what they have.
     """
+    medians = physics.measured_medians(columns)
     changed: dict[str, list[Any]] = {}
     for row, star in enumerate(columns["name"].tolist()):
         if star in published_parameters():
             old = {name: values[row].item() for name, values in columns.items()}
-            for name, value in _row(old, published_parameters()[star]).items():
+            of_type_k = physics.nearest_subtype(old["sp_type"], medians)[0]
+            for name, value in _row(old, published_parameters()[star], of_type_k).items():
                 shown = round(value, _DECIMALS[name]) if isinstance(value, float) else value
                 changed.setdefault(name, columns[name].tolist())[row] = shown
     return {name: np.array(cells) for name, cells in changed.items()}
 
 
-def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...]) -> dict[str, Any]:
-    """Return the cells of one star that change."""
+def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_k: float) -> dict[str, Any]:
+    """Return the cells of one star that change; `of_type_k` is the temperature that stars of its type have."""
     own = [old["teff_k"]] if old["teff_k_src"].startswith("measured") else []
     temperatures = [row.teff_k for row in rows] + own
     teff_k = median(temperatures)
@@ -124,7 +126,7 @@ def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...]) -> dict[
     if "log_g" not in new and old["log_g_src"] == physics.GRAVITY_SOURCE:
         new["log_g"] = physics.gravity(new.get("mass_msun", old["mass_msun"]), new["radius_rsun"])
     from_colour = physics.colour_temperature(old["b_v_mag"], new.get("metallicity", old["metallicity"]))[0]
-    estimates = [*temperatures, from_colour, physics.type_temperature(old["sp_type"])]
+    estimates = [*temperatures, from_colour, of_type_k]
     flags = set(old["quality_flags"].split(";")) - {"teff_disagreement", ""}
     if physics.temperatures_disagree(teff_k, estimates):
         flags.add("teff_disagreement")

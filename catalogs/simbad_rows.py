@@ -109,7 +109,7 @@ def assemble(answer: Answer, measurements: Measurements, snapshot: StarTable, cu
     measured = _spectroscopy(measurements)
     known = {i: snapshot.row(matched[i]) if matched[i] >= 0 else None for i in kept}
     shown = _shown_names(names, known, kept)
-    medians = _snapshot_medians(snapshot)
+    medians = stellar_physics.measured_medians(snapshot.columns)
     rows = []
     for i in kept:
         row: Row = {"name": shown[i], **_identity(names[i], known[i])}
@@ -222,15 +222,6 @@ def _spectroscopy(measurements: Measurements) -> dict[int, dict[str, tuple[float
     return found
 
 
-def _snapshot_medians(snapshot: StarTable) -> Medians:
-    """Return the median (Teff, B-V) of each subtype, of the snapshot's stars with a measured temperature."""
-    names = ("sp_type", "teff_k", "b_v_mag", "teff_k_src")
-    cells = zip(*(snapshot.column(name).tolist() for name in names), strict=True)
-    return stellar_physics.subtype_medians(
-        (sp_type, teff, b_v) for sp_type, teff, b_v, src in cells if src.startswith("measured")
-    )
-
-
 def _fill(
     row: Row, measured: Mapping[str, tuple[float, str]], known: Mapping[str, object] | None, medians: Medians
 ) -> set[str]:
@@ -263,8 +254,7 @@ def _fill(
     if found is None:
         found = stellar_parameters(sp_type).teff_k, PARAMETERS_SOURCE
     teff = found[0]
-    estimates = (from_colour[0], stellar_physics.type_temperature(sp_type))
-    if stellar_physics.temperatures_disagree(teff, estimates):
+    if stellar_physics.temperatures_disagree(teff, (from_colour[0], expected_teff)):
         flags.add("teff_disagreement")
     row["teff_k"], row["teff_k_src"] = found
     v_mag, distance_pc = float(str(row["v_mag"])), float(str(row["distance_pc"]))

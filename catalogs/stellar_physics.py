@@ -14,15 +14,15 @@ The shipped table is built with them, a refreshed one and a user's own table are
 import functools
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from statistics import median
 
 import numpy as np
 
 from catalogs.coordinates import ecliptic
-from catalogs.spectral_types import parse_spectral_type, stellar_parameters
-from cpic_core import InputError
+from catalogs.spectral_types import parse_spectral_type
+from cpic_core import InputError, NDArray
 
 GIANT_MASS_MSUN = 1.5
 """Mass given to every giant, solar masses (assumed)."""
@@ -110,6 +110,19 @@ def subtype_medians(stars: Iterable[tuple[str, float, float]]) -> dict[tuple[boo
     }
 
 
+def measured_medians(columns: Mapping[str, NDArray[np.generic]]) -> dict[tuple[bool, int], tuple[float, float]]:
+    """Return the :func:`subtype_medians` of those stars of a table whose temperatures are measured.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Columns of a star table by name.
+    """
+    names = ("sp_type", "teff_k", "b_v_mag", "teff_k_src")
+    cells = zip(*(columns[name].tolist() for name in names), strict=True)
+    return subtype_medians((sp_type, teff, b_v) for sp_type, teff, b_v, src in cells if src.startswith("measured"))
+
+
 def nearest_subtype(sp_type: str, table: dict[tuple[bool, int], tuple[float, float]]) -> tuple[float, float]:
     """Return the entry of the nearest tabulated subtype of the same kind, nan if none is within two subtypes.
 
@@ -157,14 +170,6 @@ def infrared_temperature(v_ks_mag: float, metallicity: float) -> float:
     if not 0.78 < x < 3.15:
         return float("nan")
     return 5040.0 / (0.5057 + 0.2600 * x - 0.0146 * x**2 - 0.0131 * x * z + 0.0288 * z + 0.0016 * z**2)
-
-
-def type_temperature(sp_type: str) -> float:
-    """Return the mean temperature (K) of a spectral type by :mod:`catalogs.spectral_types`, nan if it has none."""
-    try:
-        return stellar_parameters(sp_type).teff_k
-    except InputError:
-        return float("nan")
 
 
 def temperatures_disagree(adopted_k: float, others_k: Iterable[float]) -> bool:

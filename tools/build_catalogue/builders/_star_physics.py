@@ -26,7 +26,6 @@ from catalogs.stellar_physics import (
     radius_from_luminosity,
     subtype_medians,
     temperatures_disagree,
-    type_temperature,
 )
 from tools.build_catalogue.builders._star_identity import Identity
 
@@ -97,17 +96,17 @@ def _temperature(person: Identity, table: dict[tuple[bool, int], tuple[float, fl
     metallicity = float(values["metallicity"])  # type: ignore[arg-type]
     from_colour = colour_temperature(float(values["b_v_mag"]), metallicity)  # type: ignore[arg-type]
     found = [(_infrared(person, metallicity), INFRARED_SOURCE), from_colour]
+    expected = nearest_subtype(row.star.sp_type, table)[0]
     method = person.exocat.values["st_teffsrc"] if person.exocat else ""
     if person.exocat and method in _SPECTROSCOPY and "v_conflict" not in row.flags:  # else perhaps of another star
         listed = person.exocat.number("st_teff")
-        expected = nearest_subtype(row.star.sp_type, table)[0]
         if np.isfinite(expected) and abs(listed - expected) > max(TEFF_TOLERANCE_K, abs(from_colour[0] - expected)):
             row.flags.add("teff_conflict")
         else:
             found.insert(0, (listed, f"measured:{_SPECTROSCOPY[method]} (ExoCat-1)"))
     adopted, values["teff_k_src"] = next((teff, src) for teff, src in found if np.isfinite(teff))
     values["teff_k"] = adopted
-    if temperatures_disagree(adopted, [*(teff for teff, _ in found), type_temperature(row.star.sp_type)]):
+    if temperatures_disagree(adopted, [expected, *(teff for teff, _ in found)]):
         row.flags.add("teff_disagreement")
 
 
