@@ -28,6 +28,19 @@ from cpic_core import NDArray
 
 _FILE = Path(__file__).resolve().parent / "data" / "stellar_parameters.csv"
 _DECIMALS = {column.name: column.decimals for column in COLUMNS}
+_READ = (
+    "sp_type",
+    "v_mag",
+    "b_v_mag",
+    "distance_pc",
+    "teff_k",
+    "teff_k_src",
+    "log_g_src",
+    "metallicity",
+    "mass_msun",
+    "mass_msun_src",
+    "quality_flags",
+)
 _DIAMETER_SOURCE = "derived:angular diameter and Teff of the same publication"
 
 
@@ -91,15 +104,18 @@ def updated_columns(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDA
         All columns of the table, by name. Stars without published parameters keep what they have.
     """
     medians = physics.measured_medians(columns)
-    changed: dict[str, list[Any]] = {}
-    for row, star in enumerate(columns["name"].tolist()):
+    cells: dict[str, dict[int, Any]] = {}
+    for index, star in enumerate(columns["name"].tolist()):
         if star in published_parameters():
-            old = {name: values[row].item() for name, values in columns.items()}
+            old = {name: columns[name][index].item() for name in _READ}
             of_type_k = physics.nearest_subtype(old["sp_type"], medians)[0]
             for name, value in _row(old, published_parameters()[star], of_type_k).items():
                 shown = round(value, _DECIMALS[name]) if isinstance(value, float) else value
-                changed.setdefault(name, columns[name].tolist())[row] = shown
-    return {name: np.array(cells) for name, cells in changed.items()}
+                cells.setdefault(name, {})[index] = shown
+    return {
+        name: np.array([new.get(index, value) for index, value in enumerate(columns[name].tolist())])
+        for name, new in cells.items()
+    }
 
 
 def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_k: float) -> dict[str, Any]:
@@ -107,11 +123,11 @@ def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_
     own = [old["teff_k"]] if old["teff_k_src"].startswith("measured") else []
     temperatures = [row.teff_k for row in rows] + own
     teff_k = median(temperatures)
-    new: dict[str, Any] = {"teff_k": teff_k, "teff_k_src": _source(temperatures, rows)}
+    new: dict[str, Any] = {"teff_k": teff_k, "teff_k_src": _source(len(temperatures), rows)}
     for name in ("log_g", "metallicity"):
-        values = [value for row in rows if math.isfinite(value := getattr(row, name))]
-        if values:
-            new |= {name: median(values), f"{name}_src": _source(values, rows)}
+        given = [row for row in rows if math.isfinite(getattr(row, name))]
+        if given:
+            new |= {name: median(getattr(row, name) for row in given), f"{name}_src": _source(len(given), given)}
     fluxes = [
         physics.luminosity_from_diameter(row.angular_diameter_mas, old["distance_pc"], row.teff_k)
         for row in rows
@@ -134,7 +150,6 @@ def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_
     return new
 
 
-def _source(values: Iterable[float], rows: tuple[PublishedParameters, ...]) -> str:
-    """Return the words of a ``*_src`` column."""
-    references = "; ".join(dict.fromkeys(row.reference for row in rows))
-    return f"measured:median of {len(list(values))} published values ({_FILE.name}: {references})"
+def _source(number: int, rows: Iterable[PublishedParameters]) -> str:
+    """Return the words of a ``*_src`` column for the median of so many values."""
+    return f"measured:median of {number} published values ({_FILE.name}: {'; '.join(row.reference for row in rows)})"
