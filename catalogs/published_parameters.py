@@ -6,8 +6,9 @@ which the table's own value counts where it is measured too, and the medians of 
 a diameter was measured, luminosity is that of diameter and temperature of the same row, which is the bolometric flux;
 elsewhere that of V, and the radius follows.
 
-Rows are interferometry and benchmarks, and spectroscopy beside them; a star without rows has not been found there. psi
-Dra A, HD 16160 and 5 Ser are left out: their measured diameters contradict colour and spectroscopy by over 200 K.
+Rows are interferometry and benchmarks, spectroscopy beside them, and spectroscopy of stars that else have a colour
+only; a star without rows has not been found there. The diameters of psi Dra A, HD 16160 and 5 Ser are left out: they
+contradict colour and spectroscopy by over 200 K.
 """
 
 import csv
