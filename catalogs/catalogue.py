@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from catalogs.known_planet_columns import STATUSES
-from catalogs.stars import StarTable, companion_updates, load_stars, updates_vintage, with_companion_updates
+from catalogs.published_parameters import PublishedParameters, published_parameters
+from catalogs.stars import CompanionUpdate, StarTable, companion_updates, load_stars, updates_vintage, with_updates
 from cpic_core import InputError
 
 _DATA = Path(__file__).resolve().parent / "data"
@@ -24,6 +25,8 @@ STAR_CREDITS = (
     "(Kostjuk 2002; Gliese & Jahreiss 1991).",
     "Places of companions that have moved: orbits of Akeson et al. 2021 and Bond et al. 2015, and of the Sixth Catalog "
     "of Orbits of Visual Binary Stars (ORB6, US Naval Observatory).",
+    "Temperatures of bright stars: the publications that stellar_parameters.csv names, foremost the Gaia FGK benchmark "
+    "stars (Heiter et al. 2015; Soubiran et al. 2024).",
 )
 """Credits of the embedded and refreshed star tables."""
 
@@ -60,7 +63,7 @@ def snapshot_vintage(*, updates: bool = True) -> str:
     Parameters
     ----------
     updates : bool
-        Whether companions are those of `catalogs.stars`.
+        Whether companions and temperatures are those kept by hand (`catalogs.stars`).
     """
     entry = _entry("stars.csv")
     laid_over = f"; {updates_vintage()}" if updates else ""
@@ -78,6 +81,11 @@ def _updates() -> dict[str, Any]:
     }
 
 
+def _known(item: CompanionUpdate | PublishedParameters) -> dict[str, Any]:
+    """Return what a row says, without numbers that it does not give."""
+    return {name: value for name, value in asdict(item).items() if value == value}
+
+
 def catalogue_info() -> dict[str, Any]:
     """Everything that ``cpic catalog info`` shows.
 
@@ -85,7 +93,8 @@ def catalogue_info() -> dict[str, Any]:
     -------
     dict
         ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``companion_updates`` (pairs whose
-        place is not that of ``stars.csv``), ``known_planets`` (vintage, notes, ``updates``: date, file, and the planets
+        place is not that of ``stars.csv``), ``published_parameters`` (what publications say of temperatures, one row a
+        publication and star), ``known_planets`` (vintage, notes, ``updates``: date, file, and the planets
         of each status that is not ``confirmed``), ``files`` (name, source packages, licence, description) and
         ``credits``.
     """
@@ -109,9 +118,8 @@ def catalogue_info() -> dict[str, Any]:
         "vintage": snapshot_vintage(),
         "counts": counts,
         "notes": stars["notes"],
-        "companion_updates": [
-            {name: value for name, value in asdict(item).items() if value == value} for item in companion_updates()
-        ],
+        "companion_updates": [_known(item) for item in companion_updates()],
+        "published_parameters": [_known(item) for items in published_parameters().values() for item in items],
         "known_planets": {"vintage": planets["vintage"], "notes": planets["notes"], "updates": _updates()},
         "files": files,
         "credits": [*STAR_CREDITS, *PLANET_CREDITS, *MODEL_CREDITS],
@@ -206,7 +214,7 @@ def _from_file(path: str | Path) -> Catalogue:
         part = f"{file.name} has {len(table)} stars of the {whole} that it was written with"
         day, least = str(meta["queried_utc"])[:10], float(meta["cuts"]["parallax_min_mas"])
         return Catalogue(
-            table=with_companion_updates(table),
+            table=with_updates(table),
             kind="refreshed",
             provenance=f"SIMBAD of {day}{_elsewhere(str(meta.get('service', '')))}, {len(table)} stars ({digest})",
             sample=f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas",

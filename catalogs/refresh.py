@@ -119,7 +119,7 @@ def refresh_stars(
     for question, what in zip(questions, ("stars", "measurements"), strict=True):
         answers.append(ask(service, url, question, narrower=NARROWER, tell=tell))
         step(what)
-    snapshot = load_stars()
+    snapshot = load_stars(updates=False)  # they are laid over when the table is opened
     label = f"the catalogue refreshed on {when:%Y-%m-%d}"
     try:
         made = assemble(read_stars(answers[0]), read_measurements(answers[1]), snapshot, cuts, label)

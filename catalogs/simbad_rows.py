@@ -4,8 +4,8 @@ Taken from SIMBAD: positions, proper motions, radial velocities, parallaxes with
 types, identifiers, and the medians of the published temperatures, gravities and metallicities (``mesFe_h``). The two
 questions say nothing about companions: the snapshot's are taken over where it has the star (the ``*_src`` columns say
 so); elsewhere bright neighbours in the answer count, and the row is flagged ``companions_not_searched``. Values of the
-literature that SIMBAD has not (temperatures, gravities, luminosities and masses of ExoCat-1) are taken over too,
-luminosities scaled to the new distance and only while V is the same. Everything else is derived by the relations that
+literature that SIMBAD has not (temperatures and gravities of ExoCat-1, and masses while V is the same) are taken over
+too. Everything else is derived by the relations that
 filled the snapshot (:mod:`catalogs.stellar_physics`).
 """
 
@@ -110,7 +110,7 @@ def assemble(answer: Answer, measurements: Measurements, snapshot: StarTable, cu
     measured = _spectroscopy(measurements)
     known = {i: snapshot.row(matched[i]) if matched[i] >= 0 else None for i in kept}
     shown = _shown_names(names, known, kept)
-    medians = _snapshot_medians(snapshot)
+    medians = stellar_physics.measured_medians(snapshot.columns)
     near = neighbours(answer.ra_deg, answer.dec_deg, _NEIGHBOUR_ARCSEC)
     rows = []
     for i in kept:
@@ -224,15 +224,6 @@ def _spectroscopy(measurements: Measurements) -> dict[int, dict[str, tuple[float
     return found
 
 
-def _snapshot_medians(snapshot: StarTable) -> Medians:
-    """Return the median (Teff, B-V) of each subtype, of the snapshot's stars with a measured temperature."""
-    names = ("sp_type", "teff_k", "b_v_mag", "teff_k_src")
-    cells = zip(*(snapshot.column(name).tolist() for name in names), strict=True)
-    return stellar_physics.subtype_medians(
-        (sp_type, teff, b_v) for sp_type, teff, b_v, src in cells if src == "measured"
-    )
-
-
 def _fill(
     row: Row, measured: Mapping[str, tuple[float, str]], known: Mapping[str, object] | None, medians: Medians
 ) -> set[str]:
@@ -246,8 +237,8 @@ def _fill(
         return float(str(known[name])), f"{known[f'{name}_src']}{_TAKEN_OVER}"
 
     def best(name: str) -> tuple[float, str] | None:
-        """Return SIMBAD's median, else the snapshot's value if it comes from the literature."""
-        return measured.get(name) or old(name, ("measured", "ExoCat-1"))
+        """Return SIMBAD's median, else the snapshot's value if it is measured, or a temperature from V-Ks."""
+        return measured.get(name) or old(name, ("measured", stellar_physics.INFRARED_SOURCE))
 
     sp_type, b_v = str(row["sp_type"]), float(str(row["b_v_mag"]))
     expected_teff, expected_b_v = stellar_physics.nearest_subtype(sp_type, medians)
@@ -260,29 +251,21 @@ def _fill(
     if (off or not math.isfinite(b_v)) and math.isfinite(expected_b_v):
         b_v = expected_b_v
         row["b_v_mag"], row["b_v_mag_src"] = b_v, "derived:median of the spectral subtype in the snapshot"
-    found = best("teff_k")
-    if found is None and math.isfinite(b_v):
-        found = stellar_physics.colour_temperature(b_v, float(str(row["metallicity"])))
+    from_colour = stellar_physics.colour_temperature(b_v, float(str(row["metallicity"])))  # nan where B-V is unknown
+    found = best("teff_k") or (from_colour if math.isfinite(b_v) else None)
     if found is None:
         found = stellar_parameters(sp_type).teff_k, PARAMETERS_SOURCE
     teff = found[0]
-    if math.isfinite(expected_teff) and abs(teff - expected_teff) > stellar_physics.TEFF_TOLERANCE_K:
-        flags.add("teff_outlier")
+    if stellar_physics.temperatures_disagree(teff, (from_colour[0], expected_teff)):
+        flags.add("teff_disagreement")
     row["teff_k"], row["teff_k_src"] = found
     v_mag, distance_pc = float(str(row["v_mag"])), float(str(row["distance_pc"]))
-    luminosity, luminosity_src = (
-        stellar_physics.luminosity_from_v(v_mag, distance_pc, teff),
-        stellar_physics.LUMINOSITY_SOURCE,
-    )
-    mass_found = None
-    listed = old("luminosity_lsun", ("ExoCat-1",))
-    if listed is not None and known is not None and abs(v_mag - float(str(known["v_mag"]))) < _SAME_V_MAG:
-        luminosity = listed[0] * (distance_pc / float(str(known["distance_pc"]))) ** 2
-        luminosity_src = listed[1]
-        mass_found = old("mass_msun", ("ExoCat-1", "Takeda"))
+    luminosity = stellar_physics.luminosity_from_v(v_mag, distance_pc, teff)
+    same_v = known is not None and abs(v_mag - float(str(known["v_mag"]))) < _SAME_V_MAG
+    mass_found = old("mass_msun", ("ExoCat-1", "Takeda")) if same_v else None
     radius = stellar_physics.radius_from_luminosity(luminosity, teff)
     mass, mass_src = mass_found or stellar_physics.mass_of(sp_type, luminosity)
-    row["luminosity_lsun"], row["luminosity_lsun_src"] = luminosity, luminosity_src
+    row["luminosity_lsun"], row["luminosity_lsun_src"] = luminosity, stellar_physics.LUMINOSITY_SOURCE
     row["radius_rsun"], row["radius_rsun_src"] = radius, stellar_physics.RADIUS_SOURCE
     row["mass_msun"], row["mass_msun_src"] = mass, mass_src
     row["log_g"], row["log_g_src"] = best("log_g") or (

@@ -138,7 +138,7 @@ FLAGS: dict[str, str] = {
     "shared_parallax": "member of a bound system whose members take one parallax",
     "spectroscopic_binary": "SIMBAD object type is a spectroscopic, eclipsing or ellipsoidal binary",
     "teff_conflict": "ExoCat-1 temperature contradicts the spectral type and was not used",
-    "teff_outlier": "temperature is more than 600 K from the median of the spectral subtype",
+    "teff_disagreement": "an estimate from B-V, V-Ks, spectral type or publications is over 200 K from teff_k",
     "v_conflict": "V differs by more than 0.15 mag between the extract and ExoCat-1, often another blend",
     "variable": "SIMBAD object type or identifier of a variable star",
 }

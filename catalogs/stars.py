@@ -12,7 +12,8 @@ There a companion stands where its sources saw it: alpha Cen B where Hipparcos d
 kept by hand: for a few pairs it gives the place at one epoch, computed from a published orbit (its elements are in the
 note). It is laid over the base table, and over refreshed tables, whose companions are the snapshot's. A table of one's
 own is never touched. Both stars of a pair get each other, the second with the position angle turned by 180 deg.
-``close_companion`` stays SIMBAD's flag, by which the paper counts its sample.
+``close_companion`` stays SIMBAD's flag, by which the paper counts its sample. Published temperatures are laid over in
+the same way (:mod:`catalogs.published_parameters`).
 """
 
 import csv
@@ -29,6 +30,7 @@ from typing import Any, Self
 import numpy as np
 
 from catalogs.nomenclature import designation_key
+from catalogs.published_parameters import parameters_vintage, updated_columns
 from catalogs.star_columns import COLUMNS
 from cpic_core import ArrayLike, InputError, NDArray
 
@@ -192,8 +194,8 @@ def load_stars(*, updates: bool = True) -> StarTable:
     Parameters
     ----------
     updates : bool
-        Lay the places of :func:`companion_updates` over the companions of the base table;
-        without them every companion stands where the base table's sources saw it.
+        Lay what is kept by hand over the base table (:func:`with_updates`); without it every companion stands where
+        the base table's sources saw it, and temperatures are those of ExoCat-1 and of colours.
 
     Returns
     -------
@@ -201,7 +203,7 @@ def load_stars(*, updates: bool = True) -> StarTable:
         All rows with V <= 7.5; ``table.select(table.column("v_mag") <= 7.0)`` is the ranked part.
     """
     if updates:
-        return with_companion_updates(load_stars(updates=False))
+        return with_updates(load_stars(updates=False))
     about = json.loads((_DATA / "stars_columns.json").read_text(encoding="utf-8"))["columns"]
     with (_DATA / "stars.csv").open(encoding="utf-8", newline="") as stream:
         reader = csv.reader(stream)
@@ -272,9 +274,16 @@ def companion_updates() -> tuple[CompanionUpdate, ...]:
 
 @functools.cache
 def updates_vintage() -> str:
-    """Return in one line what the updates are: epochs, file, and the first digits of its checksum."""
+    """Return in one line what the updates are: epochs or number, file, and the first digits of its checksum."""
     epochs = ", ".join(f"{epoch:g}" for epoch in sorted({item.epoch_yr for item in companion_updates()}))
-    return f"companions of {epochs} from {_UPDATES.name} {hashlib.sha256(_UPDATES.read_bytes()).hexdigest()[:12]}"
+    digest = hashlib.sha256(_UPDATES.read_bytes()).hexdigest()[:12]
+    return f"companions of {epochs} from {_UPDATES.name} {digest}; {parameters_vintage()}"
+
+
+def with_updates(table: StarTable) -> StarTable:
+    """Return the table with what is kept by hand: places of companions, and published parameters of stars."""
+    columns = {name: _frozen(values) for name, values in updated_columns(table.columns).items()}
+    return with_companion_updates(replace(table, columns=MappingProxyType({**table.columns, **columns})))
 
 
 def with_companion_updates(table: StarTable) -> StarTable:

@@ -2,18 +2,19 @@
 
 The shipped table is built with them, a refreshed one and a user's own table are filled with them.
 
-- Teff from B-V and [Fe/H]: Casagrande et al. 2010, A&A 512, A54, table 4, for 0.18 < B-V < 1.29; outside, the
-  black-body relation of Ballesteros 2012, EPL 97, 34008. Made for dwarfs and subgiants, used for giants too.
+- Teff from B-V or V-Ks and [Fe/H]: Casagrande et al. 2010, A&A 512, A54, table 4, for 0.18 < B-V < 1.29 (used to 1.40,
+  where stars with known temperatures still agree) and 0.78 < V-Ks < 3.15; at other B-V the black-body relation of
+  Ballesteros 2012, EPL 97, 34008. Made for dwarfs and subgiants; that from B-V is used for giants too.
 - Bolometric correction from Teff: Flower 1996, ApJ 469, 355, coefficients as corrected by Torres 2010, AJ 140, 1158,
   with M_bol,sun = 4.73, the value that belongs to them.
 - Mass of dwarfs and subgiants from luminosity: Eker et al. 2018, MNRAS 479, 5491. Giants: 1.5 Msun assumed.
-- log g = 4.438 + log M - 2 log R (solar units), R from L and Teff with Teff,sun = 5772 K.
+- log g = 4.438 + log M - 2 log R (solar units), R from L and Teff with Teff,sun = 5772 K (IAU 2015 resolution B3).
 """
 
 import functools
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from statistics import median
 
@@ -21,20 +22,26 @@ import numpy as np
 
 from catalogs.coordinates import ecliptic
 from catalogs.spectral_types import parse_spectral_type
-from cpic_core import InputError
+from cpic_core import InputError, NDArray
 
 GIANT_MASS_MSUN = 1.5
 """Mass given to every giant, solar masses (assumed)."""
 TEFF_TOLERANCE_K = 600.0
-"""A temperature farther than this from the median of its spectral subtype is an outlier."""
+"""A listed temperature farther than this from the median of its spectral subtype is not used."""
+TEFF_DISAGREEMENT_K = 200.0
+"""Estimates of a temperature that are farther than this from the adopted one disagree with it."""
+INFRARED_SOURCE = "derived:V-Ks (Casagrande et al. 2010)"
 LUMINOSITY_SOURCE = "derived:V, BC (Flower 1996; Torres 2010)"
 RADIUS_SOURCE = "derived:luminosity and Teff (Stefan-Boltzmann)"
+MASS_SOURCE = "derived:luminosity (Eker et al. 2018)"
 GRAVITY_SOURCE = "derived:mass and radius"
 
 COOLEST_BC_K = 3500.0
 """Below this temperature the bolometric correction runs away: 1.6 and 3.6 times too bright for Lalande 21185 (3560 K)
 and Barnard's star (3200 K), and more than a hundred times at 2400 K."""
 _M_BOL_SUN = 4.73
+_ARCSEC_AU_RSUN = 149597870.7 / 695700.0
+"""Radii of the Sun (IAU 2015 resolution B3) that an angle of one arcsec spans at one parsec."""
 _TEFF_SUN_K = 5772.0
 _LOG_G_SUN = 4.438
 _NEAR_SUBTYPES = 2.0
@@ -103,6 +110,19 @@ def subtype_medians(stars: Iterable[tuple[str, float, float]]) -> dict[tuple[boo
     }
 
 
+def measured_medians(columns: Mapping[str, NDArray[np.generic]]) -> dict[tuple[bool, int], tuple[float, float]]:
+    """Return the :func:`subtype_medians` of those stars of a table whose temperatures are measured.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Columns of a star table by name.
+    """
+    names = ("sp_type", "teff_k", "b_v_mag", "teff_k_src")
+    cells = zip(*(columns[name].tolist() for name in names), strict=True)
+    return subtype_medians((sp_type, teff, b_v) for sp_type, teff, b_v, src in cells if src.startswith("measured"))
+
+
 def nearest_subtype(sp_type: str, table: dict[tuple[bool, int], tuple[float, float]]) -> tuple[float, float]:
     """Return the entry of the nearest tabulated subtype of the same kind, nan if none is within two subtypes.
 
@@ -129,11 +149,32 @@ def colour_temperature(b_v_mag: float, metallicity: float) -> tuple[float, str]:
         [Fe/H], dex.
     """
     x, z = b_v_mag, metallicity
-    if 0.18 < x < 1.29:
+    if 0.18 < x < 1.40:
         theta = 0.5665 + 0.4809 * x - 0.0060 * x**2 - 0.0613 * x * z - 0.0042 * z - 0.0055 * z**2
         return 5040.0 / theta, "derived:B-V (Casagrande et al. 2010)"
     teff = 4600.0 * (1.0 / (0.92 * x + 1.7) + 1.0 / (0.92 * x + 0.62))
     return teff, "derived:B-V (Ballesteros 2012)"
+
+
+def infrared_temperature(v_ks_mag: float, metallicity: float) -> float:
+    """Return effective temperature (K) of a dwarf or subgiant from V-Ks and [Fe/H], nan outside the relation's range.
+
+    Parameters
+    ----------
+    v_ks_mag : float
+        V - Ks, mag, with Ks of 2MASS, unsaturated and of one star; from 0.78 to 3.15.
+    metallicity : float
+        [Fe/H], dex.
+    """
+    x, z = v_ks_mag, metallicity
+    if not 0.78 < x < 3.15:
+        return float("nan")
+    return 5040.0 / (0.5057 + 0.2600 * x - 0.0146 * x**2 - 0.0131 * x * z + 0.0288 * z + 0.0016 * z**2)
+
+
+def temperatures_disagree(adopted_k: float, others_k: Iterable[float]) -> bool:
+    """Tell whether an estimate (nan is skipped) is farther than :data:`TEFF_DISAGREEMENT_K` from the adopted one."""
+    return any(abs(other - adopted_k) > TEFF_DISAGREEMENT_K for other in others_k)
 
 
 def bolometric_correction(teff_k: float) -> float:
@@ -175,6 +216,25 @@ def luminosity_from_v(v_mag: float, distance_pc: float, teff_k: float) -> float:
     return float(10.0 ** (-0.4 * (m_bol - _M_BOL_SUN)))
 
 
+def luminosity_from_diameter(angular_diameter_mas: float, distance_pc: float, teff_k: float) -> float:
+    """Return the bolometric luminosity (Lsun) of a star of measured diameter by Stefan-Boltzmann.
+
+    With the temperature that was found with this diameter it is the bolometric flux of that source, whatever the two
+    are worth by themselves.
+
+    Parameters
+    ----------
+    angular_diameter_mas : float
+        Limb-darkened angular diameter, mas.
+    distance_pc : float
+        Distance, pc.
+    teff_k : float
+        Effective temperature, K.
+    """
+    radius_rsun = 0.5e-3 * angular_diameter_mas * distance_pc * _ARCSEC_AU_RSUN
+    return float(radius_rsun**2 * (teff_k / _TEFF_SUN_K) ** 4)
+
+
 def radius_from_luminosity(luminosity_lsun: float, teff_k: float) -> float:
     """Return the radius (Rsun) by Stefan-Boltzmann.
 
@@ -210,7 +270,7 @@ def mass_of(sp_type: str, luminosity_lsun: float) -> tuple[float, str]:
     """
     if is_giant(sp_type):
         return GIANT_MASS_MSUN, f"assumed:{GIANT_MASS_MSUN} Msun, giant"
-    return mass_from_luminosity(luminosity_lsun), "derived:luminosity (Eker et al. 2018)"
+    return mass_from_luminosity(luminosity_lsun), MASS_SOURCE
 
 
 def gravity(mass_msun: float, radius_rsun: float) -> float:

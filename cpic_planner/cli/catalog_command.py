@@ -49,6 +49,11 @@ def info(as_json: JsonOption = False) -> None:
     pairs = (tuple(format(row[name], form) for name, form in forms.items()) for row in facts["companion_updates"])
     heads = ("star", "companion", "arcsec", "PA (deg)", "in", "orbit")
     table(screen, "Companions that have moved (--catalog simbad_2012: as first listed)", heads, pairs)
+    published = facts["published_parameters"]
+    screen.print(
+        f"Temperatures of {len({row['star'] for row in published})} stars are medians of {len(published)} published "
+        "values (--catalog simbad_2012: without them); cpic catalog info --json lists them with their sources."
+    )
     files = ((row["file"], row["packages"], row["licence"]) for row in facts["files"])
     table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     planets = facts["known_planets"]

@@ -2,11 +2,12 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from catalogs import Albedo, Band, Spectrum, load_albedo, load_bands, load_reference_spectrum
+from catalogs import Albedo, Band, Spectrum, load_albedo, load_bands, load_reference_spectrum, load_stars
 from catalogs.spectra import PLANETS, Curve
 from simulator.band_integrals import gauss_rule, v_photon_rate, vega_v_photon_rate
 from simulator.passbands import Passbands
@@ -101,6 +102,94 @@ def test_the_sun_against_its_measured_spectrum(passbands: Passbands) -> None:
         sun.wavelength_nm, sun.photlam, 1.0
     )
     np.testing.assert_allclose(ratio, 1.0, atol=0.02)
+
+
+# Bessell 1990 (PASP 102, 1181, table 2): the I band of Cousins' system, 700 to 920 nm in steps of 10 nm.
+COUSINS_I = [
+    0,
+    24,
+    232,
+    555,
+    785,
+    910,
+    965,
+    985,
+    990,
+    995,
+    1000,
+    1000,
+    990,
+    980,
+    950,
+    910,
+    860,
+    750,
+    560,
+    330,
+    150,
+    30,
+    0,
+]
+# Colours V-I and V-J of the Sun: Ramirez et al. 2012 (ApJ 752, 5), Casagrande et al. 2012 (ApJ 761, 16).
+SUN_V_I, SUN_V_J = 0.702, 1.198
+# Casagrande et al. 2010 (A&A 512, A54, table 4), solar metallicity: 5040 K / Teff = a + b X + c X^2.
+INFRARED_FLUX_METHOD = {"I": (0.4033, 0.8171, -0.1987), "J": (0.4669, 0.3849, -0.0350)}
+# Mean dwarfs of Pecaut & Mamajek 2013 (ApJS 208, 9), version 2022.04.16: Teff, V-I, V-J.
+MEAN_DWARFS = [
+    (6510.0, 0.506, 0.852),
+    (6170.0, 0.599, 1.004),
+    (5770.0, 0.713, 1.198),
+    (5490.0, 0.786, 1.344),
+    (5280.0, 0.853, 1.475),
+    (5040.0, 0.920, 1.607),
+    (4830.0, 1.013, 1.788),
+    (4600.0, 1.190, 2.064),
+    (4410.0, 1.272, 2.183),
+    (4230.0, 1.420, 2.394),
+    (4000.0, 1.632, 2.688),
+]
+
+
+def _v_minus(teff_k: float, log_g: float, metallicity: float = 0.0) -> dict[str, float]:
+    """Colours of the grid in Cousins' I and 2MASS J (a top-hat of its mean and width), zero points from the Sun."""
+    curve = Curve(np.arange(700.0, 921.0, 10.0), np.array(COUSINS_I) / 1000.0)
+    bands = Passbands.from_bands(
+        [Band("I", "VIS", 805.0, 160.0, 1.0, 1.0, curve=curve), Band("J", "NIR", 1235.0, 162.0, 1.0, 1.0)]
+    )
+    sun = load_reference_spectrum("sun")
+    magnitude = -2.5 * np.log10(v_photon_rate(sun.wavelength_nm, sun.photlam) / vega_v_photon_rate())
+    ratio = bands.star_rate_e_s(magnitude, teff_k, log_g, metallicity, 1.0) / bands.spectrum_rate_e_s(
+        sun.wavelength_nm, sun.photlam, 1.0
+    )
+    return {"I": SUN_V_I + 2.5 * float(np.log10(ratio[0])), "J": SUN_V_J + 2.5 * float(np.log10(ratio[1]))}
+
+
+@pytest.mark.parametrize("teff_k", [4400.0, 4600.0, 4800.0, 5000.0, 5300.0, 5600.0, 6000.0, 6300.0, 6600.0])
+def test_colours_of_dwarfs_are_those_of_the_infrared_flux_method(teff_k: float) -> None:
+    for band, found in _v_minus(teff_k, 4.6 if teff_k < 5200.0 else 4.4).items():
+        constant, slope, curvature = INFRARED_FLUX_METHOD[band]
+        root = np.sqrt(slope**2 - 4.0 * curvature * (constant - 5040.0 / teff_k))
+        expected = (root - slope) / (2.0 * curvature)
+        assert 10.0 ** (0.4 * (found - expected)) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("teff_k", "v_i", "v_j"), MEAN_DWARFS)
+def test_colours_of_dwarfs_are_those_of_the_mean_sequence(teff_k: float, v_i: float, v_j: float) -> None:
+    found = _v_minus(teff_k, 4.6 if teff_k < 5200.0 else 4.4)
+    assert 10.0 ** (0.4 * (found["I"] - v_i)) == pytest.approx(1.0, abs=0.06)
+    assert 10.0 ** (0.4 * (found["J"] - v_j)) == pytest.approx(1.0, abs=0.06)
+
+
+def test_at_1000_nm_the_grid_is_the_sun_and_the_library_is_redder() -> None:
+    """Codes that take a Pickles spectrum of the type have 5 to 8 % more light there; the measured Sun has not."""
+    sun, template = load_reference_spectrum("sun"), stellar_spectrum(0.0, "G2V", model="pickles")
+    bands = Passbands.from_bands([Band("B1000", "NIR", 1000.0, 100.0, 1.0, 1.0)])
+    magnitude = -2.5 * np.log10(v_photon_rate(sun.wavelength_nm, sun.photlam) / vega_v_photon_rate())
+    measured = bands.spectrum_rate_e_s(sun.wavelength_nm, sun.photlam, 1.0)[0] * 10.0 ** (0.4 * magnitude)
+    grid = bands.star_rate_e_s(0.0, 5772.0, 4.44, 0.0, 1.0)[0]
+    library = bands.spectrum_rate_e_s(template.wavelength_nm, template.photlam, 1.0)[0]
+    assert grid / measured == pytest.approx(1.0, abs=0.015)
+    assert 1.05 < library / measured < 1.10
 
 
 def test_sky_is_a_faint_sun(passbands: Passbands) -> None:
@@ -294,3 +383,94 @@ def test_gauss_rule_of_equal_masses_is_exact() -> None:
     for degree in range(12):
         assert weights @ nodes**degree == pytest.approx(np.mean(points**degree), rel=1e-10)
     assert gauss_rule(np.array([2.0, 2.0]), np.ones(2), 1)[0] == pytest.approx([2.0])
+
+
+# V-I of single stars of the catalogue, measured by Casagrande et al. 2006 (MNRAS 373, 13, table 1), mag.
+MEASURED_V_I = {
+    "HD 106516": 0.571,
+    "HD 179949": 0.595,
+    "HD 73524": 0.640,
+    "HD 4308": 0.725,
+    "HD 144579": 0.788,
+    "HD 22879": 0.662,
+    "HD 59468": 0.732,
+    "HD 144628": 0.925,
+    "HD 109200": 0.896,
+    "HD 4747": 0.820,
+    "HD 67199": 0.896,
+    "HD 5133": 1.000,
+    "HD 222335": 0.850,
+    "HD 98281": 0.788,
+    "HD 3765": 0.980,
+    "HD 120780": 0.975,
+    "HD 154577": 0.980,
+    "HD 190007": 1.205,
+    "HD 215500": 0.771,
+}
+# Bright targets whose spectral type and temperature agree.
+AS_THEIR_TYPE = (
+    "alf CMi",
+    "alf Cen A",
+    "alf Cen B",
+    "eps Eri",
+    "tau Cet",
+    "61 Cyg A",
+    "omi2 Eri",
+    "70 Oph A",
+    "82 Eri",
+    "sig Dra",
+    "bet Hyi",
+    "HD 191408",
+    "pi3 Ori",
+    "chi Dra",
+    "mu Her",
+    "HD 219134",
+    "gam Lep",
+    "bet CVn",
+    "zet Tuc",
+    "mu Cas",
+    "bet Gem",
+    "107 Psc",
+    "ksi Boo A",
+    "bet Com",
+    "61 Vir",
+    "HD 4628",
+    "kap Cet",
+    "HD 102365",
+    "70 Oph B",
+    "bet Vir",
+    "iot Per",
+    "gam Ser",
+    "tet Per",
+    "iot Peg",
+    "61 UMa",
+    "HD 192310",
+    "chi1 Ori",
+    "alf Men",
+    "tet UMa",
+)
+
+
+def _catalogue_star(name: str) -> dict[str, Any]:
+    stars = load_stars()
+    return stars.row(stars.column("name").tolist().index(name))
+
+
+def test_red_light_of_catalogue_stars_is_what_was_measured() -> None:
+    """V-I of the grid at the catalogue's parameters; HD 144579 alone is off, whose V-K too is that of a hotter star."""
+    ratios = {}
+    for name, measured in MEASURED_V_I.items():
+        row = _catalogue_star(name)
+        ratios[name] = 10.0 ** (0.4 * (_v_minus(row["teff_k"], row["log_g"], row["metallicity"])["I"] - measured))
+    assert np.mean(list(ratios.values())) == pytest.approx(1.0, abs=0.015)
+    assert {name for name, ratio in ratios.items() if abs(ratio - 1.0) > 0.05} == {"HD 144579"}
+
+
+@pytest.mark.parametrize("name", AS_THEIR_TYPE)
+def test_bright_targets_are_as_red_as_measured_stars_of_their_type(name: str) -> None:
+    row = _catalogue_star(name)
+    bands = Passbands.from_bands([band for band in load_bands().values() if band.name in ("F720", "F850")])
+    found = bands.star_rate_e_s(0.0, row["teff_k"], row["log_g"], row["metallicity"], 1.0)
+    template = stellar_spectrum(0.0, row["sp_type"], model="pickles")
+    expected = bands.spectrum_rate_e_s(template.wavelength_nm, template.photlam, 1.0)
+    np.testing.assert_allclose(found / expected, 1.0, atol=0.08)

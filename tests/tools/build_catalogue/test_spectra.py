@@ -65,13 +65,14 @@ def _table(rows: dict[tuple[float, float, float], float]) -> spectra._Broadband:
 
 
 def test_targets_are_level_times_trend() -> None:
-    level = _table({(t, g, 0.0): t * g for t in (4000.0, 4100.0, 4250.0) for g in (3.5, 4.0)})
+    level = {(t, g, 0.0): t * g for t in (4000.0, 4100.0, 4250.0) for g in (3.5, 4.0)}
     trend = {
         (t, g, m): 100.0 * g + t + 300.0 * m for t in (4000.0, 4250.0) for g in (3.0, 3.5, 4.0) for m in (0.0, 0.5)
     }
-    gravities = np.array([3.0, 3.5, 4.0])
+    base = np.array([3.5, 3.5, 4.0])
     teff = np.array([4000.0, 4100.0, 4250.0])
-    found = spectra._targets(teff, gravities, 3.5, level, _table(trend))
+    levels = spectra._solar(_table(level), teff, base, "level.dat")
+    found = spectra._targets(teff, _table(trend), base, levels)
     assert found.shape == (3, 3, 2, len(NAMES))
     # First band, 4100 K, log g 3.0: level at 3.5; trend relative to solar at 3.5, linear between 4000 and 4250 K.
     for column, m in enumerate((0.0, 0.5)):
@@ -81,7 +82,7 @@ def test_targets_are_level_times_trend() -> None:
     np.testing.assert_allclose(found[2, 2, 0], (4250.0 * 4.0 + np.arange(len(NAMES))) * 1e-4, rtol=1e-12)
     # Without the model at 4250 K its neighbour at 4100 K has no trend either; 4000 K does not need it.
     holes = _table({key: value for key, value in trend.items() if key[:2] != (4250.0, 3.0)})
-    found = spectra._targets(teff, gravities, 3.5, level, holes)
+    found = spectra._targets(teff, holes, base, levels)
     assert found[0, 0].all()
     assert not found[1:, 0].any()
     assert found[:, 1:].all()
@@ -89,8 +90,25 @@ def test_targets_are_level_times_trend() -> None:
 
 def test_a_hole_in_the_level_is_refused(refused) -> None:
     level = _table({(4000.0, 3.5, 0.0): 1.0})
-    trend = _table({(t, g, 0.0): 1.0 for t in (4000.0, 4250.0) for g in (3.5, 4.0)})
-    refused("missing", spectra._targets, np.array([4000.0]), np.array([3.5, 4.0]), 3.5, level, trend)
+    refused(
+        "level.dat = a model is missing", spectra._solar, level, np.array([4000.0]), np.array([3.5, 4.0]), "level.dat"
+    )
+
+
+def test_red_bands_of_cool_dwarfs_lie_between_two_atlases() -> None:
+    """Relative to y, by 45 % of the way at 4600 K, half of that at 4900 K; warm stars and giants stay."""
+    teff, log_g = np.array([4000.0, 4600.0, 4900.0, 5200.0, 6000.0]), np.array([3.5, 4.0, 4.5])
+    rng = np.random.default_rng(3)
+    aces, other = rng.uniform(1.0, 2.0, (2, 5, 3, len(NAMES)))
+    found = spectra._cool_dwarfs(teff, log_g, aces, other)
+    y = NAMES.index("STROMGREN_y")
+    for band, name in enumerate(NAMES):
+        red = name in ("GROUND_COUSINS_R", "GROUND_COUSINS_I", "SDSS_z", "2MASS_J")
+        for row, share in enumerate((0.45, 0.45, 0.225, 0.0, 0.0)):
+            ratio = [flux[row, 1:, band] / flux[row, 1:, y] for flux in (aces, other)]
+            mixed = (1 - share) * ratio[0] + share * ratio[1] if red else ratio[0]
+            np.testing.assert_allclose(found[row, 1:, band], mixed * aces[row, 1:, y], rtol=1e-12)
+    np.testing.assert_array_equal(found[:, 0], aces[:, 0])
 
 
 def test_filters_say_whether_they_count_photons() -> None:

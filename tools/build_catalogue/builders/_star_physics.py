@@ -12,21 +12,30 @@ from catalogs import luminosity_from_v
 from catalogs.star_columns import parallax_flags, type_flags
 from catalogs.stellar_physics import (
     GRAVITY_SOURCE,
+    INFRARED_SOURCE,
     LUMINOSITY_SOURCE,
     RADIUS_SOURCE,
     TEFF_TOLERANCE_K,
     colour_temperature,
     gravity,
+    infrared_temperature,
     is_giant,
     luminosity_class,
     mass_of,
     nearest_subtype,
     radius_from_luminosity,
     subtype_medians,
+    temperatures_disagree,
 )
 from tools.build_catalogue.builders._star_identity import Identity
 
 _V_TOLERANCE_MAG = 0.15
+_UNSATURATED_MAG = 0.05
+"""Error of Ks above which 2MASS was saturated."""
+_BLENDED_ARCSEC = 5.0
+_BLENDED = {"composite", "composite_spectrum", "double_entry", "spectroscopic_binary", "v_conflict"}
+#: ExoCat-1's words for its spectroscopic sources.
+_SPECTROSCOPY = {"2005ApJS..159..141V": "Valenti & Fischer 2005, ApJS 159, 141", "Gray": "Gray"}
 
 
 def fill_physics(people: Sequence[Identity]) -> None:
@@ -36,10 +45,10 @@ def fill_physics(people: Sequence[Identity]) -> None:
     expected = _expected_by_type(people)
     for person in people:
         _check_colour(person, expected)
+        _flags(person)
         _metallicity(person)
         _temperature(person, expected)
         _luminosity_radius_mass(person)
-        _flags(person)
 
 
 def _colours(person: Identity) -> None:
@@ -82,37 +91,44 @@ def _metallicity(person: Identity) -> None:
 
 
 def _temperature(person: Identity, table: dict[tuple[bool, int], tuple[float, float]]) -> None:
-    values = person.row.values
-    teff, src = colour_temperature(float(values["b_v_mag"]), float(values["metallicity"]))  # type: ignore[arg-type]
-    listed = person.exocat.number("st_teff") if person.exocat else float("nan")
-    expected = nearest_subtype(person.row.star.sp_type, table)[0]
-    if person.exocat and np.isfinite(listed):
-        if np.isfinite(expected) and abs(listed - expected) > max(TEFF_TOLERANCE_K, abs(teff - expected)):
-            person.row.flags.add("teff_conflict")
+    """Fill the temperature: spectroscopy of ExoCat-1, else V-Ks of 2MASS, else B-V; flag what contradicts it."""
+    row, values = person.row, person.row.values
+    metallicity = float(values["metallicity"])  # type: ignore[arg-type]
+    from_colour = colour_temperature(float(values["b_v_mag"]), metallicity)  # type: ignore[arg-type]
+    found = [(_infrared(person, metallicity), INFRARED_SOURCE), from_colour]
+    expected = nearest_subtype(row.star.sp_type, table)[0]
+    method = person.exocat.values["st_teffsrc"] if person.exocat else ""
+    if person.exocat and method in _SPECTROSCOPY and "v_conflict" not in row.flags:  # else perhaps of another star
+        listed = person.exocat.number("st_teff")
+        if np.isfinite(expected) and abs(listed - expected) > max(TEFF_TOLERANCE_K, abs(from_colour[0] - expected)):
+            row.flags.add("teff_conflict")
         else:
-            method = person.exocat.values["st_teffsrc"]
-            spectroscopic = method not in ("V-K", "B-V", "")
-            teff, src = listed, "measured" if spectroscopic else f"derived:{method or 'unstated'} (ExoCat-1)"
-    if np.isfinite(expected) and abs(teff - expected) > TEFF_TOLERANCE_K:
-        person.row.flags.add("teff_outlier")
-    values["teff_k"], values["teff_k_src"] = teff, src
+            found.insert(0, (listed, f"measured:{_SPECTROSCOPY[method]} (ExoCat-1)"))
+    adopted, values["teff_k_src"] = next((teff, src) for teff, src in found if np.isfinite(teff))
+    values["teff_k"] = adopted
+    if temperatures_disagree(adopted, [expected, *(teff for teff, _ in found)]):
+        row.flags.add("teff_disagreement")
+
+
+def _infrared(person: Identity, metallicity: float) -> float:
+    """Return the temperature from V-Ks; nan where Ks is missing, saturated, or of two stars, and for giants."""
+    row, exocat = person.row, person.exocat
+    if exocat is None or row.flags & _BLENDED or is_giant(row.star.sp_type):
+        return float("nan")
+    alone = not exocat.number("wds_sep") < _BLENDED_ARCSEC and exocat.values["st_ks2mblend"] == "0"
+    sharp = exocat.values["st_kmagsrc"] == "2MASS" and exocat.number("st_ks2merr") < _UNSATURATED_MAG
+    return infrared_temperature(exocat.number("st_vmk"), metallicity) if alone and sharp else float("nan")
 
 
 def _luminosity_radius_mass(person: Identity) -> None:
     row, values, exocat = person.row, person.row.values, person.exocat
     teff = float(values["teff_k"])  # type: ignore[arg-type]
-    distance = 1000.0 / row.parallax_mas
-    trusted = exocat is not None and not row.flags & {"v_conflict", "teff_conflict"}
-    listed = exocat.number("st_lbol") if exocat and trusted else float("nan")
-    if exocat and np.isfinite(listed) and listed > 0.0:
-        luminosity = listed * (distance / exocat.number("st_dist")) ** 2
-        src = f"derived:{exocat.values['st_lbolsrc'] or 'unstated'} (ExoCat-1), scaled to distance_pc"
-    else:
-        luminosity, src = luminosity_from_v(row.star.v_mag, distance, teff), LUMINOSITY_SOURCE
+    luminosity = luminosity_from_v(row.star.v_mag, 1000.0 / row.parallax_mas, teff)
     radius = radius_from_luminosity(luminosity, teff)
-    values["luminosity_lsun"], values["luminosity_lsun_src"] = luminosity, src
+    values["luminosity_lsun"], values["luminosity_lsun_src"] = luminosity, LUMINOSITY_SOURCE
     values["radius_rsun"], values["radius_rsun_src"] = (radius, RADIUS_SOURCE)
 
+    trusted = exocat is not None and not row.flags & {"v_conflict", "teff_conflict"}
     mass = exocat.number("st_mass") if exocat and trusted else float("nan")
     mass_src = "derived:ExoCat-1"
     if exocat and np.isfinite(mass) and exocat.values["st_masssrc"] == "2007ApJS..168..297T":

@@ -10,6 +10,11 @@ that is, the level of the PHOENIX-ACES models and the CK04 trends with metallici
 not used below log g 3.5, where its band fluxes are not smooth. Why ACES: measured dwarfs (Pickles 1998, F2V-K7V) and
 mean colours of dwarfs (Pecaut & Mamajek 2013) have more light at 400-450 nm than BT-NextGen and CK04. This is neither
 the ACES nor the CK04 grid: its lines are those of BT-NextGen.
+
+Dwarfs below 5200 K are too blue in V-R, V-I and V-J in ACES (by 0.05 to 0.1 mag in V-I from 4600 K on), too red in
+BT-NextGen. Their bands R, I, z and J relative to y are therefore a weighted mean of the two: the weight of BT-NextGen
+is chosen so that V-I and V-J lie between the measured sequences of Casagrande et al. 2010 (A&A 512, A54) and Pecaut &
+Mamajek 2013. H agrees in ACES. Giants are left as they were: no such calibration was used for them.
 """
 
 import io
@@ -28,6 +33,7 @@ DATA_FILE = "stellar_grid.npz"
 _PHOENIX_FILE = "lazuli_exo/data/tables/star/phoenix_grid.npz"
 _CK04_FILE = "astroARIADNE/Datafiles/model_grids/model_grid_CK04.dat"
 _ACES_FILE = "astroARIADNE/Datafiles/model_grids/model_grid_Phoenixv2.dat"
+_NEXTGEN_FILE = "astroARIADNE/Datafiles/model_grids/model_grid_BT_NextGen.dat"
 _FILTER_FOLDER = "pyphot/libs/ascii_sources/"
 
 _LAZULI = SourcePackage(
@@ -72,6 +78,16 @@ _ARIADNE = SourcePackage(
             citation="Husser et al. 2013, A&A 553, A6; Vines & Jenkins 2022, MNRAS 513, 2719",
             vintage="package release 1.5.2",
         ),
+        SourceFile(
+            path=_NEXTGEN_FILE,
+            sha256="94554d7cce31f1edeb2dabe4242b6c0ea6d1b092e55358aff4d1142ff6ca06f5",
+            licence="MIT (package); model atlas public at Lyon",
+            citation=(
+                "Allard, Homeier & Freytag 2012, Phil. Trans. R. Soc. A 370, 2765; "
+                "Vines & Jenkins 2022, MNRAS 513, 2719"
+            ),
+            vintage="package release 1.5.2",
+        ),
     ),
 )
 
@@ -103,6 +119,13 @@ _PYPHOT = replace(
 
 SOURCES: tuple[SourcePackage, ...] = (_LAZULI, _ARIADNE, _PYPHOT)
 
+_LEVEL_FILES = (_ACES_FILE, _NEXTGEN_FILE)
+_REFERENCE_BAND = "STROMGREN_y"
+_COOL_BANDS = ("GROUND_COUSINS_R", "GROUND_COUSINS_I", "SDSS_z", "2MASS_J")
+_COOL_SHARE = 0.45  # of BT-NextGen in these bands of cool dwarfs
+_COOL_TEFF_K = (4600.0, 5200.0)  # whole share below, none above
+_DWARF_LOG_G = 4.0
+
 _TEFF_RANGE_K = (3500.0, 8000.0)
 _LOG_G_RANGE = (3.5, 5.0)
 _WAVELENGTH_RANGE_NM = (299.8, 1750.5)
@@ -113,9 +136,10 @@ _PER_A = 1e-4
 def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
     """Write the stellar grid and report where it comes from."""
     teff, line_log_g, wavelength_nm, log10_flam = _line_structure(sources.read(_LAZULI, _PHOENIX_FILE))
-    level = _Broadband(sources.read(_ARIADNE, _ACES_FILE))
     trend = _Broadband(sources.read(_ARIADNE, _CK04_FILE))
-    target = _targets(teff, trend.log_g, line_log_g[0], level, trend)
+    base = np.maximum(trend.log_g, line_log_g[0])
+    aces, next_gen = (_solar(_Broadband(sources.read(_ARIADNE, path)), teff, base, path) for path in _LEVEL_FILES)
+    target = _targets(teff, trend, base, _cool_dwarfs(teff, trend.log_g, aces, next_gen))
     filters = [_filter(sources.read(_PYPHOT, _FILTER_FOLDER + name)) for name, _ in _BANDS.values()]
     knots_nm = np.round([_mean_wavelength(*curve[:2]) for curve in filters], 2)
     line = np.searchsorted(line_log_g, np.maximum(trend.log_g, line_log_g[0]))
@@ -142,20 +166,24 @@ def _provenance() -> ProvenanceEntry:
     return ProvenanceEntry(
         data_file=DATA_FILE,
         description="Stellar surface fluxes (erg/s/cm2/A): PHOENIX lines, R=1000; PHOENIX-ACES level; CK04 trends.",
-        sources=((_LAZULI, _PHOENIX_FILE), (_ARIADNE, _ACES_FILE), (_ARIADNE, _CK04_FILE), *filters),
+        sources=((_LAZULI, _PHOENIX_FILE), *((_ARIADNE, path) for path in (*_LEVEL_FILES, _CK04_FILE)), *filters),
         derivation=(
             "Line structure: BT-NextGen, Teff 3500-8000 K, log g 3.5-5.0, 300-1750 nm, solar. Band fluxes in U, v b y, "
             "R I, z, J H: PHOENIX-ACES at the same node (log g 3.5 for lower gravities) times the CK04 ratio to solar "
-            "metallicity and log g 3.5 or above, interpolated linearly in Teff. The factor on the line structure, "
-            "linear in log wavelength between the bands and constant beyond, gives each node these band fluxes exactly."
+            "metallicity and log g 3.5 or above, interpolated linearly in Teff. R, I, z and J relative to y of dwarfs "
+            "(log g 4 or above) are drawn towards BT-NextGen: by 45 % up to 4600 K, falling to 0 at 5200 K. The "
+            "factor on the line structure, linear in log wavelength between the bands and constant beyond, gives each "
+            "node these band fluxes exactly."
         ),
-        licence="BSD-3-Clause and MIT (packages); model atlases public at STScI and Goettingen",
+        licence="BSD-3-Clause and MIT (packages); model atlases public at STScI, Goettingen and Lyon",
         vintage="lazuli-exo 0.1.2, astroariadne 1.5.2, pyphot 2.1.1",
         notes=(
             "PHOENIX lines, PHOENIX-ACES level, CK04 broadband trends: not the CK04 spectra.",
             "The source of the lines does not name its version: above 5000 K its bands are those of BT-NextGen to 1 %.",
             "Gravities below 3.5 have the lines of log g 3.5; nodes without a CK04 model (log g 0 above 6000 K, "
             "0.5 above 7400 K) are zero and refused.",
+            "V-I and V-J of dwarfs of 4400-6600 K lie within 5 % in flux of Casagrande et al. 2010 and of Pecaut & "
+            "Mamajek 2013.",
             "Blueward of 400 nm models of different authors differ by about 10 per cent.",
         ),
     )
@@ -187,15 +215,30 @@ class _Broadband:
         return np.asarray(self._rows.get((teff_k, log_g, metallicity), np.zeros(len(_BANDS))))
 
 
-def _targets(teff: np.ndarray, log_g: np.ndarray, lowest: float, level: _Broadband, trend: _Broadband) -> np.ndarray:
+def _solar(table: _Broadband, teff: np.ndarray, base: np.ndarray, path: str) -> np.ndarray:
+    """Return the band fluxes at solar metallicity, shape (teff, log g, band), erg/s/cm2/A."""
+    fluxes = np.array([[table.flux(t, g, 0.0) for g in base] for t in teff]) * _PER_A
+    if not fluxes.all():
+        raise InputError(path, "a model is missing", allowed="all nodes at solar metallicity")
+    return fluxes
+
+
+def _cool_dwarfs(teff: np.ndarray, log_g: np.ndarray, aces: np.ndarray, next_gen: np.ndarray) -> np.ndarray:
+    """Return the fluxes of ACES, with the red bands of cool dwarfs drawn towards those of BT-NextGen."""
+    names = list(_BANDS)
+    red, reference = [names.index(band) for band in _COOL_BANDS], names.index(_REFERENCE_BAND)
+    own, other = (flux[..., red] / flux[..., [reference]] for flux in (aces, next_gen))
+    share = np.interp(teff, _COOL_TEFF_K, (_COOL_SHARE, 0.0))[:, None] * (log_g >= _DWARF_LOG_G)
+    level = aces.copy()
+    level[..., red] *= 1.0 + share[..., None] * (other / own - 1.0)
+    return level
+
+
+def _targets(teff: np.ndarray, trend: _Broadband, base: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """Return the band fluxes of all nodes, shape (teff, log g, [M/H], band), erg/s/cm2/A; 0 where CK04 ends."""
-    base = np.maximum(log_g, lowest)
-    levels = np.array([[level.flux(t, g, 0.0) for g in base] for t in teff]) * _PER_A
-    if not levels.all():
-        raise InputError(_ACES_FILE, "a model is missing", allowed="all nodes at solar metallicity")
     at = trend.teff_k[(trend.teff_k >= teff[0]) & (trend.teff_k <= teff[-1])]
     solar = np.array([[trend.flux(t, g, 0.0) for g in base] for t in at])
-    ratio = np.array([[[trend.flux(t, g, m) for m in trend.metallicity] for g in log_g] for t in at])
+    ratio = np.array([[[trend.flux(t, g, m) for m in trend.metallicity] for g in trend.log_g] for t in at])
     ratio /= solar[:, :, None, :]
     left = np.clip(np.searchsorted(at, teff, side="right") - 1, 0, at.size - 2)
     share = ((teff - at[left]) / (at[left + 1] - at[left]))[:, None, None, None]

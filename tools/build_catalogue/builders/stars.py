@@ -190,7 +190,8 @@ def _provenance(people: Sequence[Identity]) -> list[ProvenanceEntry]:
     cut = "F, G and K, parallax >= 25 mas, V <= 7.5; blends with listed components removed"
     notes = (
         *_coverage(people),
-        "luminosity from V and BC lies 0.03 to 0.04 dex below the ExoCat-1 values, which are kept where they exist",
+        "luminosity from V and BC lies 0.01 dex (scatter 0.03) below the bolometric fluxes of dwarfs with measured "
+        "diameters; that of ExoCat-1 lies 0.02 dex above them and is not used",
         "Teff from B-V agrees with spectroscopic ExoCat-1 values of the dwarfs to 4 K in the median of 343 "
         "(Valenti & Fischer) and 49 K of 265 (Gray), scatter 110 to 120 K",
         "HD numbers are incomplete beyond 30 pc, where only bright-star indices supply them",

@@ -1,0 +1,156 @@
+"""Published temperatures of single stars, laid over a star table: ``stellar_parameters.csv``, kept by hand.
+
+One row is what one publication says of one star: temperature, perhaps gravity, metallicity and limb-darkened angular
+diameter, with the publication, where it was read and when. A star with rows takes the median of their temperatures, to
+which the table's own value counts where it is measured too, and the medians of their gravities and metallicities. Where
+a diameter was measured, luminosity is that of diameter and temperature of the same row, which is the bolometric flux;
+elsewhere that of V, and the radius follows.
+
+Rows are interferometry and benchmarks, spectroscopy beside them, and spectroscopy of stars that else have a colour
+only; a star without rows has not been found there. The diameters of psi Dra A, HD 16160 and 5 Ser are left out: they
+contradict colour and spectroscopy by over 200 K.
+"""
+
+import csv
+import functools
+import hashlib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from catalogs import stellar_physics as physics
+from catalogs.star_columns import COLUMNS
+from cpic_core import NDArray
+
+_FILE = Path(__file__).resolve().parent / "data" / "stellar_parameters.csv"
+_DECIMALS = {column.name: column.decimals for column in COLUMNS}
+_READ = (
+    "sp_type",
+    "v_mag",
+    "b_v_mag",
+    "distance_pc",
+    "teff_k",
+    "teff_k_src",
+    "log_g_src",
+    "metallicity",
+    "mass_msun",
+    "mass_msun_src",
+    "quality_flags",
+)
+_DIAMETER_SOURCE = "derived:angular diameter and Teff of the same publication"
+
+
+@dataclass(frozen=True)
+class PublishedParameters:
+    """What one publication says of one star; numbers that it does not give are nan.
+
+    Parameters
+    ----------
+    star : str
+        Name as in the star table.
+    teff_k, teff_err_k : float
+        Effective temperature and its error, K.
+    log_g, metallicity : float
+        log10 of the surface gravity (cm/s2) and [Fe/H], dex.
+    angular_diameter_mas : float
+        Limb-darkened angular diameter, mas, from which the temperature follows.
+    reference, read_in : str
+        Publication, and the public copy in which the numbers were read.
+    date : str
+        When they were read, YYYY-MM-DD.
+    """
+
+    star: str
+    teff_k: float
+    teff_err_k: float
+    log_g: float
+    metallicity: float
+    angular_diameter_mas: float
+    reference: str
+    read_in: str
+    date: str
+
+
+@functools.cache
+def published_parameters() -> Mapping[str, tuple[PublishedParameters, ...]]:
+    """Return the rows of ``stellar_parameters.csv`` by star, in the order of the file. It is read once per process."""
+    numbers = [field.name for field in fields(PublishedParameters) if field.type is float]
+    found: dict[str, list[PublishedParameters]] = {}
+    with _FILE.open(encoding="utf-8", newline="") as stream:
+        rows: list[dict[str, Any]] = list(csv.DictReader(stream))
+    for row in rows:
+        values = row | {name: float(row[name] or math.nan) for name in numbers}
+        found.setdefault(row["star"], []).append(PublishedParameters(**values))
+    return {star: tuple(items) for star, items in found.items()}
+
+
+@functools.cache
+def parameters_vintage() -> str:
+    """Return in one line what is laid over: the number of stars, the file, and the first digits of its checksum."""
+    stars, digest = len(published_parameters()), hashlib.sha256(_FILE.read_bytes()).hexdigest()[:12]
+    return f"temperatures of {stars} stars from {_FILE.name} {digest}"
+
+
+def updated_columns(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
+    """Return the columns of a star table that change where its stars have published parameters.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        All columns of the table, by name. Stars without published parameters keep what they have.
+    """
+    medians = physics.measured_medians(columns)
+    cells: dict[str, dict[int, Any]] = {}
+    for index, star in enumerate(columns["name"].tolist()):
+        if star in published_parameters():
+            old = {name: columns[name][index].item() for name in _READ}
+            of_type_k = physics.nearest_subtype(old["sp_type"], medians)[0]
+            for name, value in _row(old, published_parameters()[star], of_type_k).items():
+                shown = round(value, _DECIMALS[name]) if isinstance(value, float) else value
+                cells.setdefault(name, {})[index] = shown
+    return {
+        name: np.array([new.get(index, value) for index, value in enumerate(columns[name].tolist())])
+        for name, new in cells.items()
+    }
+
+
+def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_k: float) -> dict[str, Any]:
+    """Return the cells of one star that change; `of_type_k` is the temperature that stars of its type have."""
+    own = [old["teff_k"]] if old["teff_k_src"].startswith("measured") else []
+    temperatures = [row.teff_k for row in rows] + own
+    teff_k = median(temperatures)
+    new: dict[str, Any] = {"teff_k": teff_k, "teff_k_src": _source(len(temperatures), rows)}
+    for name in ("log_g", "metallicity"):
+        given = [row for row in rows if math.isfinite(getattr(row, name))]
+        if given:
+            new |= {name: median(getattr(row, name) for row in given), f"{name}_src": _source(len(given), given)}
+    fluxes = [
+        physics.luminosity_from_diameter(row.angular_diameter_mas, old["distance_pc"], row.teff_k)
+        for row in rows
+        if math.isfinite(row.angular_diameter_mas)
+    ]
+    luminosity = median(fluxes) if fluxes else physics.luminosity_from_v(old["v_mag"], old["distance_pc"], teff_k)
+    new["luminosity_lsun"] = luminosity
+    new["luminosity_lsun_src"] = _DIAMETER_SOURCE if fluxes else physics.LUMINOSITY_SOURCE
+    new["radius_rsun"] = physics.radius_from_luminosity(luminosity, teff_k)
+    if old["mass_msun_src"] == physics.MASS_SOURCE:
+        new["mass_msun"] = physics.mass_from_luminosity(luminosity)
+    if "log_g" not in new and old["log_g_src"] == physics.GRAVITY_SOURCE:
+        new["log_g"] = physics.gravity(new.get("mass_msun", old["mass_msun"]), new["radius_rsun"])
+    from_colour = physics.colour_temperature(old["b_v_mag"], new.get("metallicity", old["metallicity"]))[0]
+    estimates = [*temperatures, from_colour, of_type_k]
+    flags = set(old["quality_flags"].split(";")) - {"teff_disagreement", ""}
+    if physics.temperatures_disagree(teff_k, estimates):
+        flags.add("teff_disagreement")
+    new["quality_flags"] = ";".join(sorted(flags))
+    return new
+
+
+def _source(number: int, rows: Iterable[PublishedParameters]) -> str:
+    """Return the words of a ``*_src`` column for the median of so many values."""
+    return f"measured:median of {number} published values ({_FILE.name}: {'; '.join(row.reference for row in rows)})"
