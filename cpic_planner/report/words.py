@@ -123,6 +123,7 @@ FLAGS: dict[str, str] = {
     "shorter_visit_is_better": "less than the given time is used: the walk of the wavefront makes a longer visit worse",
     "companion_saturates": "a companion on the frame overflows its pixels: its blooming is not followed",
     "companion_pa_assumed": "the sources give no position angle for the companion: 30 deg assumed",
+    "sky_place_unknown": "the star has no coordinates: the zodiacal light is its median over the whole sky",
     "stellar_grid_clamped": "temperature, gravity or metallicity clamped to the edge of the spectral grid",
     "fsed_clamped": "f_sed above 6 is taken as 6, the largest with models behind it",
     "insolation_clamped": "the planet's insolation is outside the models' 0.5-5 au: the nearer end is used",
