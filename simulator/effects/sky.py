@@ -214,7 +214,7 @@ def zodiacal_photlam_arcsec2(radiance_500nm_w_m2_sr_um: float, elongation: float
 
 SOLAR_AVOIDANCE = "solar_avoidance"
 SKY_PLACE_UNKNOWN = "sky_place_unknown"
-_STEP_DEG = 0.5
+_STEP_DEG = 1.0
 _MIDDLE_LATITUDE_DEG = 30.0  # half of the sky lies nearer to the ecliptic, and is brighter
 
 
