@@ -37,6 +37,15 @@ arcsec agree with this to 0.03 arcsec.
 """
 UNRESOLVED_ARCSEC = 0.1
 """A pair that is never wider than this is one source of light, whose V the star's row has."""
+_ELEMENTS = (
+    "period_yr",
+    "periastron_yr",
+    "semi_major_axis_arcsec",
+    "eccentricity",
+    "inclination_deg",
+    "omega_deg",
+    "node_deg",
+)
 _DYNAMICAL_GRADES = (1, 2, 3, 8)
 _FIT_MASS_RATIO = (0.1, 0.9)
 _FIT_ECCENTRICITY_MAX = 0.8
@@ -152,11 +161,11 @@ def companion_places(orbits: Sequence[BinaryOrbit], epoch_yr: ArrayLike) -> tupl
     separation_arcsec, pa_deg : ndarray
         Separation, and position angle east of north from 0 to 360.
     """
-    names = ("period_yr", "periastron_yr", "semi_major_axis_arcsec", "eccentricity", "inclination_deg")
-    columns = (np.array([getattr(orbit, name) for orbit in orbits]) for name in (*names, "omega_deg", "node_deg"))
-    period, periastron, axis, *shape = columns
+    period, periastron, axis, e, tilt, omega, node = (
+        np.array([getattr(orbit, name) for orbit in orbits], float) for name in _ELEMENTS
+    )
     # From a parsec away, one au is one arcsec.
-    places = orbit_places(axis, *shape, 360.0 * (np.asarray(epoch_yr, float) - periastron) / period)
+    places = orbit_places(axis, e, tilt, omega, node, 360.0 * (np.asarray(epoch_yr, float) - periastron) / period)
     pa = np.rad2deg(np.arctan2(places.east_au, places.north_au)) % 360.0
     return np.hypot(places.east_au, places.north_au), pa
 
