@@ -41,6 +41,18 @@ def test_zodiacal_sky_is_each_targets_own():
     assert (rates < uniform).all()  # 21 mag/arcsec2 is brighter than the sky away from the ecliptic
 
 
+def test_the_sky_of_a_date_is_that_of_the_targets():
+    """The median is the same at every date; Arcturus stands opposite the Sun in April, beside it in October."""
+    rates = {}
+    for season in ("median", "date"):
+        model = build_model(load_instrument({"sky": {"season": season}}), ("F662",), Strategy())
+        for date in ("2028-04-20", "2028-10-20"):
+            target = find_target("Arcturus", date_utc=date)[0]
+            rates[season, date] = aperture_sky_e_s(model, target, "F662")[0]
+    assert rates["median", "2028-04-20"] == pytest.approx(rates["median", "2028-10-20"], rel=1e-4)
+    assert rates["date", "2028-10-20"] > 2.0 * rates["date", "2028-04-20"]
+
+
 def test_a_sky_of_22_mag_in_closed_form():
     """Photons of V = 22 in F662 and a square arcsecond, the clear disc, losses and aperture, to 5 %."""
     named = {"model": "uniform", "brightness_v_mag_arcsec2": 22.0}
