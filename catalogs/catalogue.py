@@ -11,9 +11,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from catalogs.binaries import BinaryOrbit, binary_orbits, orbits_vintage
 from catalogs.known_planet_columns import STATUSES
-from catalogs.published_parameters import PublishedParameters, published_parameters
-from catalogs.stars import CompanionUpdate, StarTable, companion_updates, load_stars, updates_vintage, with_updates
+from catalogs.published_parameters import PublishedParameters, parameters_vintage, published_parameters
+from catalogs.stars import StarTable, load_stars, with_updates
 from cpic_core import InputError
 
 _DATA = Path(__file__).resolve().parent / "data"
@@ -23,8 +24,8 @@ STAR_CREDITS = (
     "The star table is a database derived from it, under the Open Database License 1.0.",
     "Stellar data from ExoCat-1 (Turnbull 2015) and Hipparcos-2 (van Leeuwen 2007); names from the d3-celestial index "
     "(Kostjuk 2002; Gliese & Jahreiss 1991).",
-    "Places of companions that have moved: orbits of Akeson et al. 2021 and Bond et al. 2015, and of the Sixth Catalog "
-    "of Orbits of Visual Binary Stars (ORB6, US Naval Observatory).",
+    "Places of companions: the Sixth Catalog of Orbits of Visual Binary Stars (ORB6, US Naval Observatory), and the "
+    "orbits of Akeson et al. 2021.",
     "Temperatures of bright stars: the publications that stellar_parameters.csv names, foremost the Gaia FGK benchmark "
     "stars (Heiter et al. 2015; Soubiran et al. 2024).",
 )
@@ -63,10 +64,11 @@ def snapshot_vintage(*, updates: bool = True) -> str:
     Parameters
     ----------
     updates : bool
-        Whether companions and temperatures are those kept by hand (`catalogs.stars`).
+        Whether companions follow the orbits of `catalogs.binaries`, and temperatures are those of
+        `catalogs.published_parameters`.
     """
     entry = _entry("stars.csv")
-    laid_over = f"; {updates_vintage()}" if updates else ""
+    laid_over = f"; {orbits_vintage()}; {parameters_vintage()}" if updates else ""
     return f"{entry['vintage']} (stars.csv {entry['sha256'][:12]}{laid_over})"
 
 
@@ -81,7 +83,7 @@ def _updates() -> dict[str, Any]:
     }
 
 
-def _known(item: CompanionUpdate | PublishedParameters) -> dict[str, Any]:
+def _known(item: BinaryOrbit | PublishedParameters) -> dict[str, Any]:
     """Return what a row says, without numbers that it does not give."""
     return {name: value for name, value in asdict(item).items() if value == value}
 
@@ -92,8 +94,8 @@ def catalogue_info() -> dict[str, Any]:
     Returns
     -------
     dict
-        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``companion_updates`` (pairs whose
-        place is not that of ``stars.csv``), ``published_parameters`` (what publications say of temperatures, one row a
+        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``binary_orbits`` (pairs whose
+        companion follows its orbit), ``published_parameters`` (what publications say of temperatures, one row a
         publication and star), ``known_planets`` (vintage, notes, ``updates``: date, file, and the planets
         of each status that is not ``confirmed``), ``files`` (name, source packages, licence, description) and
         ``credits``.
@@ -118,7 +120,7 @@ def catalogue_info() -> dict[str, Any]:
         "vintage": snapshot_vintage(),
         "counts": counts,
         "notes": stars["notes"],
-        "companion_updates": [_known(item) for item in companion_updates()],
+        "binary_orbits": [_known(item) for item in binary_orbits()],
         "published_parameters": [_known(item) for items in published_parameters().values() for item in items],
         "known_planets": {"vintage": planets["vintage"], "notes": planets["notes"], "updates": _updates()},
         "files": files,
@@ -141,7 +143,7 @@ class Catalogue:
     Parameters
     ----------
     table : StarTable
-        The stars.
+        The stars, where their sources saw them.
     kind : {"snapshot", "simbad_2012", "refreshed", "file"}
         Where they come from.
     provenance : str
@@ -150,6 +152,8 @@ class Catalogue:
         What its stars are, in words: "every FGK star of the snapshot with parallax >= 25 mas".
     ranked_v_mag : float or None
         Faintest V of a ranking unless asked otherwise; None for all rows.
+    orbits : bool
+        Whether companions follow the orbits of `catalogs.binaries`.
     notes : tuple of str
         Remarks on the reading, for the person who asked.
     """
@@ -159,6 +163,7 @@ class Catalogue:
     provenance: str
     sample: str
     ranked_v_mag: float | None
+    orbits: bool
     notes: tuple[str, ...] = ()
 
 
@@ -168,8 +173,8 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     Parameters
     ----------
     source : str or Path
-        ``"snapshot"`` (embedded), ``"simbad_2012"`` (the same with companions where they were first listed, without the
-        updates of `catalogs.stars`), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
+        ``"snapshot"`` (embedded), ``"simbad_2012"`` (the same with companions where they were first listed, without
+        orbits), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
         data folder), or a file: CSV, ECSV, VOTable or FITS of a user's own, or a refreshed table. A file of one of
         these three names is written with its folder: ``./latest``.
 
@@ -188,6 +193,7 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
             provenance=snapshot_vintage(updates=updates),
             sample="every FGK star of the snapshot with parallax >= 25 mas",
             ranked_v_mag=RANKED_V_MAG,
+            orbits=updates,
         )
     if source == "latest":
         from catalogs.refreshed_tables import latest_table
@@ -219,6 +225,7 @@ def _from_file(path: str | Path) -> Catalogue:
             provenance=f"SIMBAD of {day}{_elsewhere(str(meta.get('service', '')))}, {len(table)} stars ({digest})",
             sample=f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas",
             ranked_v_mag=RANKED_V_MAG,
+            orbits=True,
             notes=() if len(table) == whole else (part,),
         )
     from catalogs.user_table import user_table
@@ -230,6 +237,7 @@ def _from_file(path: str | Path) -> Catalogue:
         provenance=f"{_USER_TABLE} of {len(made.table)} star{'s' * (len(made.table) != 1)} ({digest})",
         sample=f"every star of {file.name}",
         ranked_v_mag=None,
+        orbits=False,
         notes=made.notes,
     )
 

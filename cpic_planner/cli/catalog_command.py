@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
 import catalogs
-from catalogs import data_dir
+from catalogs import POSITION_ERROR_ARCSEC, data_dir
 from cpic_planner.cli.options import JsonOption, console, print_json
 
 if TYPE_CHECKING:
@@ -45,10 +46,10 @@ def info(as_json: JsonOption = False) -> None:
     screen = console()
     screen.print(f"[bold]{facts['vintage']}[/bold]")
     table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in facts["counts"]))
-    forms = {"star": "", "companion": "", "separation_arcsec": ".2f", "pa_deg": ".1f", "epoch_yr": "g", "reference": ""}
-    pairs = (tuple(format(row[name], form) for name, form in forms.items()) for row in facts["companion_updates"])
-    heads = ("star", "companion", "arcsec", "PA (deg)", "in", "orbit")
-    table(screen, "Companions that have moved (--catalog simbad_2012: as first listed)", heads, pairs)
+    grades = Counter(row["grade"] for row in facts["binary_orbits"])
+    rows = ((str(grade), str(count), f"{POSITION_ERROR_ARCSEC[grade]:g}") for grade, count in sorted(grades.items()))
+    heads = ("grade of the orbit", "pairs", "error of a place (arcsec)")
+    table(screen, "Companions that follow their orbits (--json lists them; --catalog simbad_2012: none)", heads, rows)
     published = facts["published_parameters"]
     screen.print(
         f"Temperatures of {len({row['star'] for row in published})} stars are medians of {len(published)} published "

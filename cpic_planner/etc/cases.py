@@ -23,6 +23,7 @@ from cpic_planner.results import EtcAnswer, EtcResult, ReferencePlanetRecord
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
+from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
 from simulator.knobs import Dial
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
@@ -125,6 +126,8 @@ class BandCases:
         """
         library = self.model.strategy.reference_library
         notes = [*self.targets.flags[star], *hole_notes(self.model, self.band), *library.flags]
+        if sky_place_unknown(self.model.instrument, self.targets.ra_deg[star], self.targets.dec_deg[star]):
+            notes.append(SKY_PLACE_UNKNOWN)
         threshold = float(self.threshold[planet])
         inside = self.places[planet][0] is Status.OK
         return {
@@ -260,6 +263,7 @@ def etc_result(
         v_mag=float(target.v_mag[0]),
         distance_pc=float(target.distance_pc[0]),
         catalogue=catalogue,
+        date_utc=target.date_utc,
         note=note,
         reference_planet=record,
         best_band=best_band(answers),

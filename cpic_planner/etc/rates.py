@@ -8,9 +8,9 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
-from simulator.config import Instrument
+from simulator.config import ASSUMED_PA_DEG, Instrument
 from simulator.detectors import aperture_noise_pixels
-from simulator.effects import sky_rate_e_s_arcsec2, stray_light_map
+from simulator.effects import sky_rates_e_s_arcsec2, stray_light_map
 from simulator.imaging import PsfMetrics
 from simulator.signal import (
     SpeckleLaw,
@@ -202,25 +202,18 @@ def aperture_sky_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray
 
     Returns
     -------
-    ndarray, shape (n_targets,) or (1,)
-        One value for all targets where the sky is the same everywhere. A map of stray light counts with its mean over
-        the hole.
+    ndarray, shape (n_targets,)
+        A map of stray light counts with its mean over the hole.
 
     Raises
     ------
     InputError
-        If the sky depends on the target's place and a target has none.
+        If the sky is that of a date and a target has no place.
     """
     instrument, metrics = model.instrument, model.metrics[band]
-    if instrument.sky.model == "uniform":
-        levels = [sky_rate_e_s_arcsec2(instrument, band)]
-    else:
-        start = instrument.mission.start_utc
-        levels = [
-            sky_rate_e_s_arcsec2(instrument, band, ra_deg=float(ra), dec_deg=float(dec), start_utc=start)
-            for ra, dec in zip(targets.ra_deg, targets.dec_deg, strict=True)
-        ]
-    sky = sky_pixel_e_s(metrics, [level.rate_e_s_arcsec2 for level in levels])
+    start = targets.date_utc or instrument.mission.start_utc
+    rates = sky_rates_e_s_arcsec2(instrument, band, targets.ra_deg, targets.dec_deg, start)
+    sky = sky_pixel_e_s(metrics, rates)
     return np.asarray((sky + _stray_e_s_pixel(instrument, band, metrics)) * metrics.aperture_pixels)
 
 
@@ -286,8 +279,9 @@ def _companion_e_s(model: EtcModel, band: str, near: Targets) -> FloatArray:
 
 def _companion_place(model: EtcModel, near: Targets, roll_deg: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Offsets x and y of companions on the detector, ``(k,)``."""
-    parity = model.instrument.detector.parity
-    return sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, roll_deg=roll_deg, parity=parity)
+    parity, pa = model.instrument.detector.parity, near.companion_pa_deg
+    angle = np.where(np.isfinite(pa), pa, ASSUMED_PA_DEG)
+    return sky_to_detector(near.companion_separation_arcsec, angle, roll_deg=roll_deg, parity=parity)
 
 
 class _Companion(NamedTuple):

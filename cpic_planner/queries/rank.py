@@ -36,7 +36,7 @@ class CountedPlanetsQuestion(shared.KnownPlanetsQuestion):
     )
 
     def check_planets(self) -> None:
-        """Refuse a population beside known planets, and candidates or a date without them."""
+        """Refuse a population beside known planets, and candidates without them."""
         if self.known_planets is not None and "population" in self.model_fields_set:
             taken, hint = (
                 f"given with {called('known_planets')}",
@@ -45,9 +45,6 @@ class CountedPlanetsQuestion(shared.KnownPlanetsQuestion):
             raise InputError("population", taken, allowed="one of the two", hint=hint)
         if self.known_planets is None and self.candidates:
             raise InputError("candidates", "given", allowed=f"only with {called('known_planets')}")
-        if self.known_planets is None and self.date_utc is not None:
-            allowed = f"only with {called('known_planets')}"
-            raise InputError("date_utc", self.date_utc, allowed=allowed, hint="nothing else depends on a date")
 
 
 class RankedQuestion(shared.InstrumentQuestion, shared.CutsQuestion, CountedPlanetsQuestion):

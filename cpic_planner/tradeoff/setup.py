@@ -218,9 +218,12 @@ class Setup:
 
 
 def _dark_sky(instrument: Instrument) -> Instrument:
-    """No light of the sky: 40 mag in every square arcsecond."""
-    sky = instrument.sky.model_copy(update={"model": "uniform", "brightness_v_mag_arcsec2": 40.0})
-    return instrument.model_copy(update={"sky": sky})
+    """No light in front of the telescope but the targets': 40 mag in every square arcsecond."""
+    sky = instrument.sky
+    lights = {"earthshine": sky.earthshine, "stray_light": sky.stray_light}
+    dark = {name: light.model_copy(update={"brightness_v_mag_arcsec2": None}) for name, light in lights.items()}
+    changes = dark | {"model": "uniform", "brightness_v_mag_arcsec2": 40.0}
+    return instrument.model_copy(update={"sky": sky.model_copy(update=changes)})
 
 
 def reference_setup(case: FixedScene) -> Setup:

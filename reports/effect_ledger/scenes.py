@@ -43,7 +43,7 @@ def random_case(number: int, *, seed: int = 1) -> RandomCase:
     stars = [_star(rng, index, star["v_mag"]) for index in range(int(rng.choice([0, 0, 1, 1, 2, 5])))]
     drift = float(rng.choice([0.0, 1.0]) * 10 ** rng.uniform(-2.3, -0.3))
     walk = float(rng.choice([0.0, 1.0]) * 10 ** rng.uniform(-2.3, -0.3))
-    sky: dict[str, Any] = {"brightness_v_mag_arcsec2": float(rng.uniform(18.0, 24.0))}
+    sky: dict[str, Any] = {"model": "uniform", "brightness_v_mag_arcsec2": float(rng.uniform(18.0, 24.0))}
     if rng.random() < 0.3:
         sky = {"model": "zodiacal"}
         star |= {"ra_deg": float(rng.uniform(0, 360)), "dec_deg": float(rng.uniform(-80, 80))}

@@ -13,7 +13,7 @@ from cpic_core import InputError, Provenance, load_mapping, load_yaml, split_sou
 from simulator.config.base import FrozenModel, deep_merge, validate
 from simulator.config.detector import AnyDetector, Detector
 from simulator.config.presets import preset_names, preset_path
-from simulator.config.sky import CosmicRayConfig, SkyConfig
+from simulator.config.sky import CosmicRayConfig, SkyConfig, own_sky
 from simulator.config.telescope import (
     CameraName,
     Channel,
@@ -166,6 +166,7 @@ class Instrument(FrozenModel):
             Naming key, value, unit and allowed range of the first fault.
         """
         plain, provenance = split_sourced(dict(own))
+        plain = _with_own_sky(plain, self.sky.model_dump())
         values = deep_merge(self.model_dump() | {"name": f"{self.name}+changes"}, plain)
         new = validate(Instrument, values, where="instrument")
         kept = {key: item for key, item in self._provenance.items() if not _within(plain, key)}
@@ -274,12 +275,18 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         if preset_path("instrument", str(base)) is None:
             raise InputError("base", base, allowed=", ".join(preset_names("instrument")))
         shipped = _tree(base)
+        own = _with_own_sky(own, shipped["sky"])
         merged = deep_merge(shipped, _plain_over_sourced(shipped, own))
         merged["name"] = own.get("name", f"{base}+changes" if own else base)
         return merged
     # Effects may bring defaults of their own.
     brought = {"detector": chain_preset(VISIBLE), "near_infrared": {"detector": chain_preset(INFRARED)}}
     return deep_merge(brought, own)
+
+
+def _with_own_sky(own: dict[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is laid over an instrument, with its section ``sky`` made ready for that."""
+    return own | {"sky": own_sky(own["sky"], base)} if isinstance(own.get("sky"), Mapping) else own
 
 
 @functools.lru_cache(maxsize=16)

@@ -131,18 +131,58 @@ class ExtraLight(FrozenModel):
 
 
 class SkyConfig(FrozenModel):
-    """Light of the sky: ``uniform`` of solar colour, or ``zodiacal`` by place and date; and what stray light adds.
+    """Light of the sky, and what earthshine and stray light add.
+
+    ``model`` is ``zodiacal``, by place, or ``uniform`` of solar colour and ``brightness_v_mag_arcsec2`` everywhere.
+    ``season`` of the zodiacal light is ``median``, over the days of a year on which the target is at least
+    ``sun_limit_deg`` from the Sun, or ``date``, that of the observation.
 
     ``exozodi_zodis`` is the dust assumed around every target, in units of the solar system's, in a disc seen face-on:
     22 mag/arcsec2 in V at 1 au of a solar twin, in proportion to the star's V light and ``r^-2``. Predictions count it
     and confirmations show it; a scene of one's own has the discs that it names.
     """
 
-    model: Literal["uniform", "zodiacal"]
+    model: Literal["zodiacal", "uniform"]
+    season: Literal["median", "date"]
+    sun_limit_deg: Annotated[float, Field(ge=0, le=90)]
     brightness_v_mag_arcsec2: Brightness
     exozodi_zodis: Annotated[float, Field(ge=0, le=1e5)]
     earthshine: ExtraLight
     stray_light: ExtraLight
+
+
+_ONLY_WITH = {"brightness_v_mag_arcsec2": "uniform", "season": "zodiacal"}
+_NO_LIGHT: dict[str, Any] = dict.fromkeys(ExtraLight.model_fields)
+
+
+def own_sky(own: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a section ``sky`` as it is laid over that of another instrument.
+
+    A number or map of earthshine or stray light replaces whatever the other instrument has for it. A uniform sky in
+    place of a zodiacal one is all the light there is: earthshine comes with it only where it is given.
+
+    Parameters
+    ----------
+    own, base : mapping
+        The section as it was given, and that of the other instrument; values may have their sources.
+
+    Raises
+    ------
+    InputError
+        For a new value of a key that the model does not read, which would change nothing.
+    """
+    model = _plain(own.get("model", base["model"]))
+    for key, reader in _ONLY_WITH.items():
+        if key in own and model != reader and model in _ONLY_WITH.values() and _plain(own[key]) != _plain(base[key]):
+            value = _plain(own[key])
+            raise InputError(f"sky.{key}", value, allowed=f"only with sky.model: {reader}", hint=f"it is {model}")
+    lights = {key: own[key] for key in ("earthshine", "stray_light") if isinstance(own.get(key), Mapping)}
+    alone = {"earthshine": _NO_LIGHT} if model == "uniform" != _plain(base["model"]) else {}
+    return {**alone, **own, **{key: {**_NO_LIGHT, **light} if light else light for key, light in lights.items()}}
+
+
+def _plain(value: Any) -> Any:
+    return value.get("value") if isinstance(value, Mapping) else value
 
 
 def _check_lengths(depth_um: float, max_length_um: float) -> None:

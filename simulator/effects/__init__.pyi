@@ -4,10 +4,13 @@ from simulator.effects.cosmic_rays import (
     draw_cosmic_rays as draw_cosmic_rays,
 )
 from simulator.effects.sky import (
+    SKY_PLACE_UNKNOWN as SKY_PLACE_UNKNOWN,
     SOLAR_AVOIDANCE as SOLAR_AVOIDANCE,
     SkyLevel as SkyLevel,
     ecliptic_deg as ecliptic_deg,
+    sky_place_unknown as sky_place_unknown,
     sky_rate_e_s_arcsec2 as sky_rate_e_s_arcsec2,
+    sky_rates_e_s_arcsec2 as sky_rates_e_s_arcsec2,
 )
 from simulator.effects.stray_light import (
     effect_files as effect_files,

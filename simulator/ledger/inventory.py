@@ -12,7 +12,7 @@ from typing import Any, Literal
 from cpic_core import FloatArray
 from simulator.config import Instrument, Scene
 from simulator.detectors import Effect, Setting, rows_of
-from simulator.effects import SOLAR_AVOIDANCE, SkyLevel, cosmic_ray_rate, extra_lights
+from simulator.effects import SKY_PLACE_UNKNOWN, SOLAR_AVOIDANCE, SkyLevel, cosmic_ray_rate, extra_lights
 
 
 @dataclass(frozen=True)
@@ -133,11 +133,16 @@ def sky_ledger(
     if config.model == "uniform":
         words = f"uniform over the frame, {config.brightness_v_mag_arcsec2:g} mag/arcsec2 in V, solar colour"
         words += size("uniform")
-        zodiacal = EffectRow(_ZODIACAL, "skipped", "the uniform sky is brighter than most of the sky", "zodiacal")
+        zodiacal = EffectRow(_ZODIACAL, "skipped", "the sky is taken as uniform", "zodiacal")
     else:
         near = " (a lower limit so close to the Sun)" if sky is not None and SOLAR_AVOIDANCE in sky.flags else ""
         words = f"zodiacal light alone, uniform over the frame{size('zodiacal')}{near}"
-        zodiacal = EffectRow(_ZODIACAL, "kept", "by ecliptic position and date", "zodiacal")
+        law = "by ecliptic position and date"
+        if sky is not None and SKY_PLACE_UNKNOWN in sky.flags:
+            law = "the median over the whole sky: the star has no coordinates"
+        elif config.season == "median":
+            law = f"by ecliptic latitude, median over the days {config.sun_limit_deg:g} deg or more from the Sun"
+        zodiacal = EffectRow(_ZODIACAL, "kept", law, "zodiacal")
     rows = [EffectRow("sky", "kept", words, "sky"), zodiacal]
     for name, light in extra_lights(instrument).items():
         effect = name.replace("_", " ")

@@ -77,7 +77,7 @@ def calibrate(
         LASER: place of the spot relative to the centre of the mask, x and y, on the stamp of the point-spread function;
         (0.5, 0.5) if not given.
     ra_deg, dec_deg : float or str, optional
-        BKG: where the telescope points, as in a scene; needed where ``sky.model`` is ``zodiacal``.
+        BKG: where the telescope points, as in a scene; needed where ``sky.season`` is ``date``.
     seed, realisation, start_utc, instrument, switches
         As `simulator.observe`.
 

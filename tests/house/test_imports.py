@@ -54,7 +54,7 @@ CALLS = [
     (
         """
         from simulator.effects import sky_rate_e_s_arcsec2
-        zodiacal = load_instrument({"sky": {"model": "zodiacal"}})
+        zodiacal = load_instrument({"sky": {"season": "date"}})
         sky_rate_e_s_arcsec2(zodiacal, "F520", ra_deg=1.0, dec_deg=2.0, start_utc="2028-01-01")
         """,
         "",

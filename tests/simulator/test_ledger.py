@@ -81,19 +81,26 @@ def sky(instrument=None, **more):
 
 
 def test_the_sky_is_named_as_it_is():
-    found = sky()
+    found = sky({"sky": {"model": "uniform"}})
     assert "21 mag/arcsec2" in found["sky"].reason
     assert found["position-dependent zodiacal light"].decision == "skipped"
     assert found["earthshine"] == EffectRow("earthshine", "skipped", "none given", "earthshine")
     assert found["stray light"].decision == "skipped"
-    dated = load_instrument({"sky": {"model": "zodiacal"}})
+    found = sky()
+    assert found["position-dependent zodiacal light"].reason == (
+        "by ecliptic latitude, median over the days 50 deg or more from the Sun"
+    )
+    assert found["earthshine"].reason == "24.3 mag/arcsec2 in V, solar colour"
+    nowhere = sky(band="F662", sky=sky_rate_e_s_arcsec2(load_instrument(), "F662"))
+    assert "the star has no coordinates" in nowhere["position-dependent zodiacal light"].reason
+    dated = load_instrument({"sky": {"season": "date"}})
     rate = sky_rate_e_s_arcsec2(dated, "F662", ra_deg=10.0, dec_deg=20.0, start_utc="2028-04-10")
     found = {row.effect: row for row in sky_ledger(dated, band="F662", sky=rate)}
     assert "21" not in found["sky"].reason.split(",")[0]
     assert "zodiacal" in found["sky"].reason
-    assert f"{rate.rate_e_s_arcsec2:.3g} e-/s/arcsec2" in found["sky"].reason
+    assert f"{rate.parts['zodiacal']:.3g} e-/s/arcsec2" in found["sky"].reason
     assert ("lower limit" in found["sky"].reason) == bool(rate.flags)
-    assert found["position-dependent zodiacal light"].decision == "kept"
+    assert found["position-dependent zodiacal light"].reason == "by ecliptic position and date"
 
 
 def test_dust_around_the_star_is_in_scenes_or_said_to_be_missing():

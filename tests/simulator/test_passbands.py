@@ -130,7 +130,7 @@ COUSINS_I = [
     30,
     0,
 ]
-# Colours V-I and V-J of the Sun: Ramirez et al. 2012 (ApJ 752, 5), Casagrande et al. 2012 (ApJ 761, 16).
+# Colours of the Sun: V-I of Ramirez et al. 2012 (ApJ 752, 5); V-J of G2V stars in the table of Pecaut & Mamajek below.
 SUN_V_I, SUN_V_J = 0.702, 1.198
 # Casagrande et al. 2010 (A&A 512, A54, table 4), solar metallicity: 5040 K / Teff = a + b X + c X^2.
 INFRARED_FLUX_METHOD = {"I": (0.4033, 0.8171, -0.1987), "J": (0.4669, 0.3849, -0.0350)}

@@ -23,7 +23,7 @@ from pydantic import PrivateAttr
 
 from cpic_core import FloatArray, InputError, Provenance, split_sourced
 from cpic_planner.results import PointingRecord
-from simulator.config import at, canonical_keys, preset_names, tree_over_preset, validate
+from simulator.config import at, canonical_keys, load_instrument, preset_names, tree_over_preset, validate
 
 _TINY = 1e-300
 
@@ -138,9 +138,19 @@ def _tree(source: Any) -> dict[str, Any]:
         "visibility", source, default=DEFAULT_VISIBILITY, keys=VisibilityConfig.model_fields, package=PACKAGE
     )
     if base is None:
-        return own
+        return {"sun_deg": _sun_limit()} | own
     try:
         own = canonical_keys(own, VisibilityConfig.model_fields, _ALIASES)
     except InputError as error:
         raise at("visibility", error) from None
     return {**_tree(base), "name": f"{base}+changes" if own else base, "description": ""} | own
+
+
+def _sun_limit() -> dict[str, Any]:
+    """The Sun's limit of the default instrument, whose sky needs it too, with its source."""
+    instrument = load_instrument()
+    origin = instrument.provenance["sky.sun_limit_deg"]
+    return {
+        "value": instrument.sky.sun_limit_deg,
+        **{key: getattr(origin, key) for key in ("unit", "source", "confidence")},
+    }

@@ -69,7 +69,7 @@ def _target(targets: Targets, seen: Visibility, row: int) -> VisibleTarget:
         targets,
         at=row,
         hip=int(targets.hip[row]) or None,
-        ecliptic_latitude_deg=ecliptic_deg(float(targets.ra_deg[row]), float(targets.dec_deg[row]))[1],
+        ecliptic_latitude_deg=float(ecliptic_deg(targets.ra_deg[row], targets.dec_deg[row])[1]),
         seasons=[
             SeasonRecord(start_utc=start, end_utc=end, days=length)
             for (start, end), length in zip(times, lengths, strict=True)

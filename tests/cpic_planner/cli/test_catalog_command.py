@@ -155,8 +155,8 @@ def test_same_star_gives_the_same_answer_from_any_table(call, tmp_path):
     from cpic_planner.targets import find_target
 
     star, _ = find_target("tau Cet")
-    text = "name,distance_pc,v_mag,teff_k,log_g,metallicity\n"
-    text += f"my own,{star.distance_pc[0]},{star.v_mag[0]},{star.teff_k[0]},{star.log_g[0]},{star.metallicity[0]}\n"
+    columns = ("ra_deg", "dec_deg", "distance_pc", "v_mag", "teff_k", "log_g", "metallicity")
+    text = f"name,{','.join(columns)}\nmy own,{','.join(str(getattr(star, name)[0]) for name in columns)}\n"
     (tmp_path / "own.csv").write_text(text)
     status, out, _ = call(
         "etc",

@@ -1,5 +1,7 @@
 """Targets x planets of one band, made ready for a question."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,13 @@ def test_places_without_an_answer_are_carried_along():
     assert found.head(0, 1)["core_throughput"] == pytest.approx(
         float(MODEL.metrics["F520"].core_throughput(found.x_arcsec[1], found.y_arcsec[1]))
     )
+
+
+def test_a_star_without_coordinates_says_that_its_sky_is_assumed():
+    nowhere = replace(STARS, ra_deg=np.full(len(STARS), np.nan))
+    for stars, flagged in ((STARS, False), (nowhere, True)):
+        found = band_cases(MODEL, stars, "F520", planets_of([0.5]), FixedFrames())
+        assert ("sky_place_unknown" in found.head(0, 0)["flags"]) is flagged
 
 
 def test_wishes_fix_the_camera():

@@ -138,7 +138,7 @@ def test_the_longer_shape_decides(x, y, contrast):
 
 def test_every_star_has_the_sky_of_its_own_place():
     """Zodiacal light is brightest in the ecliptic."""
-    setup = model(instrument=INSTRUMENT.changed({"sky": {"model": "zodiacal"}}))
+    setup = model(instrument=INSTRUMENT)
     stars = [replace(targets(3.0), ra_deg=np.array([180.0]), dec_deg=np.array([dec])) for dec in (0.0, 70.0)]
     both = aperture_rates(setup, type(stars[0]).joined(stars), BAND, X[None], Y[None], np.full((1, 4), 1e-8))
     assert both.sky_e_s.shape == (2, 1)
@@ -147,7 +147,8 @@ def test_every_star_has_the_sky_of_its_own_place():
 
 
 def test_sky_dust_and_dark_current():
-    instrument = INSTRUMENT.changed({"sky": {"exozodi_zodis": 3.0}, "detector": {"dark_293k_e_s": 0.0}})
+    sky = {"model": "uniform", "exozodi_zodis": 3.0}
+    instrument = INSTRUMENT.changed({"sky": sky, "detector": {"dark_293k_e_s": 0.0}})
     rates, star_e_s = of(model(instrument=instrument), targets(3.0)), electrons(3.0)
     passed = 0.3283  # energy behind the shipped apodizer: its squared transmission over the disc
     sky = electrons(21.0) * np.pi * RADIUS**2 * passed  # 21 mag/arcsec2, of the Sun's colour

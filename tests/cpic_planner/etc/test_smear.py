@@ -11,7 +11,7 @@ from cpic_planner.queries import Strategy
 from simulator import load_instrument, load_scene, observe
 from simulator.imaging import aperture_sums, overlap_weights
 
-DARK_SKY = {"sky": {"brightness_v_mag_arcsec2": 40.0}}
+DARK_SKY = {"sky": {"model": "uniform", "brightness_v_mag_arcsec2": 40.0}}
 STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}
 STAR = {"v_mag": 2.0, "teff_k": 5800, "log_g": 4.4, "metallicity": 0.0, "ra_deg": 100.0, "dec_deg": 20.0}
 PLACES = np.array([-0.6, -0.45, -0.3, 0.3, 0.45, 0.6])
@@ -44,7 +44,7 @@ def seen_smear(instrument, band, scene, model):
     ("changes", "stars", "tolerance"),
     [
         (DARK_SKY, [], 0.01),
-        ({"sky": {"brightness_v_mag_arcsec2": 14.0}}, [], 0.01),
+        ({"sky": {"model": "uniform", "brightness_v_mag_arcsec2": 14.0}}, [], 0.01),
         (DARK_SKY, [companion(6.0, 4.0)], 0.04),  # in the columns of the hole: its own rows are not cut at the frame
         (DARK_SKY, [companion(4.0, 200.0)], 0.06),
     ],

@@ -51,7 +51,7 @@ def test_a_detection_states_both_probabilities(capsys):
     """The first question of README and notebook."""
     text = told(capsys, "etc", "tau Cet", "--detect", "--separation-arcsec", "0.45")
     assert text.count("✓ detected") == 2
-    assert "by a blind search and at the known place: F520 32.9 and 58.5 %; F662 10.3 and 58.5 %" in text
+    assert "by a blind search and at the known place: F520 33.2 and 58.5 %; F662 10.7 and 58.5 %" in text
     assert "by simulated images that begins at 0.94 of the threshold" in text
     limit = told(capsys, "etc", "tau Cet", "--contrast-limit", "--separation-arcsec", "0.5")
     assert "✓" not in limit

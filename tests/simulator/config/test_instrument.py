@@ -104,9 +104,9 @@ def test_the_instrument_of_table_1_states_its_numbers():
         assert stated.provenance[key].confidence in "PIA"
         if key != "coronagraph.aperture_radius_lambda_d" and not key.endswith("t_opt"):
             assert stated.provenance[key] != default.provenance[key]
-    # nothing else differs, so that the optics are the shipped ones
-    detector = default.detector.model_copy(update={"read_noise_e": 100.0})
-    assert default.model_copy(update={"name": "paper_table1", "detector": detector}).content_hash == stated.content_hash
+    # nothing else but the paper's sky differs, so that the optics are the shipped ones
+    same = default.changed({"detector": {"read_noise_e": 100.0}, "sky": {"model": "uniform"}})
+    assert same.model_copy(update={"name": "paper_table1"}).content_hash == stated.content_hash
 
 
 def test_the_optics_of_table_1_are_the_shipped_ones():
@@ -174,14 +174,44 @@ def test_models_are_frozen_and_need_every_value():
 def test_defaults():
     instrument = load_instrument()
     assert instrument.cosmic_rays.model == "physical"
-    assert instrument.sky.model == "uniform"
-    assert instrument.sky.brightness_v_mag_arcsec2 == 21.0
+    assert (instrument.sky.model, instrument.sky.season, instrument.sky.sun_limit_deg) == ("zodiacal", "median", 50.0)
+    assert instrument.provenance["sky.earthshine.brightness_v_mag_arcsec2"].confidence == "I"
     assert instrument.sky.exozodi_zodis == 0.0
     assert instrument.provenance["sky.exozodi_zodis"].confidence == "A"
     assert instrument.sky.earthshine.map_of("F520") is None
     assert instrument.cosmic_rays.paper.depth_um == 100.0
     assert instrument.cosmic_rays.paper.mean_charge_e == 2700.0
     assert instrument.provenance["cosmic_rays.peak_rate_per_s_cm2"].confidence == "P"
+
+
+def test_the_papers_sky_is_an_option_and_that_of_its_preset():
+    """21 mag/arcsec2 and nothing else; earthshine comes with it where it is asked for."""
+    paper, named = load_instrument("paper_table1").sky, load_instrument({"sky": {"model": "uniform"}}).sky
+    assert paper == named == load_instrument().changed({"sky": {"model": "uniform"}}).sky
+    assert (named.model, named.brightness_v_mag_arcsec2) == ("uniform", 21.0)
+    assert set(named.earthshine.model_dump().values()) == {None}
+    lit = load_instrument({"base": "paper_table1", "sky": {"earthshine": {"brightness_v_mag_arcsec2": 23.0}}}).sky
+    assert lit.earthshine.brightness_v_mag_arcsec2 == 23.0
+
+
+def test_earthshine_of_ones_own_replaces_the_default():
+    given = {"earthshine": {"rate_e_s": 0.5}}
+    for sky in (load_instrument({"sky": given}).sky, load_instrument().changed({"sky": given}).sky):
+        assert sky.earthshine.model_dump() == {"brightness_v_mag_arcsec2": None, "rate_e_s": 0.5, "map_file": None}
+    off = load_instrument({"sky": {"earthshine": {"brightness_v_mag_arcsec2": None}}}).sky
+    assert off.earthshine.brightness_v_mag_arcsec2 is None
+
+
+def test_a_number_that_the_sky_does_not_read_is_refused(refused):
+    """It would change nothing; the numbers that are there may be written out."""
+    for name, own, key in (
+        ("cpic_default", {"brightness_v_mag_arcsec2": 22.0}, "sky.brightness_v_mag_arcsec2 = 22.0"),
+        ("paper_table1", {"season": "date"}, "sky.season = date"),
+    ):
+        refused(f"{key}.*only with sky.model", load_instrument, {"base": name, "sky": own})
+        refused(f"{key}.*only with sky.model", load_instrument(name).changed, {"sky": own})
+        whole = load_instrument(name)
+        assert load_instrument(whole.model_dump()).sky == whole.sky
 
 
 def test_hash_sees_both_sections():

@@ -97,7 +97,7 @@ def test_shipped_core_and_contrast_are_what_the_model_gives():
         {"bands": {"F720": {"width_nm": 30}}},
         {"coronagraph": {"inner_arcsec": {"F720": 0.3}}},
         {"near_infrared": {"mask_half_width_arcsec": 0.2}},
-        {"sky": {"brightness_v_mag_arcsec2": 20}},
+        {"sky": {"model": "uniform", "brightness_v_mag_arcsec2": 20}},
     ],
 )
 def test_key_ignores_what_does_not_matter(change):

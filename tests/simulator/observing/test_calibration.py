@@ -88,7 +88,7 @@ def test_the_camera_of_a_band_may_be_said_too():
 
 
 def test_background_at_a_place_and_date():
-    dated = {"sky": {"model": "zodiacal"}}
+    dated = {"sky": {"season": "date"}}
     settings = {"band": "F662", "exposure_s": 100.0, "instrument": dated, "start_utc": "2028-03-20"}
     near, far = (
         calibrate("BKG", ra_deg=ra, dec_deg=dec, **settings) for ra, dec in ((45.0, 17.0), ("12:00:00", "-0:00:01"))

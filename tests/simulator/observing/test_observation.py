@@ -78,7 +78,8 @@ def test_a_planet_behind_an_arm_of_the_cross_is_not_seen():
 def test_light_is_counted_once():
     """An unmasked star's image holds F A t_opt QE E, within the field's loss."""
     instrument = load_instrument(
-        QUIET | {"coronagraph": {"mask_half_width_arcsec": 0.0}, "sky": {"brightness_v_mag_arcsec2": 40}}
+        QUIET
+        | {"coronagraph": {"mask_half_width_arcsec": 0.0}, "sky": {"model": "uniform", "brightness_v_mag_arcsec2": 40}}
     )
     seen = observe(scene(), band="F662", exposure_s=1.0, instrument=instrument)
     passbands = Passbands.from_instrument(instrument)
@@ -222,6 +223,9 @@ def test_header_says_how_dark_the_hole_is():
     assert any("brighter than asked" in row.reason for row in spoilt.ledger)
 
 
+NO_EARTHSHINE = {"sky": {"earthshine": {"brightness_v_mag_arcsec2": None}}}
+
+
 def test_light_given_on_the_detector_falls_into_a_window_as_on_the_frame(tmp_path):
     from astropy.io import fits
 
@@ -234,7 +238,7 @@ def test_light_given_on_the_detector_falls_into_a_window_as_on_the_frame(tmp_pat
     part = {}
     for window in ("full", "hole"):
         bright = observe(scene(), instrument=QUIET | lit, window=window, **settings)
-        dark = observe(scene(), instrument=QUIET, window=window, **settings)
+        dark = observe(scene(), instrument=QUIET | NO_EARTHSHINE, window=window, **settings)
         part[window] = bright.mean_rate_map - dark.mean_rate_map
     np.testing.assert_allclose(part["full"], glow + 0.25, rtol=1e-9, atol=1e-6)
     row, column = bright.first_pixel

@@ -62,7 +62,7 @@ def test_a_window_holds_the_smear_of_the_whole_frame(changes, more, offset, tole
 @pytest.mark.parametrize("band", ["F520", "F850"])
 def test_the_column_light_of_the_metrics_is_that_of_a_whole_frame(band):
     """Whole frames of one star without a sky: the smear is its light in the columns, to 1 %."""
-    dark = {"sky": {"brightness_v_mag_arcsec2": 40.0}}
+    dark = {"sky": {"model": "uniform", "brightness_v_mag_arcsec2": 40.0}}
     instrument = load_instrument()
     metrics, whole = psf_metrics(instrument, band), smear("full", dark, band=band)
     star = observe({"name": "s", "cstar": {"v_mag": 2.0, "teff_k": 5800}}, band=band, exposure_s=1.0, window="hole")

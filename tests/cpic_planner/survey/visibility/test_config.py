@@ -29,7 +29,8 @@ def test_presets_are_complete_and_sourced(name):
     assert config.description
     tree = load_yaml(preset_path("visibility", name, package=PACKAGE))
     numbers = set(VisibilityConfig.model_fields) - {"name", "description"}
-    assert set(tree) - {"kind", "name", "description"} == numbers == set(config.provenance)
+    # The Sun's limit is said in the instrument's preset alone.
+    assert set(tree) - {"kind", "name", "description"} | {"sun_deg"} == numbers == set(config.provenance)
     for key, standing in config.provenance.items():
         assert standing.source, key
         assert standing.confidence in ("P", "I", "A"), key
@@ -43,6 +44,8 @@ def test_default_values():
     assert load_visibility("default") == config
     assert load_visibility(config) is config
     assert (config.sun_deg, config.moon_deg, config.dark_limb_deg, config.bright_limb_deg) == (50, 20, 10, 30)
+    assert config.sun_deg == load_instrument().sky.sun_limit_deg
+    assert config.provenance["sun_deg"] == load_instrument().provenance["sky.sun_limit_deg"]
     assert (config.panel, config.panel_deg, config.roll_deg, config.saa_fraction) == ("one_axis", 25, 15, 0.08)
     assert (config.settle_s, config.thermal_settle_orbits) == (180, 1)
 
