@@ -10,9 +10,10 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.survey.allocation import make_schedule
 from cpic_planner.survey.assumed import assumed_model
 from cpic_planner.survey.calendar import Calendar, make_calendar
-from cpic_planner.survey.candidates import Candidate, PlanningSky, Screened, candidates, screen, settings_of
+from cpic_planner.survey.candidates import Candidate, Screened, candidates, screen, settings_of
 from cpic_planner.survey.detection import Setting, background_alarms, noise_alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
+from cpic_planner.survey.planning import PlanningSky
 from cpic_planner.survey.schedule import Problem
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule

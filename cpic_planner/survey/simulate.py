@@ -9,10 +9,10 @@ from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc import EtcModel
 from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import ExpectedSignals, Setting, detection_chance, expected_signals, reach_au
 from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
+from cpic_planner.survey.planning import albedos_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import (

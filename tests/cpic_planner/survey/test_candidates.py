@@ -7,19 +7,10 @@ import pytest
 
 from catalogs import load_known_planets
 from cpic_planner.etc import build_model
-from cpic_planner.planets import load_population
 from cpic_planner.survey.calendar import make_calendar
-from cpic_planner.survey.candidates import (
-    KNOWN_ALBEDO,
-    N_DRAWS,
-    N_KNOWN,
-    PlanningSky,
-    albedos_of,
-    candidates,
-    screen,
-    settings_of,
-)
+from cpic_planner.survey.candidates import candidates, screen, settings_of
 from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
+from cpic_planner.survey.planning import N_DRAWS, N_KNOWN, Host, PlanningSky, albedos_of
 from cpic_planner.survey.strategy import VisitRule
 from cpic_planner.survey.universe import NEW
 from cpic_planner.survey.visibility.config import load_visibility
@@ -81,7 +72,8 @@ def test_chances_are_those_of_single_visits(three, small, model, known):
     rules, item = small().strategies[0], found[0]
     place = list(screened.rows).index(item.index)
     star = screened.targets.select([item.index])
-    bodies, _ = sky.of(star, rules.population, known, item.known_rows, calendar.start_mjd, calendar.day[place])
+    host = Host(star, rules.population, known, item.known_rows)
+    bodies, _ = sky.of(host, calendar.start_mjd, calendar.day[place])
     slot = int(np.flatnonzero(np.isfinite(item.cost_h[0]))[2])
     seen = expected_signals(
         model,
@@ -179,24 +171,6 @@ def test_visits_that_end_with_their_goal(model, everyone):
     assert all(one.time_s < other.time_s for one, other in zip(quick, slow, strict=True))
     # What cannot be reached takes all that the time pays.
     assert settings_of(model, stars, "F520", VisitRule(goal="snr", snr=1e5), 36000.0) == most
-
-
-def test_planning_planets_are_kept_for_the_next_strategy(three, known):
-    screened, calendar, sky, _ = three
-    star = screened.targets.select([screened.rows[0]])
-    giants = load_population("giants")
-    days = calendar.day[0]
-    one = sky.of(star, giants, known, (), calendar.start_mjd, days)
-    assert sky.of(star, load_population("giants"), known, (), calendar.start_mjd, days) is one
-    assert sky.of(star, giants, known, (), calendar.start_mjd, days + 1.0) is not one
-    assert sky.of(star, load_population("solar_system"), known, (), calendar.start_mjd, days) is not one
-
-
-def test_albedos_by_kind():
-    mixed = load_population("solar_system")
-    assert albedos_of(None) == (KNOWN_ALBEDO,)
-    assert len(albedos_of(mixed)) == len(mixed.mixture) + 1
-    assert albedos_of(mixed)[-1] == KNOWN_ALBEDO
 
 
 def test_impossible_frames_leave_a_star_out(three, small, model, known):
