@@ -1,3 +1,4 @@
+from cpic_planner.planets.allowed import EXCLUSIONS as EXCLUSIONS, StarLimits as StarLimits
 from cpic_planner.planets.known_draws import (
     Ephemeris as Ephemeris,
     draw_known as draw_known,
