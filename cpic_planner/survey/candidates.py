@@ -7,7 +7,7 @@ import numpy as np
 from catalogs import KnownPlanetTable, star_key
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray
 from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, frame_problem, planet_offsets
-from cpic_planner.planets import draw_population
+from cpic_planner.planets import StarLimits, draw_population
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
 from cpic_planner.ranking.completeness import completeness
@@ -16,7 +16,7 @@ from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
 from cpic_planner.survey.planning import N_DRAWS, N_KNOWN, Host, Looks, PlanningSky, albedos_of
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
-from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place, occurrence
+from cpic_planner.survey.universe import NEW, PlanetSample, allowed_probability, at_known_place, occurrence
 from cpic_planner.targets import Targets
 
 N_SCREEN = 2000
@@ -192,6 +192,7 @@ def candidates(
     calendar: Calendar,
     known: KnownPlanetTable | None,
     sky: PlanningSky,
+    limits: StarLimits,
     log: ObservationLog | None = None,
 ) -> list[Candidate]:
     """Stars worth a visit, best first, at most as many as the strategy wants.
@@ -207,6 +208,8 @@ def candidates(
     known : KnownPlanetTable or None
     sky : PlanningSky
         Planets that schedules are made with.
+    limits : StarLimits
+        Of all stars of ``screened``: planets that they exclude count for less.
     log : ObservationLog, optional
         What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
         would have been seen count for less.
@@ -241,14 +244,15 @@ def candidates(
         weight = np.where(new, rate / N_DRAWS, strategy.value_known / N_KNOWN)
         if done:
             weight = weight * _left(strategy, model, host, planets, done, calendar)
-        counts = weight[shown.seen] > 0.0
+        weight = (weight * allowed_probability(planets, limits, int(i)))[shown.seen]
+        counts = weight > 0.0
         if counts.any():  # the others are never seen
             candidate = Candidate(
                 index=int(i),
                 options=options,
                 cost_h=cost,
                 chance=shown.chance[:, :, counts],
-                weight=weight[shown.seen][counts],
+                weight=weight[counts],
                 known_rows=host.known_rows,
                 visits_left=visits_left,
                 day=calendar.day[place],

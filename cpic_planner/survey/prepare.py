@@ -7,6 +7,7 @@ import numpy as np
 from catalogs import Catalogue, KnownPlanetTable, load_known_planets
 from cpic_core import Advance, InputError, untold
 from cpic_planner.etc import EtcModel
+from cpic_planner.planets import StarLimits
 from cpic_planner.survey.allocation import make_schedule
 from cpic_planner.survey.assumed import assumed_model
 from cpic_planner.survey.calendar import Calendar, make_calendar
@@ -42,12 +43,15 @@ class Prepared:
     worth: tuple[tuple[float, ...], ...]
 
 
-def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
+def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance: Advance = untold) -> Prepared:
     """Screen the catalogue, make the calendar, and schedule every strategy.
 
     Parameters
     ----------
     config : StrategiesConfig
+    sky : PlanningSky, optional
+        That of the same strategies with other stars, known planets or exclusions: what has not changed is taken from
+        there.
     advance : Advance
         Told about every finished step: one for each strategy's screening and schedule, one for the calendar.
 
@@ -57,8 +61,8 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
         For a preset, file, band or star that does not exist, or a population without an occurrence rate.
     """
     universe = config.universe
-    limits = load_visibility(universe.visibility)
-    _check_rolls(config, limits)
+    pointing = load_visibility(universe.visibility)
+    _check_rolls(config, pointing)
     catalogue = as_catalogue(universe.catalog)
     instrument = load_instrument(universe.instrument)
     known = known_table(universe)
@@ -75,7 +79,7 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
         looked.append(screen(strategy, model, targets, known, universe.seed))
         advance(f"{strategy.name}: stars")
     stars = _every_star(looked)
-    calendar = make_calendar(universe, instrument, limits, stars)
+    calendar = make_calendar(universe, instrument, pointing, stars)
     if log is not None:
         calendar = calendar.closed_before(log.until_mjd)
         if not calendar.allowed_h.any():
@@ -85,13 +89,15 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
         looked = [_without(item, log.hours) for item in looked]
     advance("calendar")
     place = {str(name): i for i, name in enumerate(stars.name)}
-    reach = [reach_au(item.model, 1.0) for item in looked]
-    sky = PlanningSky(universe.seed, (min(low for low, _ in reach), max(high for _, high in reach)))
+    if sky is None:
+        reach = [reach_au(item.model, 1.0) for item in looked]
+        sky = PlanningSky(universe.seed, (min(low for low, _ in reach), max(high for _, high in reach)))
     surveys, worth = [], []
     for item in looked:
         names = item.targets.name[item.rows]
         own = calendar.select(np.array([place[str(name)] for name in names], np.int64))
-        found = candidates(item, own, known, sky, log)
+        limits = StarLimits.of(item.targets.name.tolist(), universe.exclusions, known)
+        found = candidates(item, own, known, sky, limits, log)
         surveys.append(_survey(universe, item, found, own, known, log))
         worth.append(tuple(star.worth for star in found))
         advance(f"{item.strategy.name}: schedule")
@@ -191,6 +197,7 @@ def _survey(
         schedule=make_schedule(Problem(strategy, tuple(found), calendar.slot_h)),
         known=known,
         known_rows=tuple(star.known_rows for star in found),
+        limits=StarLimits.of(targets.name.tolist(), universe.exclusions, known),
         noise_alarms=tuple(tuple(noise_alarms(model, way.band) for way in star.options) for star in found),
         background_alarms=tuple(tuple(background(i, way) for way in star.options) for i, star in enumerate(found)),
         log=log,

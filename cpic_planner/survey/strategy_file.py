@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from catalogs import split_source
 from cpic_core import InputError, Provenance, load_yaml, split_sourced
@@ -23,6 +23,15 @@ _RENAMED = {"share": "slot_share"}
 _OF_SURVEY = ("kind", "universe", "defaults", "strategies")
 
 
+def _exclusions(value: Any) -> Any:
+    """A single word as a tuple of one; ``none`` as that of none."""
+    words = (value,) if isinstance(value, str) else value
+    return () if words in (("none",), ["none"]) else words
+
+
+Exclusions = Annotated[tuple[Literal["rv", "stability", "known_giants"], ...], BeforeValidator(_exclusions)]
+
+
 class UniverseConfig(FrozenModel):
     """What all strategies share: the calendar, the instrument, the stars, and how often chance is asked.
 
@@ -34,6 +43,8 @@ class UniverseConfig(FrozenModel):
     instrument, visibility, catalog, known_planets : str
         Presets or files; ``known_planets`` as `catalogs.known_planets.load_known_planets` reads it, ``off`` leaves
         them out.
+    exclusions : tuple of {"rv", "stability", "known_giants"}
+        What excludes planets of the population (`cpic_planner.planets.allowed`); ``none``: nothing.
     observed : str
         Observation log of what was done already (`cpic_planner.survey.observed`); empty for none.
     background : {"off", "on"}
@@ -50,6 +61,7 @@ class UniverseConfig(FrozenModel):
     visibility: str = "default"
     catalog: str = "snapshot"
     known_planets: str = "snapshot"
+    exclusions: Exclusions = ("rv", "stability", "known_giants")
     observed: str = ""
     background: Literal["off", "on"] = "off"
     universes: Annotated[int, Field(ge=2, le=10_000_000)] = 1000

@@ -72,7 +72,7 @@ def plain(small):
 @pytest.fixture(scope="session")
 def sharp(small):
     """The same without chance: expected significance decides, north is up, nothing known, no stop, no reserve."""
-    return prepare(small(SHARP, universe={"known_planets": "off"}))
+    return prepare(small(SHARP, universe={"known_planets": "off", "exclusions": "none"}))
 
 
 SHARP = {

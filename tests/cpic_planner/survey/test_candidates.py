@@ -7,6 +7,7 @@ import pytest
 
 from catalogs import load_known_planets
 from cpic_planner.etc import build_model
+from cpic_planner.planets import StarLimits
 from cpic_planner.survey.calendar import make_calendar
 from cpic_planner.survey.candidates import candidates, screen, settings_of
 from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
@@ -35,6 +36,11 @@ def known():
     return load_known_planets()
 
 
+def nothing(screened):
+    """No planet of any star is excluded."""
+    return StarLimits.of(screened.targets.name.tolist(), ())
+
+
 def looked(strategy, model, everyone, known):
     """Screened stars with their calendar and candidates."""
     config = strategy
@@ -43,7 +49,7 @@ def looked(strategy, model, everyone, known):
     stars = screened.targets.select(screened.rows)
     calendar = make_calendar(config.universe, INSTRUMENT, load_visibility(), stars)
     sky = PlanningSky(1, reach_au(model, 1.0))
-    return screened, calendar, sky, candidates(screened, calendar, known, sky)
+    return screened, calendar, sky, candidates(screened, calendar, known, sky, nothing(screened))
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +182,7 @@ def test_visits_that_end_with_their_goal(model, everyone):
 def test_impossible_frames_leave_a_star_out(three, small, model, known):
     screened, calendar, sky, found = three
     none = tuple(tuple(replace(item, n_frames=0.0) for item in by_star) for by_star in screened.settings)
-    assert candidates(replace(screened, settings=none), calendar, known, sky) == []
+    assert candidates(replace(screened, settings=none), calendar, known, sky, nothing(screened)) == []
     closed = calendar.closed_before(calendar.start_mjd + 1e6)
-    assert candidates(screened, closed, known, sky) == []
+    assert candidates(screened, closed, known, sky, nothing(screened)) == []
     assert found

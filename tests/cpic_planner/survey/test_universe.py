@@ -154,6 +154,7 @@ def bodies_of(a, e, inclination, pericentre, node, mean, period):
         known=np.full(n, NEW),
         kind=zero,
         radius_rjup=np.ones(n),
+        mass_mjup=np.ones(n),
         **dict(zip(ORBIT, elements, strict=True)),
         period_days=np.asarray(period, float),
     )
