@@ -111,10 +111,9 @@ class PopulationConfig(_Quantities):
 mean_anomaly_deg : Law
         Laws of `cpic_planner.planets.laws`; a number stands for one value. The elements of the orbit are defined in
         `cpic_planner.planets.orbits.orbit_places`.
-    mass_mjup : float or {"chen_kipping_2017"}
+    mass_mjup : float or {"chen_kipping_2017"}, optional
         Mass of the planets, which velocities of the star show: one number, or the least that their radius has by that
-        relation (`cpic_planner.planets.mass_radius.least_mass`). Whoever changes a radius
-        and states no mass has the relation.
+        relation (`cpic_planner.planets.mass_radius.least_mass`), as where none is stated beside a radius.
     albedo : AlbedoSpec
         What `simulator.config.light.albedo_spec` reads; all planets of a kind share it, except that an albedo without
         ``insolation_au`` follows each planet's own light.
@@ -138,7 +137,7 @@ mean_anomaly_deg : Law
     def _complete(self) -> "PopulationConfig":
         for key in _LAWS:
             own = [getattr(kind, key) is not None for kind in self.kinds]
-            if getattr(self, key) is None and not (own and all(own)):
+            if getattr(self, key) is None and not (own and all(own)) and key != "mass_mjup":
                 where = f"kinds.{own.index(False)}.{key}" if any(own) else key
                 raise InputError(where, "missing", allowed="a value is required")
             if getattr(self, key) is not None and own and all(own):
@@ -186,7 +185,7 @@ mean_anomaly_deg : Law
         for number, item in enumerate(self.mixture):
             mine = kind == number
             of_radius = least_mass(drawn["radius_rjup"][mine])
-            drawn["mass_mjup"][mine] = of_radius if isinstance(item.mass_mjup, str) else item.mass_mjup
+            drawn["mass_mjup"][mine] = item.mass_mjup if isinstance(item.mass_mjup, int | float) else of_radius
         return drawn
 
     def content(self) -> dict[str, Any]:
