@@ -1,7 +1,7 @@
 """What radial velocities would have shown: of each star that was searched, which planets were likely to be found.
 
-``velocity_limits.csv`` has one row a star. Its numbers are fits to planets that a survey put into its own velocities and
-searched for (`tools.velocity_limits`); where a row has none it names a rule, the median of the stars of that kind, in
+``velocity_limits.csv`` has one row a star. Its numbers are fits to planets that a survey put into its own velocities
+and searched for (`tools.velocity_limits`); where a row has none it names a rule, the medians of a kind of stars, in
 ``velocity_rules.csv``. A star without a row has no limit. Rows name their publications.
 """
 

@@ -1,8 +1,8 @@
 """Limits from radial velocities for the shipped tables, fitted to the injections of the California Legacy Survey.
 
-``python -m tools.velocity_limits FOLDER`` reads a copy of the survey's repository (github.com/leerosenthalj/CLSI, commit
-689d491; Rosenthal et al. 2021, ApJS 255, 8) and writes its stars into ``catalogs/data/velocity_limits.csv``, where the
-rows of other sources, which are kept by hand, stay as they are, and the medians over these stars into
+``python -m tools.velocity_limits FOLDER`` reads a copy of the survey's repository (github.com/leerosenthalj/CLSI,
+commit 689d491; Rosenthal et al. 2021, ApJS 255, 8) and writes its stars into ``catalogs/data/velocity_limits.csv``,
+where the rows of other sources, which are kept by hand, stay as they are, and the medians over these stars into
 ``velocity_rules.csv``. Of each star the survey publishes 1000 planets that it put into the measured velocities, and
 whether its search found them again.
 """

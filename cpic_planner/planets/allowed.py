@@ -15,6 +15,7 @@ from catalogs import (
     velocity_limit,
 )
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray
+from cpic_planner.planets.mass_radius import MJUP_IN_MSUN
 
 EXCLUSIONS = ("rv", "stability", "known_giants")
 """What can exclude planets: velocities of the star, its companion star, and its giant planets."""
@@ -22,7 +23,6 @@ GIANT_MJUP = 0.1
 """Least mass of a known giant, true or m sin i: the lower end of the giants of Fernandes et al. 2019, ApJ 874, 81."""
 EXCLUDED_BELOW = 0.1
 """Chance of having escaped the velocities below which a planet is called excluded by them."""
-MJUP_IN_MSUN = 9.545942e-4
 _HILL_RADII = 2.0 * np.sqrt(3.0)
 _UNKNOWN_MJUP = 1e6
 _POLES = 64

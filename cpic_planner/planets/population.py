@@ -24,6 +24,8 @@ class Planets(OrbitingPlanets):
         Name of the population.
     kind : ndarray of int
         Number of the planet's kind, into ``kind_names`` and ``albedos``.
+    mass_mjup : ndarray
+        True mass, nan where a known planet has none.
     east_au, north_au, distance_au, phase_deg : ndarray
         Offset from the star on the sky, true distance, and phase angle, before `scale`.
     kind_names : tuple of str
@@ -34,6 +36,7 @@ class Planets(OrbitingPlanets):
 
     population: str
     kind: IntArray
+    mass_mjup: FloatArray
     east_au: FloatArray
     north_au: FloatArray
     distance_au: FloatArray

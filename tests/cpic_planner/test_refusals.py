@@ -1,8 +1,8 @@
 """What populations, orbits and tables of targets refuse, each in one line."""
 
 from cpic_planner.planets import draw_population, load_population
-from cpic_planner.planets.known_rows import radius_from_mass
 from cpic_planner.planets.laws import read_law
+from cpic_planner.planets.mass_radius import least_mass, radius_from_mass
 from cpic_planner.planets.orbits import orbit_places
 from cpic_planner.targets import load_targets
 
@@ -12,6 +12,7 @@ READERS = {
     "law": read_law,
     "orbit": lambda elements: orbit_places(*elements),
     "mass": lambda mass_mjup: radius_from_mass([1.0, mass_mjup]),
+    "radius": lambda radius_rjup: least_mass([1.0, radius_rjup]),
     "catalog": load_targets,
 }
 
