@@ -30,7 +30,8 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
 
 
 _SAMPLE = ("universes", "seed", "start_utc", "duration_days", "slot_days")
-UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "catalog", "instrument", "known_planets")
+_FACTS = ("catalog", "known_planets", "exclusions", "facts")
+UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "instrument", *_FACTS)
 """Fields that stand instead of those of `cpic_planner.survey.strategy_file.UniverseConfig`, which checks them."""
 
 
@@ -68,6 +69,18 @@ class WhatIfQuestion(RunQuestion):
         "Table of known planets as of cpic rank: snapshot, archive_2019, a file, none+FILE; counted beside the "
         "population; off leaves them out.",
         read=str,
+    )
+    exclusions: Texts | None = asked(
+        None,
+        "What excludes planets of the population; repeat for several: rv (radial velocities), stability (beside "
+        "companion stars), known_giants; none: nothing does.",
+        unset="all three",
+    )
+    facts: bool | None = asked(
+        None,
+        "Also plan and play every strategy without each fact that is known (known planets since 2019, radial "
+        "velocities, stability, known giants, companion stars), and say which fact moved which number.",
+        unset="no",
     )
     images: int = asked(6, "Detections of each strategy that are simulated as images.", ge=0)
     workers: int = asked(

@@ -29,7 +29,8 @@ class Prepared:
     """Surveys of all strategies, with what they were made of.
 
     ``calendar`` is that of ``stars``, all stars that any strategy looks at closely; ``worth`` is the value per hour of
-    the first visit of each survey's stars, in their order.
+    the first visit of each survey's stars, in their order; ``sky`` is kept where the strategies are planned again
+    without some facts.
     """
 
     config: StrategiesConfig
@@ -41,6 +42,7 @@ class Prepared:
     calendar: Calendar
     surveys: tuple[Survey, ...]
     worth: tuple[tuple[float, ...], ...]
+    sky: PlanningSky | None
 
 
 def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance: Advance = untold) -> Prepared:
@@ -101,7 +103,8 @@ def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance
         surveys.append(_survey(universe, item, found, own, known, log))
         worth.append(tuple(star.worth for star in found))
         advance(f"{item.strategy.name}: schedule")
-    return Prepared(config, catalogue, instrument, known, log, stars, calendar, tuple(surveys), tuple(worth))
+    kept = sky if universe.facts else None
+    return Prepared(config, catalogue, instrument, known, log, stars, calendar, tuple(surveys), tuple(worth), kept)
 
 
 def known_table(universe: UniverseConfig) -> KnownPlanetTable | None:

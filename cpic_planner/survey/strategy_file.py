@@ -47,6 +47,9 @@ class UniverseConfig(FrozenModel):
         What excludes planets of the population (`cpic_planner.planets.allowed`); ``none``: nothing.
     observed : str
         Observation log of what was done already (`cpic_planner.survey.observed`); empty for none.
+    facts : bool
+        Whether strategies are planned and played again without each fact that is known
+        (`cpic_planner.survey.facts`).
     background : {"off", "on"}
         Whether background stars make false alarms.
     universes : int
@@ -63,6 +66,7 @@ class UniverseConfig(FrozenModel):
     known_planets: str = "snapshot"
     exclusions: Exclusions = ("rv", "stability", "known_giants")
     observed: str = ""
+    facts: bool = False
     background: Literal["off", "on"] = "off"
     universes: Annotated[int, Field(ge=2, le=10_000_000)] = 1000
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
