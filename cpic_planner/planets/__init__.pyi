@@ -10,7 +10,7 @@ from cpic_planner.planets.known_draws import (
 )
 from cpic_planner.planets.laws import chosen_entry as chosen_entry
 from cpic_planner.planets.mass_radius import least_mass as least_mass
-from cpic_planner.planets.orbits import OrbitingPlanets as OrbitingPlanets, OrbitPlaces as OrbitPlaces
+from cpic_planner.planets.orbits import OrbitingPlanets as OrbitingPlanets
 from cpic_planner.planets.population import (
     Planets as Planets,
     PopulationChoice as PopulationChoice,
