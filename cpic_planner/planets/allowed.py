@@ -1,7 +1,9 @@
 """Which planets may still be there: not found by radial velocities, stable, and not beside a giant that is known."""
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+import functools
+import hashlib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -11,14 +13,14 @@ from catalogs import (
     KnownPlanetTable,
     load_known_planets,
     load_stars,
+    stability_limit,
     star_key,
     velocity_limit,
 )
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray
-from cpic_planner.planets.mass_radius import MJUP_IN_MSUN
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray
+from cpic_planner.planets.mass_radius import MJUP_IN_MSUN, least_mass
+from cpic_planner.queries import EXCLUSIONS
 
-EXCLUSIONS = ("rv", "stability", "known_giants")
-"""What can exclude planets: velocities of the star, its companion star, and its giant planets."""
 GIANT_MJUP = 0.1
 """Least mass of a known giant, true or m sin i: the lower end of the giants of Fernandes et al. 2019, ApJ 874, 81."""
 EXCLUDED_BELOW = 0.1
@@ -41,8 +43,9 @@ class StarLimits:
         Share of the heaviest planets that is found; 0 where nothing is known.
     reach_au : ndarray, shape (n,)
         Semi-major axis beyond which velocities exclude nothing; 0 for a star without velocities.
-    stable_au : ndarray, shape (n,)
-        Semi-major axis beyond which a companion star leaves no orbit stable; inf without one.
+    stable_au, circumbinary_au : ndarray, shape (n,)
+        Semi-major axes between which a companion star leaves no orbit stable; inf without one. Around a pair outside
+        the range of the stability fit no orbit beyond the first counts as stable.
     giant_axis_au, giant_eccentricity, giant_mass_mjup : ndarray, shape (n, g)
         Known giants of each star; nan where it has fewer than ``g``.
     star_mass_msun : ndarray, shape (n,)
@@ -53,6 +56,7 @@ class StarLimits:
     ceiling: FloatArray
     reach_au: FloatArray
     stable_au: FloatArray
+    circumbinary_au: FloatArray
     giant_axis_au: FloatArray
     giant_eccentricity: FloatArray
     giant_mass_mjup: FloatArray
@@ -69,32 +73,25 @@ class StarLimits:
         names : sequence of str
             Any names of ``n`` stars; one that is in no table has no limits.
         exclusions : collection of str, optional
-            Names of `EXCLUSIONS` that count; none of them: every planet is allowed.
+            Those of `cpic_planner.queries.EXCLUSIONS` that count; without any every planet is allowed.
         known : KnownPlanetTable, optional
             Where the known giants are; the shipped table by default.
-
-        Raises
-        ------
-        InputError
-            For an exclusion of another name.
         """
-        for name in exclusions:
-            if name not in EXCLUSIONS:
-                raise InputError("exclusions", name, allowed=", ".join(EXCLUSIONS))
-        stars = load_stars()
-        masses = dict(
-            zip(map(star_key, stars.column("name").tolist()), stars.column("mass_msun").tolist(), strict=True)
-        )
-        star_mass = np.array([float(masses.get(star_key(name), np.nan)) for name in names])
-        star_mass = np.where(np.isfinite(star_mass), star_mass, 1.0)
+        listed = _listed()
+        rows = [listed.get(star_key(name), (name, np.nan)) for name in names]
+        star_mass = np.array([mass if np.isfinite(mass) else 1.0 for _, mass in rows])
         n, k = len(names), len(VELOCITY_AXES_AU)
         found = np.tile(np.array([_UNKNOWN_MJUP, 2.0 * _UNKNOWN_MJUP, 0.0])[:, None, None], (1, n, k))
-        reach, stable = np.zeros(n), np.full(n, np.inf)
-        for i, name in enumerate(names):
+        reach, (stable, around_both) = np.zeros(n), np.full((2, n), np.inf)
+        for i, (name, _) in enumerate(rows):
             velocities = velocity_limit(name) if "rv" in exclusions else None
             if velocities is not None:
                 found[:, i] = velocities.m50_mjup, velocities.m90_mjup, velocities.ceiling
                 reach[i] = velocities.reach_au
+            pair = stability_limit(name) if "stability" in exclusions else None
+            if pair is not None:
+                stable[i] = pair.critical_au
+                around_both[i] = pair.circumbinary_au if pair.within_fit else np.inf
         counts = "known_giants" in exclusions
         giants = _giants(names, star_mass, (known or load_known_planets())) if counts else np.empty((3, n, 0))
         axis, eccentricity, mass = giants
@@ -104,6 +101,7 @@ class StarLimits:
             ceiling=found[2],
             reach_au=reach,
             stable_au=stable,
+            circumbinary_au=around_both,
             giant_axis_au=axis,
             giant_eccentricity=eccentricity,
             giant_mass_mjup=mass,
@@ -131,7 +129,8 @@ class StarLimits:
         """
         axis = np.asarray(semi_major_axis_au, float)
         missed = self.missed_probability(star, axis, mass_mjup, inclination_deg)
-        return np.asarray(missed * (axis <= self.stable_au[star]) * ~self._beside_giant(star, axis, mass_mjup))
+        stable = (axis <= self.stable_au[star]) | (axis >= self.circumbinary_au[star])
+        return np.asarray(missed * stable * ~self._beside_giant(star, axis, mass_mjup))
 
     def missed_probability(
         self, star: IntArray, semi_major_axis_au: ArrayLike, mass_mjup: ArrayLike, inclination_deg: ArrayLike
@@ -168,10 +167,15 @@ class StarLimits:
         Poles are isotropic: the mean is one over the cosine of the inclination, by Gauss-Legendre quadrature.
         """
         node, weight = np.polynomial.legendre.leggauss(_POLES)
-        axis, mass = (np.asarray(value, float)[..., None] for value in (semi_major_axis_au, mass_mjup))
+        stars, axis, mass = np.broadcast_arrays(star, np.asarray(semi_major_axis_au), np.asarray(mass_mjup))
         tilt_deg = np.rad2deg(np.arccos(0.5 * (1.0 + node)))
-        missed = self.missed_probability(np.asarray(star)[..., None], axis, mass, tilt_deg)
+        missed = self.missed_probability(stars[..., None], axis[..., None], mass[..., None], tilt_deg)
         return np.asarray(missed @ (0.5 * weight) < EXCLUDED_BELOW)
+
+    def digest(self) -> str:
+        """Hash of all that is known of these stars, for content hashes."""
+        columns = (np.ascontiguousarray(getattr(self, item.name)) for item in fields(self))
+        return hashlib.sha256(b"".join(column.tobytes() for column in columns)).hexdigest()
 
     def _beside_giant(self, star: IntArray, axis_au: FloatArray, mass_mjup: ArrayLike) -> BoolArray:
         """Which planets would come nearer to a known giant than ``2 sqrt(3)`` mutual Hill radii.
@@ -187,6 +191,29 @@ class StarLimits:
         margin = _HILL_RADII * np.cbrt(ratio) * 0.5 * (own + axis)
         near = (own + margin >= axis * (1.0 - eccentricity)) & (own - margin <= axis * (1.0 + eccentricity))
         return np.asarray(np.any(near, axis=-1))
+
+
+def excluded_by_rv(names: Sequence[str], semi_major_axis_au: ArrayLike, radius_rjup: ArrayLike) -> BoolArray:
+    """Tell around which stars velocities exclude a planet of a radius, whatever its orientation.
+
+    Parameters
+    ----------
+    names : sequence of str
+        ``n`` stars.
+    semi_major_axis_au, radius_rjup : array_like
+        One number, or shape ``(n,)``. The mass is the least that the radius allows
+        (`cpic_planner.planets.mass_radius.least_mass`).
+    """
+    limits, star = StarLimits.of(names, ("rv",)), np.arange(len(names))
+    return limits.excluded_by_velocities(star, semi_major_axis_au, least_mass(radius_rjup))
+
+
+@functools.cache
+def _listed() -> Mapping[str, tuple[str, float]]:
+    """Name and mass of every star of the embedded catalogue, by `star_key`."""
+    stars = load_stars()
+    names, masses = stars.column("name").tolist(), stars.column("mass_msun").tolist()
+    return {star_key(name): (name, mass) for name, mass in zip(names, masses, strict=True)}
 
 
 def _giants(names: Sequence[str], star_mass_msun: FloatArray, known: KnownPlanetTable) -> FloatArray:

@@ -1,15 +1,18 @@
 """Seeded draws of a population of planets."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from catalogs import ORBIT, orbit_places
 from cpic_core import FloatArray, InputError, IntArray, check_whole, stream
+from cpic_planner.planets.allowed import StarLimits
 from cpic_planner.planets.laws import chosen_entry
-from cpic_planner.planets.orbits import ORBIT, OrbitingPlanets, orbit_places
+from cpic_planner.planets.orbits import OrbitingPlanets
 from cpic_planner.planets.population_config import QUANTITIES, PopulationConfig, load_population
-from cpic_planner.queries import MAX_PLANETS, N_PLANETS
+from cpic_planner.queries import EXCLUSIONS, MAX_PLANETS, N_PLANETS
 from cpic_planner.results import PopulationRecord
 from simulator.config import AlbedoSpec
 
@@ -110,11 +113,12 @@ def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Plan
 
 @dataclass(frozen=True)
 class PopulationChoice:
-    """A population, how many planets are drawn of it, and the seed."""
+    """A population, how many planets are drawn of it, the seed, and which knowledge of the stars excludes planets."""
 
     config: PopulationConfig
     n_planets: int = N_PLANETS
     seed: int = 1
+    exclusions: tuple[str, ...] = EXCLUSIONS
 
     @classmethod
     def default(cls) -> "PopulationChoice":
@@ -125,10 +129,18 @@ class PopulationChoice:
         """The planets, the same at every star."""
         return draw_population(self.config, self.n_planets, self.seed)
 
+    def limits(self, names: Sequence[str]) -> StarLimits:
+        """What is known of stars of these names, as far as it counts."""
+        return StarLimits.of(names, self.exclusions)
+
     def record(self) -> PopulationRecord:
         """As written into results."""
-        return PopulationRecord.of(self, self.config)
+        standing = self.config.provenance.get("planets_per_star")
+        return PopulationRecord.of(
+            self, self.config, planets_per_star_range=None if standing is None else standing.range
+        )
 
     def content(self) -> dict[str, object]:
         """For content hashes."""
-        return {"config": self.config.content(), "n_planets": self.n_planets, "seed": self.seed}
+        asked = {"n_planets": self.n_planets, "seed": self.seed, "exclusions": list(self.exclusions)}
+        return {"config": self.config.content(), **asked}

@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
+from catalogs import ECCENTRICITY_MAX
 from cpic_core import FloatArray, InputError, IntArray, Provenance, split_sourced
 from cpic_planner.planets.laws import Law, read_law
 from cpic_planner.planets.mass_radius import least_mass
-from cpic_planner.planets.orbits import ECCENTRICITY_MAX
 from cpic_planner.queries import ReferencePlanet
 from simulator import config
 from simulator.config.scene import paths_beside
@@ -110,7 +110,7 @@ class PopulationConfig(_Quantities):
     radius_rjup, semi_major_axis_au, eccentricity, inclination_deg, argument_of_pericentre_deg, node_deg, \
 mean_anomaly_deg : Law
         Laws of `cpic_planner.planets.laws`; a number stands for one value. The elements of the orbit are defined in
-        `cpic_planner.planets.orbits.orbit_places`.
+        `catalogs.orbits.orbit_places`.
     mass_mjup : float or {"chen_kipping_2017"}, optional
         Mass of the planets, which velocities of the star show: one number, or the least that their radius has by that
         relation (`cpic_planner.planets.mass_radius.least_mass`), as where none is stated beside a radius.

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal
 from cpic_planner.queries.base import Question
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.images import ImageQuestion
-from cpic_planner.queries.rank import RankedQuestion
+from cpic_planner.queries.rank import RankedQuestion, asked_exclusions
 from cpic_planner.queries.shared import RunQuestion, Texts
 
 
@@ -70,12 +70,7 @@ class WhatIfQuestion(RunQuestion):
         "population; off leaves them out.",
         read=str,
     )
-    exclusions: Texts | None = asked(
-        None,
-        "What excludes planets of the population; repeat for several: rv (radial velocities), stability (beside "
-        "companion stars), known_giants; none: nothing does.",
-        unset="all three",
-    )
+    exclusions: Texts | None = asked_exclusions(None, unset="all three")
     facts: bool | None = asked(
         None,
         "Also plan and play every strategy without each fact that is known (known planets since 2019, radial "

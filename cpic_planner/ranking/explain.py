@@ -6,7 +6,7 @@ import numpy as np
 
 from cpic_core import InputError
 from cpic_planner import etc
-from cpic_planner.planets import Planets, PopulationChoice
+from cpic_planner.planets import Planets, PopulationChoice, StarLimits
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band
@@ -61,7 +61,7 @@ def explain_star(
     star = targets.select([index])
     rows = rank.targets
     planets = (population or PopulationChoice.default()).draw()
-    standings = [_standing(setting, star, band, planets) for band in setting.bands]
+    standings = [_standing(setting, star, band, planets, setting.limits(star)) for band in setting.bands]
     ranks = _other_ranks(setting, targets, rows, name) if other_assumptions else {}
     return Explanation(
         config_hash=content_hash({"kind": "explanation", "rank": rank.config_hash, "star": name}),
@@ -88,13 +88,14 @@ def _other_ranks(setting: RankSetting, targets: Targets, rows: Sequence[RankedTa
     return {item.key: int(in_order(item.change(setting), targets).rank[index]) for item in in_turn(ASSUMPTIONS)}
 
 
-def _standing(setting: RankSetting, star: Targets, band: str, planets: Planets) -> BandStanding:
+def _standing(
+    setting: RankSetting, star: Targets, band: str, planets: Planets, limits: StarLimits | None
+) -> BandStanding:
     """One band of one star."""
     model, planet = setting.model, setting.planet
     best = best_in_band(model, star, band, setting.time_s, planet)
-    counted = completeness(
-        model, star, band, planets, exposure_s=best.exposure_s, n_frames=best.n_frames, em_gain=best.em_gain
-    )
+    taken = {"exposure_s": best.exposure_s, "n_frames": best.n_frames, "em_gain": best.em_gain}
+    counted = completeness(model, star, band, planets, limits=limits, **taken)
     standing = detection_statuses(best, model)[0]
     cases = etc.band_cases(
         model, star, band, etc.planets_of(float(best.separation_arcsec[0]), planet), etc.FixedFrames()

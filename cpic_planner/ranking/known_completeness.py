@@ -157,7 +157,7 @@ def counted_planets(question: RankedQuestion) -> PopulationChoice | KnownChoice:
         If there is no such table of known planets, or it cannot be used.
     """
     if question.known_planets is None:
-        return PopulationChoice(question.population, question.n_planets, question.seed)
+        return PopulationChoice(question.population, question.n_planets, question.seed, question.exclusions)
     n_draws, albedo = check_whole("n_planets", question.n_planets, 1, MAX_DRAWS), question.planet.albedo
     where = question.known_planets, question.date_utc, albedo, question.instrument
     return KnownChoice.at(*where, n_draws=n_draws, seed=question.seed)
@@ -186,7 +186,8 @@ def known_completeness(
     -------
     BandCompleteness
         ``completeness``, ``in_zone`` and ``observable`` are probabilities of at least one planet, those of a star's
-        planets taken as independent; ``expected_detections`` is their sum.
+        planets taken as independent; ``expected_planets`` is their sum. What velocities exclude does not count:
+        these planets are known.
     """
     asked = {"exposure_s": exposure_s, "n_frames": n_frames, "em_gain": em_gain}
     settings = {name: np.broadcast_to(np.asarray(value, float), (len(targets),)) for name, value in asked.items()}
@@ -207,10 +208,12 @@ def known_completeness(
         band=band,
         n_planets=known.n_draws,
         completeness=seen,
+        completeness_unconditional=seen,
         standard_error=np.sqrt(variance),
         in_zone=in_zone,
         observable=observable,
-        expected_detections=expected,
+        expected_planets=expected,
+        expected_planets_unconditional=expected,
         flags=tuple(flags),
     )
 

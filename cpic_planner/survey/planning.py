@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from catalogs import KnownPlanetTable
+from catalogs import KnownPlanetTable, OrbitPlaces
 from cpic_core import BoolArray, FloatArray, IntArray, NDArray
 from cpic_planner.etc import EtcModel
-from cpic_planner.planets import OrbitPlaces, PopulationConfig
+from cpic_planner.planets import PopulationConfig
 from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import PlanetSample, at_known_place, draw_planet_sample, star_mass_msun

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from catalogs import split_source
 from cpic_core import InputError, Provenance, load_yaml, split_sourced
-from cpic_planner.queries import get
+from cpic_planner.queries import EXCLUSIONS, get, read_exclusions
 from cpic_planner.results import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
 from simulator.config import FrozenModel, Real, Utc, deep_merge, preset_path, preset_tree, validate
@@ -21,15 +21,6 @@ FILES = ("instrument", "visibility", "catalog", "known_planets", "observed")
 _RENAMED = {"share": "slot_share"}
 """Former names of keys of a strategy."""
 _OF_SURVEY = ("kind", "universe", "defaults", "strategies")
-
-
-def _exclusions(value: Any) -> Any:
-    """A single word as a tuple of one; ``none`` as that of none."""
-    words = (value,) if isinstance(value, str) else value
-    return () if words in (("none",), ["none"]) else words
-
-
-Exclusions = Annotated[tuple[Literal["rv", "stability", "known_giants"], ...], BeforeValidator(_exclusions)]
 
 
 class UniverseConfig(FrozenModel):
@@ -64,7 +55,7 @@ class UniverseConfig(FrozenModel):
     visibility: str = "default"
     catalog: str = "snapshot"
     known_planets: str = "snapshot"
-    exclusions: Exclusions = ("rv", "stability", "known_giants")
+    exclusions: Annotated[tuple[str, ...], BeforeValidator(read_exclusions)] = EXCLUSIONS
     observed: str = ""
     facts: bool = False
     background: Literal["off", "on"] = "off"
