@@ -7,7 +7,7 @@ Speed against accuracy on the terminal.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -192,6 +192,7 @@ def print_whatif(result: results.WhatIfResult, console: Console, report: Path | 
     if len(shown) > 1:
         console.print()
         _print_differences(result, {item.name for item in shown}, console)
+    _print_facts(result, shown, console)
     _print_images(shown, console)
     print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
     if report is not None:
@@ -233,6 +234,27 @@ def _print_differences(result: results.WhatIfResult, names: set[str], console: C
     ]
     title = f"Difference with {reference} in the same universes"
     print_table(console, title, cells, rows, last_width=_LAST_COLUMN)
+
+
+def _print_facts(result: results.WhatIfResult, strategies: list[results.StrategyOutcome], console: Console) -> None:
+    """Planets found with all facts and without each."""
+    facts = result.facts
+    if facts is None or not facts.facts:
+        return
+    rows = {(row.strategy, row.fact): row for row in facts.rows}
+
+    def without(fact: str) -> Callable[[results.StrategyOutcome], str]:
+        return lambda item: decimals(rows[item.name, fact].planets.mean, 2)
+
+    cells = [
+        Cells("all facts", lambda item: decimals(item.planets.mean, 2)),
+        *(Cells(fact.name, without(fact.name)) for fact in facts.facts),
+        Cells("strategy", lambda item: item.name, right=False),
+    ]
+    console.print()
+    print_table(console, "Planets found without each fact, planned anew", cells, strategies, last_width=_LAST_COLUMN)
+    print_plain(console, facts.statement)
+    console.print()
 
 
 def _likely(item: results.DifferenceRecord) -> str:

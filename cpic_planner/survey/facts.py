@@ -161,15 +161,20 @@ def facts_record(
 
 
 def _statement(named: Sequence[TakenBack], rows: Sequence[FactRow], outcomes: Sequence[StrategyOutcome]) -> str:
-    """Which fact moves most."""
-    sure = [row for row in rows if row.fact != ALL and (row.planets_change.low > 0.0 or row.planets_change.high < 0.0)]
-    if not sure:
-        return "No single fact changes the planets found by more than chance."
-    most = max(sure, key=lambda row: abs(row.planets_change.mean))
-    change = most.planets_change
-    words = next(item.words for item in named if item.name == most.fact)
-    planets = next(item.planets.mean for item in outcomes if item.name == most.strategy)
-    return (
-        f"What moves most is {words}: {most.strategy} finds {planets:.2f} planets with it and "
-        f"{most.planets.mean:.2f} without (90 % interval of the difference {change.low:+.2f} to {change.high:+.2f})."
-    )
+    """Which fact moves most planets, and which most new ones where that is another."""
+    said: dict[str, str] = {}
+    for quantity, words in (("planets", "planets"), ("new_planets", "new planets")):
+        changes = [(row, getattr(row, f"{quantity}_change")) for row in rows if row.fact != ALL]
+        sure = [(row, change) for row, change in changes if change.low > 0.0 or change.high < 0.0]
+        if not sure:
+            continue
+        row, change = max(sure, key=lambda item: abs(item[1].mean))
+        fact = next(item.words for item in named if item.name == row.fact)
+        now = next(getattr(item, quantity).mean for item in outcomes if item.name == row.strategy)
+        text = (
+            f"The fact that moves most {words} is {fact}: {row.strategy} finds {now:.2f} with it and "
+            f"{getattr(row, quantity).mean:.2f} without (90 % interval of the difference {change.low:+.2f} to "
+            f"{change.high:+.2f})."
+        )
+        said.setdefault(row.fact, text)
+    return " ".join(said.values()) or "No single fact changes the planets found by more than chance."

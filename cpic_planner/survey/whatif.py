@@ -49,6 +49,7 @@ def decided_by(prepared: Prepared, n_images: int) -> dict[str, Any]:
         "stars": prepared.stars.content(),
         "catalogue": prepared.catalogue.provenance,
         "known": "" if prepared.known is None else prepared.known.provenance,
+        "limits": [survey.limits.digest() for survey in prepared.surveys],
         "observed": "" if prepared.log is None else prepared.log.provenance,
         "visibility": load_visibility(config.universe.visibility).content(),
         "images": n_images,
