@@ -30,9 +30,11 @@ def test_anchors_and_captions(reader):
 def test_yields_are_those_of_the_result(compared, words):
     for item in compared().strategies:
         found, new, known = item.planets, item.new_planets, item.known_planets
+        whole = item.new_planets_unconditional
         row = (
             f"{item.name} {item.description} {decimals(found.mean, 2)} {found.low:.2f} to {found.high:.2f} "
             f"0 to {found.survey_high:.3g} {new.mean:.2f} {new.low:.2f} to {new.high:.2f} "
+            f"{whole.mean:.2f} {whole.low:.2f} to {whole.high:.2f} "
             f"{known.mean:.2f} {known.low:.2f} to {known.high:.2f} 0.00 0.00 to 0.01 40.0 20.0 {item.hours.mean:.0f}"
         )
         assert row in words

@@ -1,4 +1,7 @@
-"""A small survey that is quick to make: three nearby stars, one band, two years in slots of sixty days."""
+"""A small survey that is quick to make: three nearby stars, one band, two years in slots of sixty days.
+
+Nothing excludes its planets, so that there are enough of them; tests of what does ask for it.
+"""
 
 import copy
 import importlib.util
@@ -15,7 +18,7 @@ from simulator.config import deep_merge
 
 STARS = ["alf Cen A", "eps Eri", "tau Cet"]
 TREE = {
-    "universe": {"duration_days": 730, "slot_days": 60, "universes": 100},
+    "universe": {"duration_days": 730, "slot_days": 60, "universes": 100, "exclusions": "none"},
     "defaults": {
         "time_budget_h": 300,
         "targets": {"names": STARS},
@@ -72,7 +75,7 @@ def plain(small):
 @pytest.fixture(scope="session")
 def sharp(small):
     """The same without chance: expected significance decides, north is up, nothing known, no stop, no reserve."""
-    return prepare(small(SHARP, universe={"known_planets": "off", "exclusions": "none"}))
+    return prepare(small(SHARP, universe={"known_planets": "off"}))
 
 
 SHARP = {
