@@ -140,9 +140,14 @@ def _sentences(
     words = [f"Rank {star.rank} of {n_ranked} by {SCORES[score].title}: {star.score:.3g}."]
     words.append(
         f"At {star.distance_pc:.2f} pc, {geometry.in_zone:.1%} of the population lie in the dark quadrants of "
-        f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and {star.completeness:.1%} are "
-        "detected by one observation."
+        f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and "
+        f"{star.completeness_unconditional:.1%} are detected by one observation."
     )
+    if star.completeness != star.completeness_unconditional:
+        words.append(
+            f"What is known of the star leaves {star.completeness:.1%}: the rest would have been found by radial "
+            "velocities, has no stable orbit, or stands beside a known giant."
+        )
     verdict = {
         "ok": "is detected",
         "speckle_floor": "is not detected by any length of visit",

@@ -113,6 +113,13 @@ BLOCK_WORDS: dict[str, str] = {
     "limb": "behind the Earth",
 }
 
+#: What excludes planets of a population.
+EXCLUSIONS: dict[str, str] = {
+    "rv": "radial velocities",
+    "stability": "companion stars",
+    "known_giants": "known giants",
+}
+
 #: Flags that the planner adds; those of the catalogue are described beside its data.
 FLAGS: dict[str, str] = {
     "companion_light_on": "light of the nearest companion is included",

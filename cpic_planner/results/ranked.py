@@ -86,9 +86,9 @@ class RankedTarget(Row):
     completeness_per_hour: float = column("completeness over that time in hours")
     completeness_unconditional: float | None = optional(
         "the same of all planets, whatever is known of the star; null in older results",
-        label="compl of all",
+        label="completeness of all",
         short="of all %",
-        format="share",
+        format="%",
     )
     expected_planets: float | None = optional("completeness times planets per star of the population", format=".2g")
     expected_planets_unconditional: float | None = optional("the same of all planets", format=".2g")
@@ -102,7 +102,8 @@ class RankedTarget(Row):
     rv_amplitude_m_s: float | None = optional(
         "amplitude of the star's velocity by the reference planet there, m/s: with the least mass of its radius, on an "
         "orbit inclined by the median of 60 deg; null in older results",
-        label="K",
+        label="velocity",
+        short="K m/s",
         format=".2g",
     )
     luminosity_lsun: float | None = column("bolometric luminosity, solar units")
@@ -201,7 +202,15 @@ class BandStanding(Row):
     floor_margin: float = column(
         "margin that no length of visit can pass", label="margin at most", short="at most", format=".3g"
     )
-    completeness: float = column("fraction of the population that one observation in this band detects")
+    completeness: float = column(
+        "fraction of the population that one observation in this band detects and nothing known excludes"
+    )
+    completeness_unconditional: float | None = optional(
+        "the same of all planets, whatever is known of the star; null in older results",
+        label="completeness of all",
+        short="of all %",
+        format="%",
+    )
     in_zone: float = column("fraction of the population in the dark quadrants", short="in zone %", format="%")
     observable: float = column("fraction whose whole aperture lies there", short="whole %", format="%")
     time_s: float | None

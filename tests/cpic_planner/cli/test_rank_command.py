@@ -164,7 +164,7 @@ def test_the_table_holds_the_columns_of_completeness(call, few, tmp_path):
     path = tmp_path / "r.csv"
     assert call("--catalog", few, "--planets", "100", "--out", str(path))[0] == 0
     head = path.read_text().splitlines()[0].split(",")
-    for name in ("score", "completeness", "completeness_per_hour", "expected_detections", "detection_time_s"):
+    for name in ("score", "completeness", "completeness_per_hour", "expected_planets", "detection_time_s"):
         assert name in head
 
 

@@ -309,7 +309,7 @@ def test_stars_too_far_and_no_frames_detect_nothing(model, stars):
         found = completeness(model, targets, "F520", drawn, exposure_s=100.0, n_frames=frames, em_gain=20.0)
         assert not found.completeness.any()
         assert not found.standard_error.any()
-        assert not found.expected_detections.any()
+        assert not found.expected_planets.any()
     assert completeness(model, stars, "F520", drawn, exposure_s=np.nan, n_frames=0, em_gain=0).observable.any()
 
 
@@ -377,10 +377,10 @@ def test_expected_detections_and_flags(model, stars):
     setting = {"exposure_s": 20.0, "n_frames": 5e3, "em_gain": 20.0}
     found = completeness(model, stars, "F520", planets("giants"), **setting)
     rate = load_population("giants").planets_per_star
-    np.testing.assert_array_equal(found.expected_detections, rate * found.completeness)
+    np.testing.assert_array_equal(found.expected_planets, rate * found.completeness)
     assert (found.band, found.n_planets, found.flags) == ("F520", 300, ())
     found = completeness(model, stars, "F520", planets({"albedo": {"log10_fsed": 2.0}}), **setting)
-    assert found.expected_detections is None
+    assert found.expected_planets is None
     assert found.flags == ("fsed_clamped", "insolation_clamped")
     at_two = planets(
         {"semi_major_axis_au": 2, "eccentricity": 0, "semi_major_axis_scale": "insolation", "albedo": {"log10_mh": 0.5}}

@@ -172,9 +172,12 @@ def test_other_scores(score):
 def test_completeness_is_a_share_of_the_planets_drawn(ranking):
     assert ranking.population.n_planets == len(draw_population(PopulationChoice.default().config, 4000, 1).radius_rjup)
     for row in ranking.targets[:40]:
-        assert (row.completeness * 4000) == pytest.approx(round(row.completeness * 4000), abs=1e-6)
-        error = (row.completeness * (1 - row.completeness) / 4000) ** 0.5
-        assert row.completeness_error == pytest.approx(error, rel=0.01)
+        share = row.completeness_unconditional
+        assert (share * 4000) == pytest.approx(round(share * 4000), abs=1e-6)
+        # A planet that may exist with less than certainty scatters less than one that does or does not.
+        assert row.completeness_error <= (row.completeness * (1 - row.completeness) / 4000) ** 0.5 * (1 + 1e-9)
+        assert row.expected_planets == pytest.approx(0.21 * row.completeness)
+        assert row.expected_planets_unconditional == pytest.approx(0.21 * share)
 
 
 def test_one_band_by_name_is_that_band():
