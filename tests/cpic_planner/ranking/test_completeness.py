@@ -10,7 +10,7 @@ import cpic_planner.ranking.completeness as module
 from catalogs import load_stars
 from cpic_core import InputError
 from cpic_planner.etc import aperture_rates, build_model, frame_problem, stack_noise, threshold_array
-from cpic_planner.planets import draw_population, load_population
+from cpic_planner.planets import Planets, StarLimits, draw_population, load_population
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking import inside_zone
 from cpic_planner.ranking.completeness import completeness
@@ -361,6 +361,33 @@ def test_seeds_scatter_by_the_standard_error(model, stars):
     )
     again = completeness(model, stars, "F520", planets(n=1000, seed=0), exposure_s=20.0, n_frames=1e5, em_gain=20.0)
     np.testing.assert_array_equal(again.completeness, one.completeness)
+
+
+def test_what_is_known_against_a_loop_over_planets(model, everyone):
+    """Every planet for itself: whether it is detected, times the probability that it may exist."""
+    model = dataclasses.replace(model, strategy=IDEAL)
+    names = everyone.name.tolist()
+    two = everyone.select([names.index("tau Cet"), names.index("eps Eri")])
+    drawn, setting = planets("giants", n=250), {"exposure_s": 20.0, "n_frames": 1e5, "em_gain": 20.0}
+    limits = StarLimits.of(two.name.tolist())
+    found = completeness(model, two, "F520", drawn, limits=limits, **setting)
+    arrays = [name for name, value in vars(drawn).items() if isinstance(value, np.ndarray)]
+    sums = np.zeros((3, 2))
+    for k in range(len(drawn)):
+        one: Planets = dataclasses.replace(drawn, **{name: getattr(drawn, name)[k : k + 1] for name in arrays})
+        seen = completeness(model, two, "F520", one, **setting).completeness
+        elements = (drawn.semi_major_axis_au[k], drawn.mass_mjup[k], drawn.inclination_deg[k])
+        chance = [float(limits.allowed_probability(np.array([i]), *elements)[0]) for i in range(2)]
+        sums += [seen, seen * chance, seen * np.square(chance)]
+    mean = sums / 250
+    np.testing.assert_allclose(found.completeness_unconditional, mean[0], rtol=1e-12)
+    np.testing.assert_allclose(found.completeness, mean[1], rtol=1e-12)
+    np.testing.assert_allclose(found.standard_error, np.sqrt((mean[2] - mean[1] ** 2) / 250), rtol=1e-9)
+    assert np.all(found.completeness > 0.0)
+    # Radial velocities exclude at least nine in ten of the giants that would be detected around tau Ceti.
+    assert found.completeness[0] < 0.1 * found.completeness_unconditional[0]
+    np.testing.assert_allclose(found.expected_planets, 0.21 * mean[1], rtol=1e-12)
+    np.testing.assert_allclose(found.expected_planets_unconditional, 0.21 * mean[0], rtol=1e-12)
 
 
 def test_stars_share_their_planets(model, stars):
