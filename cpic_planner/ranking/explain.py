@@ -8,7 +8,7 @@ from cpic_core import InputError
 from cpic_planner import etc
 from cpic_planner.planets import Planets, PopulationChoice, StarLimits
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.ranking.completeness import completeness
+from cpic_planner.ranking.known_completeness import counted_completeness
 from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band
 from cpic_planner.ranking.order import RankSetting, detection_statuses, limits_of, rank_targets, setting_fields
 from cpic_planner.ranking.sensitivity import ASSUMPTIONS, N_TOP, in_order, in_turn, near_top
@@ -94,8 +94,7 @@ def _standing(
     """One band of one star."""
     model, planet = setting.model, setting.planet
     best = best_in_band(model, star, band, setting.time_s, planet)
-    taken = {"exposure_s": best.exposure_s, "n_frames": best.n_frames, "em_gain": best.em_gain}
-    counted = completeness(model, star, band, planets, limits=limits, **taken)
+    counted = counted_completeness(model, star, band, planets, best, limits)
     standing = detection_statuses(best, model)[0]
     cases = etc.band_cases(
         model, star, band, etc.planets_of(float(best.separation_arcsec[0]), planet), etc.FixedFrames()
