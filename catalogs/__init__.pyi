@@ -5,6 +5,7 @@ from catalogs.bands import (
     load_bands as load_bands,
 )
 from catalogs.binaries import (
+    POSITION_ERROR_ARCSEC as POSITION_ERROR_ARCSEC,
     BinaryOrbit as BinaryOrbit,
     StabilityLimit as StabilityLimit,
     binary_orbits as binary_orbits,
@@ -63,6 +64,7 @@ from catalogs.spectra import (
 )
 from catalogs.spectral_types import parse_spectral_type as parse_spectral_type, stellar_parameters as stellar_parameters
 from catalogs.star_columns import ADDED_FLAGS as ADDED_FLAGS, QUANTITIES as QUANTITIES
+from catalogs.star_places import POSITION_ERROR as POSITION_ERROR, stars_at as stars_at
 from catalogs.stars import StarTable as StarTable, load_stars as load_stars
 from catalogs.stellar_grid import (
     HC_ERG_ANGSTROM as HC_ERG_ANGSTROM,

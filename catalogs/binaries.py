@@ -225,11 +225,11 @@ def stability_limit(star_name: str) -> StabilityLimit | None:
         None where no orbit of a companion is known, or one that asks for more than ten times the star's mass.
     """
     orbit = orbits_by_star().get(star_name)
-    row = _row_of(star_name)
-    if orbit is None or row is None:
+    distance_pc, mass_msun = _of_row(star_name, "distance_pc"), _of_row(star_name, "mass_msun")
+    if orbit is None or distance_pc is None or mass_msun is None:
         return None
-    axis_au = orbit.semi_major_axis_arcsec * float(row["distance_pc"])
-    own = float(row["mass_msun"]) if math.isnan(orbit.star_mass_msun) else orbit.star_mass_msun
+    axis_au = orbit.semi_major_axis_arcsec * distance_pc
+    own = mass_msun if math.isnan(orbit.star_mass_msun) else orbit.star_mass_msun
     total = axis_au**3 / orbit.period_yr**2
     if total > 10.0 * own:
         return None
@@ -254,8 +254,8 @@ def _rows() -> Mapping[str, int]:
     return {name: row for row, name in enumerate(load_stars().column("name").tolist())}
 
 
-def _row_of(name: str) -> dict[str, str | int | float | bool] | None:
-    return load_stars().row(_rows()[name]) if name in _rows() else None
+def _of_row(name: str, column: str) -> float | None:
+    return float(load_stars().columns[column][_rows()[name]]) if name in _rows() else None
 
 
 def _mass_ratio(orbit: BinaryOrbit, own: float, total: float) -> tuple[float, str]:
@@ -265,9 +265,8 @@ def _mass_ratio(orbit: BinaryOrbit, own: float, total: float) -> tuple[float, st
     dynamical = 1.0 - own / total
     if orbit.grade in _DYNAMICAL_GRADES and dynamical > 0.0:
         return dynamical, "mass of both by Kepler's third law, the star's as in the star table"
-    other = _row_of(orbit.companion)
-    if other is not None:
-        mass = float(other["mass_msun"])
+    mass = _of_row(orbit.companion, "mass_msun")
+    if mass is not None:
         return mass / (own + mass), "masses as in the star table"
     # A poor orbit can ask for a companion of no mass, or for one that outweighs the brighter star.
     if 0.0 < dynamical <= 0.5:

@@ -46,7 +46,7 @@ NO_LIMIT_FROM = {
 """Inner edge, au, of the annuli where the survey's search confused injections with a known signal or the star's cycle:
 half of the heaviest planets were missed there, which the velocities show plainly."""
 _USUAL_RATIO, _RATIO_SCATTER = 1.6, 0.7
-_CEILING_WEIGHT = 19.0
+_CEILING_WEIGHT = 4.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def fitted(msini_mjup: FloatArray, found: FloatArray) -> Sensitivity:
     Notes
     -----
     Most likely values, with two weak priors that decide only where the injections do not: m90 / m50 is 1.6 within a
-    factor of ``exp(0.7)`` of its logarithm (the median of the survey), and the ceiling has a Beta(20, 1) density.
+    factor of ``exp(0.7)`` of its logarithm (the median of the survey), and the ceiling has a Beta(5, 1) density.
     """
     log_mass = np.log(msini_mjup)
 

@@ -8,7 +8,7 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
-from simulator.config import Instrument
+from simulator.config import ASSUMED_PA_DEG, Instrument
 from simulator.detectors import aperture_noise_pixels
 from simulator.effects import sky_rate_e_s_arcsec2, stray_light_map
 from simulator.imaging import PsfMetrics
@@ -286,8 +286,9 @@ def _companion_e_s(model: EtcModel, band: str, near: Targets) -> FloatArray:
 
 def _companion_place(model: EtcModel, near: Targets, roll_deg: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Offsets x and y of companions on the detector, ``(k,)``."""
-    parity = model.instrument.detector.parity
-    return sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, roll_deg=roll_deg, parity=parity)
+    parity, pa = model.instrument.detector.parity, near.companion_pa_deg
+    angle = np.where(np.isfinite(pa), pa, ASSUMED_PA_DEG)
+    return sky_to_detector(near.companion_separation_arcsec, angle, roll_deg=roll_deg, parity=parity)
 
 
 class _Companion(NamedTuple):

@@ -92,9 +92,9 @@ class StarLimits:
             if pair is not None:
                 stable[i] = pair.critical_au
                 around_both[i] = pair.circumbinary_au if pair.within_fit else np.inf
-        counts = "known_giants" in exclusions
-        giants = _giants(names, star_mass, (known or load_known_planets())) if counts else np.empty((3, n, 0))
-        axis, eccentricity, mass = giants
+        axis, eccentricity, mass = np.empty((3, n, 0))
+        if "known_giants" in exclusions:
+            axis, eccentricity, mass = _giants(names, star_mass, load_known_planets() if known is None else known)
         return cls(
             log_m50=np.log(found[0]),
             log_m90=np.log(found[1]),

@@ -87,7 +87,7 @@ def least_mass(radius_rjup: ArrayLike) -> FloatArray:
     --------
     >>> from cpic_planner.planets.mass_radius import least_mass
     >>> least_mass([0.5, 1.0, 1.2]).round(3).tolist()
-    [0.084, 0.274, 0.373]
+    [0.084, 0.273, 0.373]
     """
     radius = check_finite("radius_rjup", radius_rjup, "R_Jup")
     if np.any(radius <= 0.0):

@@ -38,7 +38,10 @@ class KnownQuestion(shared.InstrumentQuestion, shared.CatalogQuestion, shared.Kn
 
 
 class VisibilityQuestion(shared.CatalogQuestion):
-    """Say when stars can be seen from the orbit of the telescope, and for how long per orbit."""
+    """Say when stars can be seen from the orbit of the telescope, and for how long per orbit.
+
+    The places of the stars are those of ``date_utc``, of the first day where it is not given.
+    """
 
     KIND: ClassVar[str] = "visibility"
 

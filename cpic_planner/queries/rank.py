@@ -64,19 +64,15 @@ class CountedPlanetsQuestion(shared.KnownPlanetsQuestion):
         le=MAX_PLANETS,
         option="--planets",
     )
-
     exclusions: shared.Texts = asked_exclusions()
 
     def check_planets(self) -> None:
-        """Refuse a population, and what excludes its planets, beside known planets, and a date without them."""
+        """Refuse a population, and what excludes its planets, beside known planets."""
         for name in ("population", "exclusions"):
             if self.known_planets is not None and name in self.model_fields_set:
                 taken = f"given with {called('known_planets')}"
                 hint = "known planets stand instead of a hypothetical population"
                 raise InputError(name, taken, allowed="one of the two", hint=hint)
-        if self.known_planets is None and self.date_utc is not None:
-            allowed = f"only with {called('known_planets')}"
-            raise InputError("date_utc", self.date_utc, allowed=allowed, hint="nothing else depends on a date")
 
 
 class RankedQuestion(shared.InstrumentQuestion, shared.CutsQuestion, CountedPlanetsQuestion):

@@ -8,7 +8,7 @@ from cpic_core import InputError
 from cpic_planner import etc
 from cpic_planner.planets import Planets, PopulationChoice, StarLimits
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.ranking.completeness import completeness
+from cpic_planner.ranking.known_completeness import counted_completeness
 from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band
 from cpic_planner.ranking.order import RankSetting, detection_statuses, limits_of, rank_targets, setting_fields
 from cpic_planner.ranking.sensitivity import ASSUMPTIONS, N_TOP, in_order, in_turn, near_top
@@ -94,8 +94,7 @@ def _standing(
     """One band of one star."""
     model, planet = setting.model, setting.planet
     best = best_in_band(model, star, band, setting.time_s, planet)
-    taken = {"exposure_s": best.exposure_s, "n_frames": best.n_frames, "em_gain": best.em_gain}
-    counted = completeness(model, star, band, planets, limits=limits, **taken)
+    counted = counted_completeness(model, star, band, planets, best, limits)
     standing = detection_statuses(best, model)[0]
     cases = etc.band_cases(
         model, star, band, etc.planets_of(float(best.separation_arcsec[0]), planet), etc.FixedFrames()
@@ -140,9 +139,14 @@ def _sentences(
     words = [f"Rank {star.rank} of {n_ranked} by {SCORES[score].title}: {star.score:.3g}."]
     words.append(
         f"At {star.distance_pc:.2f} pc, {geometry.in_zone:.1%} of the population lie in the dark quadrants of "
-        f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and {star.completeness:.1%} are "
-        "detected by one observation."
+        f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and "
+        f"{star.completeness_unconditional:.1%} are detected by one observation."
     )
+    if star.completeness != star.completeness_unconditional:
+        words.append(
+            f"What is known of the star leaves {star.completeness:.1%}: the rest would have been found by radial "
+            "velocities, has no stable orbit, or stands beside a known giant."
+        )
     verdict = {
         "ok": "is detected",
         "speckle_floor": "is not detected by any length of visit",

@@ -11,9 +11,10 @@ import numpy as np
 from catalogs import KnownPlanetTable, load_known_planets
 from cpic_core import ArrayLike, InputError, check_finite, check_whole
 from cpic_planner.etc import EtcModel
-from cpic_planner.planets import Planets, PopulationChoice, draw_known, known_uniforms, planets_of
+from cpic_planner.planets import Planets, PopulationChoice, StarLimits, draw_known, known_uniforms, planets_of
 from cpic_planner.queries import RankedQuestion, ReferencePlanet
 from cpic_planner.ranking.completeness import BandCompleteness, completeness
+from cpic_planner.ranking.optimiser import OptimalSetting
 from cpic_planner.results import KNOWN_PLANETS, PopulationRecord
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, Instrument, checked_utc
@@ -216,6 +217,30 @@ def known_completeness(
         expected_planets_unconditional=expected,
         flags=tuple(flags),
     )
+
+
+def counted_completeness(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    planets: Planets | KnownSample,
+    setting: OptimalSetting,
+    limits: StarLimits | None,
+) -> BandCompleteness:
+    """Return the completeness of the observation of each star: of planets that all may have, or of its known ones.
+
+    Parameters
+    ----------
+    model, targets, band, limits
+        As of `cpic_planner.ranking.completeness.completeness`.
+    planets : Planets or KnownSample
+    setting : OptimalSetting
+        How each star is observed in that band.
+    """
+    taken = {name: getattr(setting, name) for name in ("exposure_s", "n_frames", "em_gain")}
+    if isinstance(planets, KnownSample):
+        return known_completeness(model, targets, band, planets, **taken)
+    return completeness(model, targets, band, planets, limits=limits, **taken)
 
 
 def _variance(shares: Sequence[float], n_draws: int) -> float:

@@ -13,8 +13,8 @@ from cpic_core import FloatArray, InputError, IntArray, Reason, Status, announce
 from cpic_planner import etc
 from cpic_planner.planets import Planets, PopulationChoice, StarLimits
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.ranking.completeness import BandCompleteness, completeness
-from cpic_planner.ranking.known_completeness import KnownChoice, KnownSample, known_completeness
+from cpic_planner.ranking.completeness import BandCompleteness
+from cpic_planner.ranking.known_completeness import KnownChoice, KnownSample, counted_completeness
 from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band, best_of, optimise
 from cpic_planner.ranking.velocities import ReferenceVelocities, reference_velocities
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
@@ -185,7 +185,8 @@ def ranked(setting: RankSetting, targets: Targets, *, with_times: bool = True) -
         quickest = optimise(model, targets, detect=True, planet=planet, bands=bands)
     limits = setting.limits(targets)
     counted = tuple(
-        _counted(model, targets, band, planets, item, limits) for band, item in zip(bands, by_band, strict=True)
+        counted_completeness(model, targets, band, planets, item, limits)
+        for band, item in zip(bands, by_band, strict=True)
     )
     numbers = _numbers(best, by_band, quickest, counted)
     picked = np.argmax(chosen.by_band(numbers), axis=0)
@@ -219,21 +220,6 @@ def _numbers(
         deepest_limit=best.deepest_limit,
         time_s=best.time_s,
     )
-
-
-def _counted(
-    model: etc.EtcModel,
-    targets: Targets,
-    band: str,
-    planets: Planets | KnownSample,
-    setting: OptimalSetting,
-    limits: StarLimits | None,
-) -> BandCompleteness:
-    """Completeness of the observation of each star: of planets that all may have, or of those that it has."""
-    taken = {name: getattr(setting, name) for name in ("exposure_s", "n_frames", "em_gain")}
-    if isinstance(planets, KnownSample):
-        return known_completeness(model, targets, band, planets, **taken)
-    return completeness(model, targets, band, planets, limits=limits, **taken)
 
 
 def ranked_order(found: Ranked, targets: Targets) -> list[int]:
@@ -310,6 +296,7 @@ def rank_targets(
         config_hash=setting.digest(targets),
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         sample=sample,
+        date_utc=targets.date_utc,
         time_s=setting.time_s,
         sigma=model.strategy.sigma,
         reference_library=model.strategy.library,
@@ -349,23 +336,19 @@ def _row(
     counted = found.counted[found.picked[i]]
     time_s = float(found.completeness_time_s[i])
     share = float(counted.completeness[i])
-    expected, of_all = counted.expected_planets, counted.expected_planets_unconditional
     return RankedTarget.of(
         best,
         targets,
+        counted,
         at=i,
         rank=rank,
         score=float(found.score[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,
         detection_time_s=float(quickest.time_s[i]) if quickest is not None and quickest.n_frames[i] >= 1 else None,
-        completeness=share,
         completeness_error=float(counted.standard_error[i]),
         completeness_band=counted.band,
         completeness_time_s=time_s if time_s > 0 else None,
         completeness_per_hour=share / time_s * 3600.0 if time_s > 0 else 0.0,
-        completeness_unconditional=float(counted.completeness_unconditional[i]),
-        expected_planets=None if expected is None else float(expected[i]),
-        expected_planets_unconditional=None if of_all is None else float(of_all[i]),
         integration_s=setting["n_frames"] * setting["exposure_s"] if setting["n_frames"] else None,
         ref_planet_distance_au=distance,
         rv_amplitude_m_s=float(velocities.amplitude_m_s[i]),

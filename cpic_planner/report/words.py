@@ -113,6 +113,13 @@ BLOCK_WORDS: dict[str, str] = {
     "limb": "behind the Earth",
 }
 
+#: What excludes planets of a population.
+EXCLUSIONS: dict[str, str] = {
+    "rv": "radial velocities",
+    "stability": "companion stars",
+    "known_giants": "known giants",
+}
+
 #: Flags that the planner adds; those of the catalogue are described beside its data.
 FLAGS: dict[str, str] = {
     "companion_light_on": "light of the nearest companion is included",
@@ -122,7 +129,9 @@ FLAGS: dict[str, str] = {
     "hole_not_reached": "the dark hole of the band is brighter than asked of the instrument",
     "shorter_visit_is_better": "less than the given time is used: the walk of the wavefront makes a longer visit worse",
     "companion_saturates": "a companion on the frame overflows its pixels: its blooming is not followed",
-    "companion_pa_assumed": "the sources give no position angle for the companion: 30 deg assumed",
+    "companion_pa_unknown": "the sources give no position angle for the companion: its light is that of all angles",
+    "companion_position_old": "the companion has no known orbit and was last seen more than 10 years before",
+    "stability_extrapolated": "the binary lies outside the range of the fit that says where its planets are stable",
     "stellar_grid_clamped": "temperature, gravity or metallicity clamped to the edge of the spectral grid",
     "fsed_clamped": "f_sed above 6 is taken as 6, the largest with models behind it",
     "insolation_clamped": "the planet's insolation is outside the models' 0.5-5 au: the nearer end is used",

@@ -50,8 +50,8 @@ class RankedTarget(Row):
     v_mag: float
     sp_type: str = column("spectral type as catalogued", label="type")
     distance_pc: float
-    ra_deg: float | None = column("ICRS right ascension at the catalogue epoch, deg; null if not listed")
-    dec_deg: float | None = column("ICRS declination at the catalogue epoch, deg; null if not listed")
+    ra_deg: float | None = column("ICRS right ascension at the date, deg; null if not listed")
+    dec_deg: float | None = column("ICRS declination at the date, deg; null if not listed")
     separation_arcsec: float = column("projected separation of the reference planet, arcsec")
     contrast: float
     band: str = column("best band")
@@ -86,9 +86,9 @@ class RankedTarget(Row):
     completeness_per_hour: float = column("completeness over that time in hours")
     completeness_unconditional: float | None = optional(
         "the same of all planets, whatever is known of the star; null in older results",
-        label="compl of all",
+        label="completeness of all",
         short="of all %",
-        format="share",
+        format="%",
     )
     expected_planets: float | None = optional("completeness times planets per star of the population", format=".2g")
     expected_planets_unconditional: float | None = optional("the same of all planets", format=".2g")
@@ -102,11 +102,16 @@ class RankedTarget(Row):
     rv_amplitude_m_s: float | None = optional(
         "amplitude of the star's velocity by the reference planet there, m/s: with the least mass of its radius, on an "
         "orbit inclined by the median of 60 deg; null in older results",
-        label="K",
+        label="velocity",
+        short="K m/s",
         format=".2g",
     )
     luminosity_lsun: float | None = column("bolometric luminosity, solar units")
-    companion_separation_arcsec: float | None = column("nearest known companion, arcsec")
+    companion_separation_arcsec: float | None = column("nearest known companion, at the date, arcsec")
+    companion_pa_deg: float | None = optional("its position angle east of north, deg; null where not known")
+    companion_position_error_arcsec: float | None = optional(
+        "standard error of its place: by the grade of its orbit, or how far it can have moved since it was seen"
+    )
     flags: list[str] = column("caveats, see the documentation of flags")
 
 
@@ -118,6 +123,7 @@ class RankResult(Result):
     config_hash: str
     catalogue: str
     sample: str = Field(description="which rows of the catalogue are returned")
+    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
     time_s: float = Field(description="wall time per target and band, s")
     sigma: float = Field(description="detection level whose false-alarm probability the thresholds keep")
     reference_library: str = Field(description="reference library of the subtraction")
@@ -201,7 +207,15 @@ class BandStanding(Row):
     floor_margin: float = column(
         "margin that no length of visit can pass", label="margin at most", short="at most", format=".3g"
     )
-    completeness: float = column("fraction of the population that one observation in this band detects")
+    completeness: float = column(
+        "fraction of the population that one observation in this band detects and nothing known excludes"
+    )
+    completeness_unconditional: float | None = optional(
+        "the same of all planets, whatever is known of the star; null in older results",
+        label="completeness of all",
+        short="of all %",
+        format="%",
+    )
     in_zone: float = column("fraction of the population in the dark quadrants", short="in zone %", format="%")
     observable: float = column("fraction whose whole aperture lies there", short="whole %", format="%")
     time_s: float | None
