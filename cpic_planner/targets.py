@@ -24,7 +24,7 @@ _LOG = logging.getLogger(__name__)
 CatalogSource = Catalogue | str | Path
 _NUMBERS = ("ra_deg", "dec_deg", "distance_pc", "v_mag", "teff_k", "log_g", "metallicity", "luminosity_lsun")
 OLD_YR = 10.0
-"""A place of a companion that was seen longer ago is old."""
+"""A companion without an orbit has an old place where it was seen longer ago, or nobody says when."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,6 @@ def targets_from_table(
     located = np.isfinite(companion_v) & np.isfinite(number("companion_sep_arcsec"))
     pa = number("companion_pa_deg")
     age_yr = julian_year(utc) - number("companion_epoch_yr")
-    undated = ~np.isfinite(age_yr) & np.char.startswith(text("companion_src"), "measured")
     flags, close_companion = [], np.asarray(table.column("close_companion"), bool)
     rows = zip(
         text("name").tolist(),
@@ -138,10 +137,10 @@ def targets_from_table(
         close_companion.tolist(),
         located.tolist(),
         np.isfinite(pa).tolist(),
-        (undated | (age_yr > OLD_YR)).tolist(),
+        (age_yr <= OLD_YR).tolist(),
         strict=True,
     )
-    for star, own, close, has, has_angle, old in rows:
+    for star, own, close, has, has_angle, recent in rows:
         names = [flag for flag in own.split(";") if flag]
         limit = stability_limit(star)
         if limit is not None and not limit.within_fit:
@@ -151,7 +150,7 @@ def targets_from_table(
             names.append("companion_colour_assumed")
             if not has_angle:
                 names.append("companion_pa_unknown")
-            if old:
+            if not recent:
                 names.append("companion_position_old")
         elif close:
             names.append("companion_light_unknown")

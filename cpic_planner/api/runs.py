@@ -17,6 +17,7 @@ from cpic_planner.api.keywords import model_of, stars_named, takes
 from cpic_planner.etc import EtcModel
 from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
+from simulator.config import checked_utc
 
 _QUIET = {"out": None, "images": 0, "workers": 1}
 
@@ -216,7 +217,7 @@ def visibility_of(
     from cpic_planner.survey.visibility.result import visibility_result
 
     config, mission = load_visibility(question.limits), question.instrument.mission
-    start_utc = question.start_utc or mission.start_utc
+    start_utc = checked_utc("start_utc", question.start_utc or mission.start_utc)
     table = as_catalogue(question.catalog)
     stars: dict[str, Targets] = {}
     remarks = list(table.notes)

@@ -130,7 +130,7 @@ FLAGS: dict[str, str] = {
     "shorter_visit_is_better": "less than the given time is used: the walk of the wavefront makes a longer visit worse",
     "companion_saturates": "a companion on the frame overflows its pixels: its blooming is not followed",
     "companion_pa_unknown": "the sources give no position angle for the companion: its light is that of all angles",
-    "companion_position_old": "the companion has no known orbit and was last seen more than 10 years before",
+    "companion_position_old": "the companion has no known orbit, and was seen over 10 years before or nobody says when",
     "stability_extrapolated": "the binary lies outside the range of the fit that says where its planets are stable",
     "stellar_grid_clamped": "temperature, gravity or metallicity clamped to the edge of the spectral grid",
     "fsed_clamped": "f_sed above 6 is taken as 6, the largest with models behind it",
