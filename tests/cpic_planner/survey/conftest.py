@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cpic_planner.planets import StarLimits
 from cpic_planner.survey import load_strategies
 from cpic_planner.survey.prepare import prepare
 from simulator.config import deep_merge
@@ -42,7 +43,7 @@ def brute_force():
 
 
 @pytest.fixture(scope="session")
-def facts():
+def facts_report():
     """The part of the report of what-ifs that compares what was known with what is known."""
     return _loaded("whatif_facts", Path(__file__).resolve().parents[3] / "reports/whatif/facts.py")
 
@@ -121,6 +122,19 @@ def only_visits():
         return replace(survey, schedule=replace(survey.schedule, visits=tuple(chosen)))
 
     return kept
+
+
+@pytest.fixture(scope="session")
+def excluding():
+    """What is known of stars where velocities would have shown this share of all planets, whatever they are."""
+
+    def made(names, share):
+        limits = StarLimits.of(list(names), ())
+        everywhere = {"ceiling": np.full_like(limits.ceiling, share), "reach_au": np.full_like(limits.reach_au, np.inf)}
+        tiny = {name: getattr(limits, name) - 100.0 for name in ("log_m50", "log_m90")}
+        return replace(limits, **everywhere, **tiny)
+
+    return made
 
 
 @pytest.fixture(scope="session")

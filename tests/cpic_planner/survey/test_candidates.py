@@ -99,6 +99,22 @@ def test_chances_are_those_of_single_visits(three, small, model, known):
     assert item.weight.sum() <= 0.21 + len(item.known_rows)
 
 
+def test_planets_that_are_excluded_weigh_less(three, known, excluding):
+    screened, calendar, sky, found = three
+    limits = excluding(screened.targets.name, 0.7)
+    fewer = {item.index: item for item in candidates(screened, calendar, known, sky, limits)}
+    for item in found:
+        new = item.weight < 1.0 / N_KNOWN - 1e-12
+        assert new.any()
+        other = fewer[item.index]
+        assert np.array_equal(other.chance, item.chance)
+        np.testing.assert_allclose(other.weight, np.where(new, 0.3, 1.0) * item.weight, rtol=1e-12)
+    everything = excluding(screened.targets.name, 1.0)
+    assert {item.known_rows for item in candidates(screened, calendar, known, sky, everything)} <= {
+        item.known_rows for item in found if item.known_rows
+    }
+
+
 def test_values_weigh_known_and_new_planets(small, model, everyone, known):
     worth = {}
     for label, values in {"plain": {}, "known": {"value_known": 5.0}, "new": {"value_new": 5.0}}.items():
