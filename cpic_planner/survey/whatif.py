@@ -31,7 +31,8 @@ RESULT_VERSION = 3
 NOT_MODELLED = (
     "planets of one star are independent of each other; beside known planets and companion stars they are left out "
     "where no orbit would last",
-    "companions stand where the catalogue has them; proper motion and parallax do not tell background stars apart",
+    "companions stay where they stand at the date of the positions, the survey's begin by default; proper motion and "
+    "parallax do not tell background stars apart",
     "false alarms cost no follow-up time",
     "chance of one visit is independent of that of another at the same place of the hole",
     "weather of space: no safe modes, no losses but those of the calendar",
