@@ -217,7 +217,7 @@ def visibility_of(
     from cpic_planner.survey.visibility.result import visibility_result
 
     config, mission = load_visibility(question.limits), question.instrument.mission
-    start_utc = checked_utc("start_utc", question.start_utc or mission.start_utc)
+    start_utc = checked_utc("start_utc", question.start_utc or queries.observed_utc(question))
     table = as_catalogue(question.catalog)
     stars: dict[str, Targets] = {}
     remarks = list(table.notes)

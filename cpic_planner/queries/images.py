@@ -15,7 +15,7 @@ from cpic_planner.queries.base import Parts, called
 from cpic_planner.queries.changes import Change, changed
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.overrides import SimulatorOverrides
-from simulator.config import Scene, Utc, load_scene
+from simulator.config import Scene, Utc, checked_utc, load_scene
 from simulator.knobs import Dial, dial_of
 
 REALISATIONS = 8
@@ -206,7 +206,7 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
     @classmethod
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
         if "date_utc" in tree:
-            start = Change(key="mission.start_utc", value=tree["date_utc"])
+            start = Change(key="mission.start_utc", value=checked_utc("date_utc", tree["date_utc"]))
             tree["instrument"] = changed(shared.read_instrument(tree.get("instrument")), (start,))
         return super()._read(tree)
 
