@@ -90,8 +90,8 @@ _COUNTED = {"planets": "Planets found", "new_planets": "New planets", "known_pla
 
 def fact_tables(
     named: Callable[[StrategyOutcome], doc.Inline], strategies: Sequence[StrategyOutcome], facts: FactsRecord
-) -> Iterator[doc.Table]:
-    """Yield what strategies find with all facts and without each, a table for each kind of planets.
+) -> Iterator[doc.Block]:
+    """Yield what strategies find with all facts and without each, a heading and a table for each kind of planets.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def fact_tables(
         def cell(item: StrategyOutcome) -> doc.Inline:
             row: FactRow = rows[item.name, fact]
             change = getattr(row, f"{quantity}_change")
-            ends = f"({interval_text(change.low, change.high)})"
+            ends = f"({interval_text(change.low, change.high, 3)})"
             sure = change.low > 0.0 or change.high < 0.0
             said = change_text(change.mean)
             mean = decimals(getattr(row, quantity).mean, 2)
@@ -124,11 +124,12 @@ def fact_tables(
             *(doc.Column(fact.heading, without(fact.name, quantity)) for fact in facts.facts),
         )
         caption = (
-            "Mean of a survey. In each column but the first the strategies are planned and played as if that fact were "
-            "not known, in the same universes; below the number how much more is found than with all facts, bold where "
-            "that is more than chance, with its 90 % interval."
+            f"{title}, mean of a survey. In each column but the first the strategies are planned and played as if that "
+            "fact were not known, in the same universes; below the number how much more is found than with all facts, "
+            "bold where that is more than chance, with its 90 % interval."
         )
-        yield doc.table(title, caption, columns, strategies)
+        yield doc.Heading(title)
+        yield doc.table(f"{title} without each fact", caption, columns, strategies)
 
 
 def _correction(images: ImageSample) -> doc.Inline:

@@ -31,7 +31,7 @@ def interval_text(low: float, high: float, digits: int = 2) -> str:
 
 def change_text(value: float) -> str:
     """Return a change in planets with its sign."""
-    return f"{'+' if value > 0 else ''}{decimals(value, 2)}"
+    return f"{'+' if value > 0 else ''}{decimals(value, 3)}"
 
 
 def occurrence_text(item: StrategyOutcome) -> str:
@@ -159,8 +159,12 @@ def _new_text(result: WhatIfResult) -> str:
     if result.universe["exclusions"] and best.new_planets_unconditional.mean > 0:
         whole = decimals(best.new_planets_unconditional.mean, 2)
         names = [_EXCLUSIONS[name].split(" (")[0] for name in result.universe["exclusions"]]
-        said.append(f"{whole} in the same visits with those that {' or '.join(names)} exclude")
-    return f"New planets of {best.name}: {decimals(best.new_planets.mean, 2)}; {'; '.join(said)}." if said else ""
+        said.append(f"{whole} with those that {' or '.join(names)} exclude")
+    if not said:
+        return ""
+    return (
+        f"New planets of {best.name}: {decimals(best.new_planets.mean, 2)}; in the same visits {', and '.join(said)}."
+    )
 
 
 def _runner_up(result: WhatIfResult, best: StrategyOutcome, other: StrategyOutcome) -> list[str]:

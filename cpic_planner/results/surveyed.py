@@ -39,13 +39,14 @@ class ChangeRecord(Result):
 class OccurrenceRange(Result):
     """New planets over the published range of the population's occurrence rate.
 
-    Planets are independent of each other, so that their number goes with the rate.
+    Planets are independent of each other, so that their number in the same visits goes with the rate. A survey that is
+    planned for another rate makes other visits: fewer of them are worth it where planets are rare.
     """
 
     planets_per_star: float = Field(description="of the population as it was run")
     planets_per_star_low: float
     planets_per_star_high: float
-    low: float = Field(description="new planets found with the lowest rate, mean over universes")
+    low: float = Field(description="new planets found with the lowest rate in the same visits, mean over universes")
     high: float = Field(description="with the highest rate")
 
 

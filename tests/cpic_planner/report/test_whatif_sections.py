@@ -104,9 +104,9 @@ def test_which_fact_moved_which_number(compared, read):
     for item in result.strategies:
         for name in ("planets", "new_planets", "known_planets"):
             mean = f"{getattr(item, name).mean:.2f}"
-            row = f"{item.name} {mean} {mean} +0.25 (0.20 to 0.30) {mean} −0.01 (−0.05 to 0.03)"
+            row = f"{item.name} {mean} {mean} +0.250 (0.200 to 0.300) {mean} −0.010 (−0.050 to 0.030)"
             assert row in words
-    assert page.count("<strong>+0.25</strong>") == 6
+    assert page.count("<strong>+0.250</strong>") == 6
     assert "<strong>−0.01" not in page
 
 

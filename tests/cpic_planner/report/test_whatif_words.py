@@ -32,7 +32,7 @@ def test_the_lead_names_the_runner_up_and_the_budget(compared):
     said = lead_sentences(compared(["one", "two"]))
     assert said == [
         "two finds most planets",
-        "New planets of two: 0.24; 0.49 in the same visits with those that radial velocities or companion stars or "
+        "New planets of two: 0.24; in the same visits 0.49 with those that radial velocities or companion stars or "
         "known giants exclude.",
         "In the same universes two finds 0.30 planets more than one, the next best (0.19 to 0.42), in 50 h more.",
         "No strategy uses more than 8.6 % of its budget of 1752 h on average: its rules on stars and visits end it "
@@ -123,8 +123,8 @@ def test_new_planets_are_told_with_other_occurrence_rates_and_with_nothing_exclu
         planets_per_star=0.21, planets_per_star_low=0.14, planets_per_star_high=0.26, low=0.16, high=0.3
     )
     assert lead_sentences(changed(result, 1, occurrence=known))[1] == (
-        "New planets of two: 0.24; 0.16 to 0.30 for 0.14 to 0.26 planets a star; 0.49 in the same visits with those "
-        "that radial velocities or companion stars or known giants exclude."
+        "New planets of two: 0.24; in the same visits 0.16 to 0.30 for 0.14 to 0.26 planets a star, and 0.49 with "
+        "those that radial velocities or companion stars or known giants exclude."
     )
     everything = result.model_copy(update={"universe": result.universe | {"exclusions": []}})
     assert not any("New planets" in text for text in lead_sentences(everything))
