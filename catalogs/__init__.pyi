@@ -91,4 +91,10 @@ from catalogs.table_files import (
     read_bytes as read_bytes,
 )
 from catalogs.tap_client import RefreshError as RefreshError, TapService as TapService
+from catalogs.velocity_limits import (
+    VELOCITY_AXES_AU as VELOCITY_AXES_AU,
+    VelocityLimit as VelocityLimit,
+    amplitude_m_s as amplitude_m_s,
+    velocity_limit as velocity_limit,
+)
 from cpic_core.errors import InputError as InputError

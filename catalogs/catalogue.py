@@ -43,6 +43,7 @@ MODEL_CREDITS = (
     "Stellar spectra: PHOENIX (Allard et al. 2012; Husser et al. 2013) with the trends of Castelli & Kurucz 2004; "
     "Pickles 1998; Sun and Vega: CALSPEC.",
     "Giant-planet albedos: Karkoschka 1998. Zodiacal light: Leinert et al. 1998.",
+    "Planets that radial velocities exclude: California Legacy Survey (Rosenthal et al. 2021), fits to its injections.",
 )
 """Credits of the other data, which every result rests on."""
 

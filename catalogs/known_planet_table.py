@@ -151,6 +151,7 @@ class KnownPlanetTable:
         raise InputError("planet", name, allowed=f"a planet of {self.label}", hint=hint)
 
 
+@functools.lru_cache(maxsize=10_000)
 def star_key(name: str) -> str:
     """Return one key for all names of a star: that of its name in the embedded catalogue, where it is in there.
 

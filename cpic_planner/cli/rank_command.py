@@ -38,7 +38,9 @@ def rank(
     """Rank the whole catalogue (analytic, a few seconds; --explain and --sensitivity rank it several times).
 
     The ranking is by completeness per hour: which fraction of a population of planets one observation of the star
-    detects, over its wall time. Stars that show none of it, with a score of zero, follow by detection margin.
+    detects, over its wall time. Planets do not count that radial velocities would have shown, that a companion star
+    leaves no orbit, or that stand beside a known giant (--exclusions); the same fraction of all planets stands beside
+    it. Stars that show none of it, with a score of zero, follow by detection margin.
     --score chooses another order; the other columns are about a stated reference planet: whether it is detected (at
     its known place), how likely a search finds it that does not know the place, and what limits it (limited_by: the
     single change that would make it detected in the given time; see cpic etc --help).
@@ -54,6 +56,8 @@ def rank(
       cpic rank --explain "tau Cet"
 
       cpic rank --sensitivity
+
+      cpic rank --exclusions none
 
       cpic rank --json | python -m json.tool | head -40
 

@@ -36,6 +36,12 @@ def whatif(
     stars.parquet, targets.csv, run.json and report.html into --out. Stopped half way, it continues when started
     again on the same folder; the result is the same for any number of workers.
 
+    New planets are those of the population that what is known of their star still allows (--exclusions: radial
+    velocities, stability beside companion stars, known giants); what the same visits would find of the whole
+    population stands beside. --facts plans and plays every strategy again without each of these facts, without what
+    was published on known planets since 2019 and with companion stars where they were first listed, in the same
+    universes, and says which fact moved which number.
+
     Examples:
 
       cpic whatif survey_default
@@ -49,6 +55,10 @@ def whatif(
       cpic whatif survey_default --observed log.csv --start 2030-01-01
 
       cpic whatif survey_default --known-planets my_planets.csv
+
+      cpic whatif survey_default --facts --images 0
+
+      cpic whatif survey_default --exclusions none
 
       cpic whatif my_strategies.yaml --scheduler tcp://cluster:8786
 

@@ -16,8 +16,9 @@ from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
 from cpic_planner.etc.frames import FrameChoice, FrameProblem
 from cpic_planner.etc.model import EtcModel, check_range, hole_notes, place_status, planet_offsets, usable_range_arcsec
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
-from cpic_planner.etc.planet import reference_contrast, reference_notes
+from cpic_planner.etc.planet import reference_contrast, reference_distance_au, reference_notes
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
+from cpic_planner.planets import excluded_by_rv
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.results import EtcAnswer, EtcResult, ReferencePlanetRecord
 from cpic_planner.targets import Targets
@@ -150,8 +151,13 @@ class BandCases:
         if self.planets.contrast is not None:
             return ()
         place = float(self.planets.separation_arcsec[planet])
-        body = self.planets.models[planet]
-        return reference_notes(self.model, self.targets.select([star]), self.band, place, body) if place > 0 else ()
+        body, target = self.planets.models[planet], self.targets.select([star])
+        if place <= 0:
+            return ()
+        distance = float(reference_distance_au(target, np.array([place]), body)[0, 0])
+        excluded = excluded_by_rv(target.name.tolist(), distance, body.radius_rjup)[0]
+        notes = reference_notes(self.model, target, self.band, place, body)
+        return (*notes, "excluded_by_rv") if excluded else notes
 
 
 def planets_of(

@@ -1,3 +1,4 @@
+from cpic_planner.planets.allowed import StarLimits as StarLimits, excluded_by_rv as excluded_by_rv
 from cpic_planner.planets.known_draws import (
     Ephemeris as Ephemeris,
     draw_known as draw_known,
@@ -8,6 +9,7 @@ from cpic_planner.planets.known_draws import (
     quantiles as quantiles,
 )
 from cpic_planner.planets.laws import chosen_entry as chosen_entry
+from cpic_planner.planets.mass_radius import least_mass as least_mass
 from cpic_planner.planets.orbits import OrbitingPlanets as OrbitingPlanets
 from cpic_planner.planets.population import (
     Planets as Planets,

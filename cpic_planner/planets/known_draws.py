@@ -224,6 +224,7 @@ def planets_of(draws: KnownDraws, row: int, albedo: AlbedoSpec) -> Planets:
     return Planets(
         population="known planets",
         kind=np.zeros(n, np.int64),
+        mass_mjup=draws.mass_mjup[row],
         radius_rjup=np.minimum(draws.radius_rjup[row], 10.0),
         **{name: getattr(draws, name)[row] for name in ORBIT},
         **{name: values[:, 0] for name, values in vars(places).items()},

@@ -1,71 +1,14 @@
-"""Radii of planets from their masses: the relation of Chen & Kipping 2017, ApJ 834, 17.
-
-What the columns of a table of known planets leave open: each quantity as a function of uniform numbers.
-"""
+"""What the columns of a table of known planets leave open: each quantity as a function of uniform numbers."""
 
 import functools
 
 import numpy as np
 
 from catalogs import KnownPlanetTable
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, check_finite
+from cpic_core import BoolArray, FloatArray, InputError, IntArray
 from cpic_planner.planets.laws import Isotropic, Law
+from cpic_planner.planets.mass_radius import MJUP_IN_MSUN, STAR_MJUP, radius_from_mass
 from cpic_planner.planets.population_config import load_population
-
-EARTHS_IN_MJUP = 317.828
-EARTHS_IN_RJUP = 71492.0 / 6378.1
-STAR_MJUP = 83.8
-"""Mass at which the relation's stars begin, 0.080 solar masses, in Jupiter masses."""
-
-# Their Table 1: constant (R_Earth), indices, transitions (M_Earth), and intrinsic scatter of ln R.
-_CONSTANT = 1.008
-_INDICES = (0.2790, 0.589, -0.044)
-_TURNS = (2.04, 0.414 * EARTHS_IN_MJUP)
-_SCATTER = (0.0403, 0.1460, 0.0737)
-
-
-def radius_from_mass(mass_mjup: ArrayLike, deviate: ArrayLike = 0.0) -> FloatArray:
-    """Radius in Jupiter's equatorial radii (71 492 km) of planets and brown dwarfs.
-
-    Parameters
-    ----------
-    mass_mjup : array_like
-        Above 0; beyond 0.08 solar masses the relation of the giants goes on.
-    deviate : array_like
-        Standard normal number of the scatter about the mean relation; broadcasts.
-
-    Returns
-    -------
-    ndarray
-
-    Raises
-    ------
-    InputError
-        If a mass is not above 0.
-
-    Notes
-    -----
-    ``R = 1.008 (M / M_Earth)^0.279`` Earth radii up to 2.04 Earth masses, then index 0.589 up to 0.414 Jupiter masses,
-    then -0.044, continuous, with a scatter of 4.0, 14.6 and 7.4 %, here of the natural logarithm.
-
-    Examples
-    --------
-    >>> from cpic_planner.planets.known_rows import radius_from_mass
-    >>> round(float(radius_from_mass(1.0)), 2)
-    1.23
-    """
-    mass = check_finite("mass_mjup", mass_mjup, "M_Jup")
-    if np.any(mass <= 0.0):
-        raise InputError("mass_mjup", float(mass.min()), unit="M_Jup", allowed="above 0")
-    earths = mass * EARTHS_IN_MJUP
-    kind = np.searchsorted(_TURNS, earths, side="left")
-    # Each law, continued from the one before it.
-    small = _CONSTANT * np.minimum(earths, _TURNS[0]) ** _INDICES[0]
-    middle = (np.clip(earths, *_TURNS) / _TURNS[0]) ** _INDICES[1]
-    large = (np.maximum(earths, _TURNS[1]) / _TURNS[1]) ** _INDICES[2]
-    scatter = np.asarray(_SCATTER)[kind] * np.asarray(deviate, float)
-    return np.asarray(small * middle * large * np.exp(scatter) / EARTHS_IN_RJUP)
-
 
 _OF_COLUMNS = ("period", "epoch", "eccentricity", "omega", "semi_major_axis", "mass", "inclination", "node")
 QUANTITIES = (*_OF_COLUMNS, "mean_anomaly", "radius", "star_mass", "solution")
@@ -75,7 +18,6 @@ ECCENTRICITY_HIGH = 0.99
 _MJD_ZERO_JD = 2400000.5
 _GAUSSIAN_YEAR_DAYS = 365.2568983
 """Period at 1 au around one solar mass."""
-_MJUP_IN_MSUN = 9.545942e-4
 _LEAST = 1e-3
 """Least share of its published value that a drawn length, mass or period has."""
 
@@ -193,7 +135,7 @@ class DrawnRows:
         """
         axis = self.normal("semi_major_axis_au", "semi_major_axis_err_au", "semi_major_axis")
         period = self.normal("period_days", "period_err_days", "period")
-        total = star_msun + _MJUP_IN_MSUN * np.nan_to_num(mass_mjup, nan=0.0)
+        total = star_msun + MJUP_IN_MSUN * np.nan_to_num(mass_mjup, nan=0.0)
         no_axis, no_period = ~np.isfinite(axis), ~np.isfinite(period)
         lost = (no_axis | no_period) & ~np.isfinite(total)
         if lost.any():

@@ -1,5 +1,6 @@
 """Seeded draws of a population of planets."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -7,10 +8,11 @@ import numpy as np
 
 from catalogs import ORBIT, orbit_places
 from cpic_core import FloatArray, InputError, IntArray, check_whole, stream
+from cpic_planner.planets.allowed import StarLimits
 from cpic_planner.planets.laws import chosen_entry
 from cpic_planner.planets.orbits import OrbitingPlanets
 from cpic_planner.planets.population_config import QUANTITIES, PopulationConfig, load_population
-from cpic_planner.queries import MAX_PLANETS, N_PLANETS
+from cpic_planner.queries import EXCLUSIONS, MAX_PLANETS, N_PLANETS
 from cpic_planner.results import PopulationRecord
 from simulator.config import AlbedoSpec
 
@@ -25,6 +27,8 @@ class Planets(OrbitingPlanets):
         Name of the population.
     kind : ndarray of int
         Number of the planet's kind, into ``kind_names`` and ``albedos``.
+    mass_mjup : ndarray
+        True mass, nan where a known planet has none.
     east_au, north_au, distance_au, phase_deg : ndarray
         Offset from the star on the sky, true distance, and phase angle, before `scale`.
     kind_names : tuple of str
@@ -35,6 +39,7 @@ class Planets(OrbitingPlanets):
 
     population: str
     kind: IntArray
+    mass_mjup: FloatArray
     east_au: FloatArray
     north_au: FloatArray
     distance_au: FloatArray
@@ -108,11 +113,12 @@ def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Plan
 
 @dataclass(frozen=True)
 class PopulationChoice:
-    """A population, how many planets are drawn of it, and the seed."""
+    """A population, how many planets are drawn of it, the seed, and which knowledge of the stars excludes planets."""
 
     config: PopulationConfig
     n_planets: int = N_PLANETS
     seed: int = 1
+    exclusions: tuple[str, ...] = EXCLUSIONS
 
     @classmethod
     def default(cls) -> "PopulationChoice":
@@ -123,10 +129,18 @@ class PopulationChoice:
         """The planets, the same at every star."""
         return draw_population(self.config, self.n_planets, self.seed)
 
+    def limits(self, names: Sequence[str]) -> StarLimits:
+        """What is known of stars of these names, as far as it counts."""
+        return StarLimits.of(names, self.exclusions)
+
     def record(self) -> PopulationRecord:
         """As written into results."""
-        return PopulationRecord.of(self, self.config)
+        standing = self.config.provenance.get("planets_per_star")
+        return PopulationRecord.of(
+            self, self.config, planets_per_star_range=None if standing is None else standing.range
+        )
 
     def content(self) -> dict[str, object]:
         """For content hashes."""
-        return {"config": self.config.content(), "n_planets": self.n_planets, "seed": self.seed}
+        asked = {"n_planets": self.n_planets, "seed": self.seed, "exclusions": list(self.exclusions)}
+        return {"config": self.config.content(), **asked}

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_
 from catalogs import ECCENTRICITY_MAX
 from cpic_core import FloatArray, InputError, IntArray, Provenance, split_sourced
 from cpic_planner.planets.laws import Law, read_law
+from cpic_planner.planets.mass_radius import least_mass
 from cpic_planner.queries import ReferencePlanet
 from simulator import config
 from simulator.config.scene import paths_beside
@@ -27,7 +28,7 @@ _RANGES = {
     "mean_anomaly_deg": (-360.0, 360.0),
 }
 _IN_UNIT = ("value", "values", "low", "high", "mean", "sd", "scale", "turn")
-_ALIASES = {key.rpartition("_")[0]: key for key in _RANGES if key != "eccentricity"}  # without their units
+_ALIASES = {key.rpartition("_")[0]: key for key in (*_RANGES, "mass_mjup") if key != "eccentricity"}  # without units
 _PHASE = "the phase follows from the orbit: give mean_anomaly_deg and inclination_deg"
 _HINTS = {"phase": _PHASE, "phase_deg": _PHASE, "period": "give semi_major_axis_au"}
 
@@ -56,6 +57,8 @@ def _law(value: Any, info: ValidationInfo) -> Law | None:
 
 _READ_ALBEDO = BeforeValidator(lambda value: None if value is None else config.albedo_spec(value))
 LawValue: TypeAlias = Annotated[Law | None, BeforeValidator(_law)]
+MassRelation: TypeAlias = Literal["chen_kipping_2017"]
+_OF_RADIUS: MassRelation = "chen_kipping_2017"
 
 
 class _Quantities(config.FrozenModel):
@@ -68,6 +71,7 @@ class _Quantities(config.FrozenModel):
     argument_of_pericentre_deg: LawValue = None
     node_deg: LawValue = None
     mean_anomaly_deg: LawValue = None
+    mass_mjup: Annotated[config.Real, Field(gt=0, le=100)] | MassRelation | None = None
     albedo: Annotated[config.AlbedoSpec | None, _READ_ALBEDO] = None
 
     @model_validator(mode="before")
@@ -107,6 +111,9 @@ class PopulationConfig(_Quantities):
 mean_anomaly_deg : Law
         Laws of `cpic_planner.planets.laws`; a number stands for one value. The elements of the orbit are defined in
         `catalogs.orbits.orbit_places`.
+    mass_mjup : float or {"chen_kipping_2017"}, optional
+        Mass of the planets, which velocities of the star show: one number, or the least that their radius has by that
+        relation (`cpic_planner.planets.mass_radius.least_mass`), as where none is stated beside a radius.
     albedo : AlbedoSpec
         What `simulator.config.light.albedo_spec` reads; all planets of a kind share it, except that an albedo without
         ``insolation_au`` follows each planet's own light.
@@ -130,7 +137,7 @@ mean_anomaly_deg : Law
     def _complete(self) -> "PopulationConfig":
         for key in _LAWS:
             own = [getattr(kind, key) is not None for kind in self.kinds]
-            if getattr(self, key) is None and not (own and all(own)):
+            if getattr(self, key) is None and not (own and all(own)) and key != "mass_mjup":
                 where = f"kinds.{own.index(False)}.{key}" if any(own) else key
                 raise InputError(where, "missing", allowed="a value is required")
             if getattr(self, key) is not None and own and all(own):
@@ -149,6 +156,9 @@ mean_anomaly_deg : Law
         if not self.kinds:
             return (PlanetKind(name=self.name, **shared),)
         lacking = [{key: shared[key] for key in _LAWS if getattr(kind, key) is None} for kind in self.kinds]
+        for kind, update in zip(self.kinds, lacking, strict=True):
+            if kind.radius_rjup is not None and kind.mass_mjup is None:
+                update["mass_mjup"] = _OF_RADIUS  # the mass of all was that of their radius
         return tuple(kind.model_copy(update=update) for kind, update in zip(self.kinds, lacking, strict=True))
 
     def quantiles(self, kind: IntArray, shares: Sequence[FloatArray]) -> dict[str, FloatArray]:
@@ -164,14 +174,18 @@ mean_anomaly_deg : Law
         Returns
         -------
         dict of ndarray
-            By quantity, shape ``(n,)``.
+            By quantity, and ``mass_mjup``; shape ``(n,)``.
         """
-        drawn = {}
+        drawn = {"mass_mjup": np.empty(len(kind))}
         for quantity, share in zip(QUANTITIES, shares, strict=True):
             values = drawn[quantity] = np.empty(len(kind))
             for number, item in enumerate(self.mixture):
                 mine = kind == number
                 values[mine] = getattr(item, quantity).quantile(share[mine])
+        for number, item in enumerate(self.mixture):
+            mine = kind == number
+            of_radius = least_mass(drawn["radius_rjup"][mine])
+            drawn["mass_mjup"][mine] = item.mass_mjup if isinstance(item.mass_mjup, int | float) else of_radius
         return drawn
 
     def content(self) -> dict[str, Any]:
@@ -253,6 +267,8 @@ def _laid_over(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
         for key in _LAWS:
             if all(key in kind for kind in kinds):
                 merged.pop(key, None)
+    if "mass_mjup" in merged and "radius_rjup" in own:
+        merged["mass_mjup"] = _OF_RADIUS  # the base's mass was that of its radius
     for key, value in own.items():
         law = merged.get(key)
         over = key in QUANTITIES and isinstance(value, Mapping) and "law" not in value

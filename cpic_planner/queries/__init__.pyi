@@ -31,10 +31,13 @@ from cpic_planner.queries.known import (
 )
 from cpic_planner.queries.overrides import SimulatorOverrides as SimulatorOverrides
 from cpic_planner.queries.rank import (
+    EXCLUSIONS as EXCLUSIONS,
     MAX_PLANETS as MAX_PLANETS,
     N_PLANETS as N_PLANETS,
     RankedQuestion as RankedQuestion,
     RankQuestion as RankQuestion,
+    asked_exclusions as asked_exclusions,
+    read_exclusions as read_exclusions,
 )
 from cpic_planner.queries.runs import (
     PlanQuestion as PlanQuestion,

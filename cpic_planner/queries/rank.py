@@ -1,6 +1,6 @@
 """The question of ``cpic rank``: which stars promise most."""
 
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from pydantic import model_validator
 
@@ -14,6 +14,36 @@ from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 N_PLANETS = 4000
 """Planets that a ranking draws."""
 MAX_PLANETS = 1_000_000
+EXCLUSIONS = ("rv", "stability", "known_giants")
+"""What can exclude planets: velocities of the star, its companion star, and its giant planets."""
+
+
+def read_exclusions(given: Any) -> tuple[str, ...]:
+    """Return names of `EXCLUSIONS` from what people write: some of them, or ``none`` alone.
+
+    Raises
+    ------
+    InputError
+        For another name, or ``none`` beside one.
+    """
+    names = shared.several(given)
+    for name in names:
+        if name not in (*EXCLUSIONS, "none") or (name == "none" and len(names) > 1):
+            allowed = f"{', '.join(EXCLUSIONS)}, one or several, or none alone"
+            raise InputError("exclusions", name, allowed=allowed)
+    return tuple(name for name in EXCLUSIONS if name in names)
+
+
+def asked_exclusions(default: tuple[str, ...] | None = EXCLUSIONS, **settings: Any) -> Any:
+    """Declare the field of what excludes planets; ``settings`` as of `asked`."""
+    return asked(
+        default,
+        "What excludes planets of the population: rv (radial velocities would have shown them), stability (a companion "
+        "star leaves them no orbit), known_giants (a known giant stands there), or none. Repeat for several.",
+        read=read_exclusions,
+        accepts="str or sequence of str",
+        **settings,
+    )
 
 
 class CountedPlanetsQuestion(shared.KnownPlanetsQuestion):
@@ -34,15 +64,15 @@ class CountedPlanetsQuestion(shared.KnownPlanetsQuestion):
         le=MAX_PLANETS,
         option="--planets",
     )
+    exclusions: shared.Texts = asked_exclusions()
 
     def check_planets(self) -> None:
-        """Refuse a population beside known planets, and candidates without them."""
-        if self.known_planets is not None and "population" in self.model_fields_set:
-            taken, hint = (
-                f"given with {called('known_planets')}",
-                "known planets stand instead of a hypothetical population",
-            )
-            raise InputError("population", taken, allowed="one of the two", hint=hint)
+        """Refuse a population, and what excludes its planets, beside known planets; and candidates without them."""
+        for name in ("population", "exclusions"):
+            if self.known_planets is not None and name in self.model_fields_set:
+                taken = f"given with {called('known_planets')}"
+                hint = "known planets stand instead of a hypothetical population"
+                raise InputError(name, taken, allowed="one of the two", hint=hint)
         if self.known_planets is None and self.candidates:
             raise InputError("candidates", "given", allowed=f"only with {called('known_planets')}")
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal
 from cpic_planner.queries.base import Question
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.images import ImageQuestion
-from cpic_planner.queries.rank import RankedQuestion
+from cpic_planner.queries.rank import RankedQuestion, asked_exclusions
 from cpic_planner.queries.shared import RunQuestion, Texts
 
 
@@ -29,7 +29,8 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
 
 
 _SAMPLE = ("universes", "seed", "start_utc", "date_utc", "duration_days", "slot_days")
-UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "catalog", "instrument", "known_planets", "candidates")
+_FACTS = ("catalog", "known_planets", "candidates", "exclusions", "facts")
+UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "instrument", *_FACTS)
 """Fields that stand instead of those of `cpic_planner.survey.strategy_file.UniverseConfig`, which checks them."""
 
 
@@ -75,6 +76,13 @@ class WhatIfQuestion(RunQuestion):
         read=str,
     )
     candidates: bool | None = asked(None, "Count candidates among the known planets too.", unset="no")
+    exclusions: Texts | None = asked_exclusions(None, unset="all three")
+    facts: bool | None = asked(
+        None,
+        "Also plan and play every strategy without each fact that is known (known planets since 2019, radial "
+        "velocities, stability, known giants, companion stars), and say which fact moved which number.",
+        unset="no",
+    )
     images: int = asked(6, "Detections of each strategy that are simulated as images.", ge=0)
     workers: int = asked(
         2, "Local worker processes; results do not depend on their number.", ge=1, le=256, physics=False

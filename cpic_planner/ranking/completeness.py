@@ -1,4 +1,4 @@
-"""How many planets of a population one observation of each star detects."""
+"""How many planets of a population one observation of each star detects, of all and of those that may still exist."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, check_finite, real_array
 from cpic_planner import etc
-from cpic_planner.planets import Planets
+from cpic_planner.planets import Planets, StarLimits
 from cpic_planner.targets import Targets
 from simulator.imaging import HoleZone
 from simulator.target import albedo_notes, albedo_source, needs_insolation, sky_to_detector
@@ -28,15 +28,19 @@ class BandCompleteness:
     n_planets : int
         Planets drawn, the same for every star.
     completeness : ndarray
-        Fraction detected by the one observation.
+        Fraction that the one observation detects and that nothing known excludes: the mean of the probability that a
+        detected planet may still exist.
+    completeness_unconditional : ndarray
+        Fraction detected by the one observation, whatever is known.
     standard_error : ndarray
-        Binomial, of the number of planets drawn; 0 where none or all are detected, and then below 3 / n with 95 %.
+        Of ``completeness``, by the number of planets drawn: binomial where nothing is known; 0 where none or all are
+        detected, and then below 3 / n with 95 %.
     in_zone : ndarray
         Fraction that stands in the dark quadrants.
     observable : ndarray
         Fraction whose whole aperture lies there: no observation detects more.
-    expected_detections : ndarray or None
-        Completeness times the population's planets per star, if it has an occurrence rate.
+    expected_planets, expected_planets_unconditional : ndarray or None
+        Both times the population's planets per star, if it has an occurrence rate.
     flags : tuple of str
         What was clamped or extrapolated for some planet, and a dark hole that is not as dark as asked.
     """
@@ -44,10 +48,12 @@ class BandCompleteness:
     band: str
     n_planets: int
     completeness: FloatArray
+    completeness_unconditional: FloatArray
     standard_error: FloatArray
     in_zone: FloatArray
     observable: FloatArray
-    expected_detections: FloatArray | None
+    expected_planets: FloatArray | None
+    expected_planets_unconditional: FloatArray | None
     flags: tuple[str, ...]
 
 
@@ -60,6 +66,7 @@ def completeness(
     exposure_s: ArrayLike,
     n_frames: ArrayLike,
     em_gain: ArrayLike,
+    limits: StarLimits | None = None,
 ) -> BandCompleteness:
     """Fraction of a population that one observation of each star detects.
 
@@ -74,6 +81,8 @@ def completeness(
     exposure_s, n_frames, em_gain : array_like
         Setting of each star, one number or shape ``(n,)``. No frames detect nothing, and their other numbers do not
         matter. Where photons are counted all stars have one gain.
+    limits : StarLimits, optional
+        What is known of the ``n`` stars; without it every planet may exist.
 
     Returns
     -------
@@ -93,20 +102,23 @@ def completeness(
     if band not in model.metrics:
         raise InputError("band", band, allowed=", ".join(model.bands))
     settings = _settings(model, len(targets), exposure_s, n_frames, em_gain)
-    counts = _Counts(model, targets, band, planets, settings)
+    counts = _Counts(model, targets, band, planets, settings, limits)
     for part in _slices(len(planets), _PLANETS):
         counts.add(part)
     n = len(planets)
     detected, in_zone, observable = counts.found / n
+    allowed, squared = counts.allowed / n
     occurrence = planets.planets_per_star
     return BandCompleteness(
         band=band,
         n_planets=n,
-        completeness=detected,
-        standard_error=np.sqrt(detected * (1.0 - detected) / n),
+        completeness=allowed,
+        completeness_unconditional=detected,
+        standard_error=np.sqrt(np.maximum(squared - allowed**2, 0.0) / n),
         in_zone=in_zone,
         observable=observable,
-        expected_detections=None if occurrence is None else occurrence * detected,
+        expected_planets=None if occurrence is None else occurrence * allowed,
+        expected_planets_unconditional=None if occurrence is None else occurrence * detected,
         flags=_notes(model, band, planets, counts.insolation) + etc.hole_notes(model, band),
     )
 
@@ -114,18 +126,27 @@ def completeness(
 class _Counts:
     """Numbers of planets around each star, and the range of insolation of those that follow it.
 
-    The rows of ``found`` are planets detected, in the zone, and observable.
+    The rows of ``found`` are planets detected, in the zone, and observable; those of ``allowed`` the sums, over the
+    detected ones, of the probability that they may exist, and of its square.
     """
 
     def __init__(
-        self, model: etc.EtcModel, targets: Targets, band: str, planets: Planets, settings: tuple[FloatArray, ...]
+        self,
+        model: etc.EtcModel,
+        targets: Targets,
+        band: str,
+        planets: Planets,
+        settings: tuple[FloatArray, ...],
+        limits: StarLimits | None,
     ) -> None:
         self.model = model
         self.targets = targets
         self.band = band
         self.planets = planets
         self.settings = settings
+        self.limits = limits
         self.found = np.zeros((3, len(targets)), np.int64)
+        self.allowed = np.zeros((2, len(targets)))
         self.insolation = [np.inf, -np.inf]
 
     def add(self, part: slice) -> None:
@@ -159,7 +180,20 @@ class _Counts:
             contrast = self._contrast(chosen, pick + part.start, scale[stars], usable[here])
             setting = [value[rows][stars][:, None] for value in self.settings]
             detected = _detected(model, chosen, band, x[here], y[here], contrast, setting) & usable[here]
-            self.found[0, rows.start + stars] += np.count_nonzero(detected, axis=1)
+            numbers_of = stars + rows.start
+            self.found[0, numbers_of] += np.count_nonzero(detected, axis=1)
+            self.allowed[:, numbers_of] += self._allowed(numbers_of, pick + part.start, scale[stars], detected)
+
+    def _allowed(self, stars: IntArray, pick: IntArray, scale: FloatArray, detected: BoolArray) -> FloatArray:
+        """Sums over the detected planets of each star of the probability that they may exist, and of its square."""
+        if self.limits is None:
+            return np.broadcast_to(np.count_nonzero(detected, axis=1), (2, len(stars))).astype(float)
+        rows, _ = np.nonzero(detected)
+        which, planets = pick[detected], self.planets
+        axis = planets.semi_major_axis_au[which] * scale[rows]
+        tilt = planets.inclination_deg[which]
+        chance = self.limits.allowed_probability(stars[rows], axis, planets.mass_mjup[which], tilt)
+        return np.stack([np.bincount(rows, value, len(stars)) for value in (chance, chance**2)])
 
     def _contrast(self, targets: Targets, pick: IntArray, scale: FloatArray, usable: BoolArray) -> FloatArray:
         """Contrast of the picked planets of each star, shape ``(n, k)``; the range of their insolation is noted."""

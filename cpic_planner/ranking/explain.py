@@ -6,9 +6,9 @@ import numpy as np
 
 from cpic_core import InputError
 from cpic_planner import etc
-from cpic_planner.planets import Planets, PopulationChoice
+from cpic_planner.planets import Planets, PopulationChoice, StarLimits
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.ranking.completeness import completeness
+from cpic_planner.ranking.known_completeness import counted_completeness
 from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band
 from cpic_planner.ranking.order import RankSetting, detection_statuses, limits_of, rank_targets, setting_fields
 from cpic_planner.ranking.sensitivity import ASSUMPTIONS, N_TOP, in_order, in_turn, near_top
@@ -61,7 +61,7 @@ def explain_star(
     star = targets.select([index])
     rows = rank.targets
     planets = (population or PopulationChoice.default()).draw()
-    standings = [_standing(setting, star, band, planets) for band in setting.bands]
+    standings = [_standing(setting, star, band, planets, setting.limits(star)) for band in setting.bands]
     ranks = _other_ranks(setting, targets, rows, name) if other_assumptions else {}
     return Explanation(
         config_hash=content_hash({"kind": "explanation", "rank": rank.config_hash, "star": name}),
@@ -88,13 +88,13 @@ def _other_ranks(setting: RankSetting, targets: Targets, rows: Sequence[RankedTa
     return {item.key: int(in_order(item.change(setting), targets).rank[index]) for item in in_turn(ASSUMPTIONS)}
 
 
-def _standing(setting: RankSetting, star: Targets, band: str, planets: Planets) -> BandStanding:
+def _standing(
+    setting: RankSetting, star: Targets, band: str, planets: Planets, limits: StarLimits | None
+) -> BandStanding:
     """One band of one star."""
     model, planet = setting.model, setting.planet
     best = best_in_band(model, star, band, setting.time_s, planet)
-    counted = completeness(
-        model, star, band, planets, exposure_s=best.exposure_s, n_frames=best.n_frames, em_gain=best.em_gain
-    )
+    counted = counted_completeness(model, star, band, planets, best, limits)
     standing = detection_statuses(best, model)[0]
     cases = etc.band_cases(
         model, star, band, etc.planets_of(float(best.separation_arcsec[0]), planet), etc.FixedFrames()
@@ -139,9 +139,14 @@ def _sentences(
     words = [f"Rank {star.rank} of {n_ranked} by {SCORES[score].title}: {star.score:.3g}."]
     words.append(
         f"At {star.distance_pc:.2f} pc, {geometry.in_zone:.1%} of the population lie in the dark quadrants of "
-        f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and {star.completeness:.1%} are "
-        "detected by one observation."
+        f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and "
+        f"{star.completeness_unconditional:.1%} are detected by one observation."
     )
+    if star.completeness != star.completeness_unconditional:
+        words.append(
+            f"What is known of the star leaves {star.completeness:.1%}: the rest would have been found by radial "
+            "velocities, has no stable orbit, or stands beside a known giant."
+        )
     verdict = {
         "ok": "is detected",
         "speckle_floor": "is not detected by any length of visit",

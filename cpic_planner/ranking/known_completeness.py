@@ -11,9 +11,10 @@ import numpy as np
 from catalogs import KnownPlanetTable, load_known_planets
 from cpic_core import ArrayLike, InputError, check_finite, check_whole
 from cpic_planner.etc import EtcModel
-from cpic_planner.planets import Planets, PopulationChoice, draw_known, known_uniforms, planets_of
+from cpic_planner.planets import Planets, PopulationChoice, StarLimits, draw_known, known_uniforms, planets_of
 from cpic_planner.queries import RankedQuestion, ReferencePlanet
 from cpic_planner.ranking.completeness import BandCompleteness, completeness
+from cpic_planner.ranking.optimiser import OptimalSetting
 from cpic_planner.results import KNOWN_PLANETS, PopulationRecord
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, Instrument, checked_utc
@@ -159,7 +160,7 @@ def counted_planets(question: RankedQuestion) -> PopulationChoice | KnownChoice:
         If there is no such table of known planets, or it cannot be used.
     """
     if question.known_planets is None:
-        return PopulationChoice(question.population, question.n_planets, question.seed)
+        return PopulationChoice(question.population, question.n_planets, question.seed, question.exclusions)
     n_draws, albedo = check_whole("n_planets", question.n_planets, 1, MAX_DRAWS), question.planet.albedo
     where = question.known_planets, question.date_utc, albedo, question.instrument
     return KnownChoice.at(*where, n_draws=n_draws, seed=question.seed, candidates=question.candidates)
@@ -188,7 +189,8 @@ def known_completeness(
     -------
     BandCompleteness
         ``completeness``, ``in_zone`` and ``observable`` are probabilities of at least one planet, those of a star's
-        planets taken as independent; ``expected_detections`` is their sum.
+        planets taken as independent; ``expected_planets`` is their sum. What velocities exclude does not count:
+        these planets are known.
     """
     asked = {"exposure_s": exposure_s, "n_frames": n_frames, "em_gain": em_gain}
     settings = {name: np.broadcast_to(np.asarray(value, float), (len(targets),)) for name, value in asked.items()}
@@ -209,12 +211,38 @@ def known_completeness(
         band=band,
         n_planets=known.n_draws,
         completeness=seen,
+        completeness_unconditional=seen,
         standard_error=np.sqrt(variance),
         in_zone=in_zone,
         observable=observable,
-        expected_detections=expected,
+        expected_planets=expected,
+        expected_planets_unconditional=expected,
         flags=tuple(flags),
     )
+
+
+def counted_completeness(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    planets: Planets | KnownSample,
+    setting: OptimalSetting,
+    limits: StarLimits | None,
+) -> BandCompleteness:
+    """Return the completeness of the observation of each star: of planets that all may have, or of its known ones.
+
+    Parameters
+    ----------
+    model, targets, band, limits
+        As of `cpic_planner.ranking.completeness.completeness`.
+    planets : Planets or KnownSample
+    setting : OptimalSetting
+        How each star is observed in that band.
+    """
+    taken = {name: getattr(setting, name) for name in ("exposure_s", "n_frames", "em_gain")}
+    if isinstance(planets, KnownSample):
+        return known_completeness(model, targets, band, planets, **taken)
+    return completeness(model, targets, band, planets, limits=limits, **taken)
 
 
 def _variance(shares: Sequence[float], n_draws: int) -> float:

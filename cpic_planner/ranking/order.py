@@ -11,11 +11,12 @@ import numpy as np
 from catalogs import snapshot_vintage
 from cpic_core import FloatArray, InputError, IntArray, Reason, Status, announce
 from cpic_planner import etc
-from cpic_planner.planets import Planets, PopulationChoice
+from cpic_planner.planets import Planets, PopulationChoice, StarLimits
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.ranking.completeness import BandCompleteness, completeness
-from cpic_planner.ranking.known_completeness import KnownChoice, KnownSample, known_completeness
+from cpic_planner.ranking.completeness import BandCompleteness
+from cpic_planner.ranking.known_completeness import KnownChoice, KnownSample, counted_completeness
 from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band, best_of, optimise
+from cpic_planner.ranking.velocities import ReferenceVelocities, reference_velocities
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
 from cpic_planner.results import LimitText, RankedTarget, RankResult, ReferencePlanetRecord
 from cpic_planner.targets import Targets
@@ -70,8 +71,13 @@ class RankSetting:
         choice = self.population
         return choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
 
+    def limits(self, targets: Targets) -> StarLimits | None:
+        """Return what is known of the stars and excludes planets; None where the planets are the known ones."""
+        return None if isinstance(self.population, KnownChoice) else self.population.limits(targets.name.tolist())
+
     def digest(self, targets: Targets) -> str:
         """Hash of everything that decides a ranking."""
+        limits = self.limits(targets)
         decides = {
             "kind": "rank",
             "version": __version__,
@@ -83,6 +89,7 @@ class RankSetting:
             "score": self.score,
             "planet": self.planet.content(),
             "population": self.population.content(),
+            "limits": None if limits is None else limits.digest(),
         }
         return content_hash(decides)
 
@@ -176,7 +183,11 @@ def ranked(setting: RankSetting, targets: Targets, *, with_times: bool = True) -
     quickest = None
     if with_times or chosen.timed:
         quickest = optimise(model, targets, detect=True, planet=planet, bands=bands)
-    counted = tuple(_counted(model, targets, band, planets, item) for band, item in zip(bands, by_band, strict=True))
+    limits = setting.limits(targets)
+    counted = tuple(
+        counted_completeness(model, targets, band, planets, item, limits)
+        for band, item in zip(bands, by_band, strict=True)
+    )
     numbers = _numbers(best, by_band, quickest, counted)
     picked = np.argmax(chosen.by_band(numbers), axis=0)
     return Ranked(setting, best, by_band, quickest, counted, picked, np.asarray(chosen.value(numbers), float))
@@ -209,16 +220,6 @@ def _numbers(
         deepest_limit=best.deepest_limit,
         time_s=best.time_s,
     )
-
-
-def _counted(
-    model: etc.EtcModel, targets: Targets, band: str, planets: Planets | KnownSample, setting: OptimalSetting
-) -> BandCompleteness:
-    """Completeness of the observation of each star: of planets that all may have, or of those that it has."""
-    taken = {name: getattr(setting, name) for name in ("exposure_s", "n_frames", "em_gain")}
-    if isinstance(planets, KnownSample):
-        return known_completeness(model, targets, band, planets, **taken)
-    return completeness(model, targets, band, planets, **taken)
 
 
 def ranked_order(found: Ranked, targets: Targets) -> list[int]:
@@ -285,8 +286,9 @@ def rank_targets(
     said = zip(standings, limits, strict=True)
     settings = [setting_fields(found.best, i, *standing) for i, standing in enumerate(said)]
     blooming = {band: etc.companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
+    velocities = reference_velocities(targets, found.best.separation_arcsec, found.setting.planet)
     rows = [
-        _row(found, targets, i, rank, settings[i], bool(blooming[str(found.best.band[i])][i]))
+        _row(found, targets, i, rank, settings[i], velocities, bool(blooming[str(found.best.band[i])][i]))
         for rank, i in enumerate(ranked_order(found, targets), start=1)
     ]
     counts = Counter("ok" if row.status == "ok" else row.reason for row in rows)
@@ -308,13 +310,19 @@ def rank_targets(
 
 
 def _row(
-    found: Ranked, targets: Targets, i: int, rank: int, setting: dict[str, Any], companion_blooms: bool
+    found: Ranked,
+    targets: Targets,
+    i: int,
+    rank: int,
+    setting: dict[str, Any],
+    velocities: ReferenceVelocities,
+    companion_blooms: bool,
 ) -> RankedTarget:
     best, quickest, model, planet = found.best, found.quickest, found.setting.model, found.setting.planet
     star = targets.select([i])
     band = str(best.band[i])
     separation = best.separation_arcsec[i : i + 1]
-    distance = float(etc.reference_distance_au(star, separation, planet)[0, 0])
+    distance = float(velocities.distance_au[i])
     luminosity = finite(targets.luminosity_lsun[i])
     flags = [*targets.flags[i], *model.strategy.reference_library.flags]
     flags += etc.reference_notes(model, star, band, float(separation[0]), planet) + etc.hole_notes(model, band)
@@ -323,26 +331,27 @@ def _row(
         flags.append("stellar_grid_clamped")
     if companion_blooms:
         flags.append("companion_saturates")
+    if velocities.excluded[i]:
+        flags.append("excluded_by_rv")
     counted = found.counted[found.picked[i]]
     time_s = float(found.completeness_time_s[i])
     share = float(counted.completeness[i])
-    expected = counted.expected_detections
     return RankedTarget.of(
         best,
         targets,
+        counted,
         at=i,
         rank=rank,
         score=float(found.score[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,
         detection_time_s=float(quickest.time_s[i]) if quickest is not None and quickest.n_frames[i] >= 1 else None,
-        completeness=share,
         completeness_error=float(counted.standard_error[i]),
         completeness_band=counted.band,
         completeness_time_s=time_s if time_s > 0 else None,
         completeness_per_hour=share / time_s * 3600.0 if time_s > 0 else 0.0,
-        expected_detections=None if expected is None else float(expected[i]),
         integration_s=setting["n_frames"] * setting["exposure_s"] if setting["n_frames"] else None,
         ref_planet_distance_au=distance,
+        rv_amplitude_m_s=float(velocities.amplitude_m_s[i]),
         ref_planet_insolation_au=None if luminosity is None or luminosity <= 0 else distance / math.sqrt(luminosity),
         flags=flags,
         **setting,

@@ -7,7 +7,7 @@ Speed against accuracy on the terminal.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, full_name, short_name, significant
-from cpic_planner.report.summary import limits_text, population_text
+from cpic_planner.report.summary import expected_sentence, limits_text, population_text, velocities_sentence
 from cpic_planner.report.whatif_maps import shown_rows
 from cpic_planner.report.whatif_words import extent_text, interval_text, lead_sentences, planets_text
 from cpic_planner.report.words import cap_sentence, limit_text, remedies_text, score_number, tau_text, term_text
@@ -32,8 +32,9 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> N
     own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
     cells = row_cells(
         results.RankedTarget,
-        f"rank name v_mag/3 distance_pc/2 {own}completeness completeness_band/7 band/1 separation_arcsec/4 contrast/5 "
-        "frames/9 em_gain/10 time_s/8 snr/2 detection_margin detection_probability status",
+        f"rank name v_mag/3 distance_pc/3 {own}completeness completeness_unconditional/1 completeness_band/7 band/1 "
+        "separation_arcsec/4 contrast/5 frames/9 em_gain/10 time_s/8 snr/2 detection_margin detection_probability "
+        "status",
         score=_score_cells(rank.score_name),
     )
     print_table(console, title, cells, shown, explained=True)
@@ -44,7 +45,8 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> N
     print_note(
         console,
         f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}",
-        f"Population (compl %): {population_text(rank.population)}.",
+        f"Population (compl %): {population_text(rank.population)}; of all %: whatever is known.",
+        *filter(None, (expected_sentence(rank), velocities_sentence(rank, limit))),
         f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
         f"{planet.albedo} albedo, {planet.position}; wall time up to {duration_text(rank.time_s)} per target and band.",
         f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
@@ -122,7 +124,8 @@ def print_explanation(explanation: results.Explanation, console: Console) -> Non
 def _print_neighbours(explanation: results.Explanation, console: Console) -> None:
     cells = row_cells(
         results.RankedTarget,
-        "rank name score completeness/1 completeness_band/5 v_mag/3 distance_pc/4 detection_margin/2 status",
+        "rank name score completeness/1 completeness_unconditional/5 completeness_band/5 v_mag/3 distance_pc/4 "
+        "detection_margin/2 status",
         score=_score_cells(explanation.score_name),
     )
     rows = [row for row in (explanation.better, explanation.star, explanation.worse) if row is not None]
@@ -132,15 +135,16 @@ def _print_neighbours(explanation: results.Explanation, console: Console) -> Non
 def _print_bands(bands: Sequence[results.BandStanding], console: Console) -> None:
     cells = row_cells(
         results.BandStanding,
-        "band completeness in_zone/3 observable/4 separation_arcsec/4 contrast/2 contrast_limit/2 time_s/7 snr/6 "
-        "detection_margin floor_margin/1 dominant/5 status",
+        "band completeness completeness_unconditional/4 in_zone/3 observable/4 separation_arcsec/4 contrast/2 "
+        "contrast_limit/2 time_s/7 snr/6 detection_margin floor_margin/1 dominant/5 status",
         dominant=lambda band: term_text(band.dominant),
     )
     print_table(console, "Its reference planet and its population, band by band", cells, bands, explained=True)
     print_note(
         console,
-        "compl %, in zone %, whole %: shares of the population that are detected, that lie in the dark quadrants, and "
-        "whose whole aperture lies there, as a detection needs; limit: faintest contrast detected there; at most: "
+        "compl %, of all %, in zone %, whole %: shares of the population that are detected and not excluded by what is "
+        "known, that are detected, that lie in the dark quadrants, and whose whole aperture lies there, as a detection "
+        "needs; limit: faintest contrast detected there; at most: "
         "margin that no length of visit can pass.",
     )
 
@@ -192,6 +196,7 @@ def print_whatif(result: results.WhatIfResult, console: Console, report: Path | 
     if len(shown) > 1:
         console.print()
         _print_differences(result, {item.name for item in shown}, console)
+    _print_facts(result, shown, console)
     _print_images(shown, console)
     print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
     if report is not None:
@@ -233,6 +238,27 @@ def _print_differences(result: results.WhatIfResult, names: set[str], console: C
     ]
     title = f"Difference with {reference} in the same universes"
     print_table(console, title, cells, rows, last_width=_LAST_COLUMN)
+
+
+def _print_facts(result: results.WhatIfResult, strategies: list[results.StrategyOutcome], console: Console) -> None:
+    """Planets found with all facts and without each."""
+    facts = result.facts
+    if facts is None or not facts.facts:
+        return
+    rows = {(row.strategy, row.fact): row for row in facts.rows}
+
+    def without(fact: str) -> Callable[[results.StrategyOutcome], str]:
+        return lambda item: decimals(rows[item.name, fact].planets.mean, 2)
+
+    cells = [
+        Cells("all facts", lambda item: decimals(item.planets.mean, 2)),
+        *(Cells(fact.name, without(fact.name)) for fact in facts.facts),
+        Cells("strategy", lambda item: item.name, right=False),
+    ]
+    console.print()
+    print_table(console, "Planets found without each fact, planned anew", cells, strategies, last_width=_LAST_COLUMN)
+    print_plain(console, facts.statement)
+    console.print()
 
 
 def _likely(item: results.DifferenceRecord) -> str:

@@ -239,7 +239,7 @@ def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> I
     lit = "" if sunlight is None else f" (sunlight of {significant(sunlight)} au)"
     facts += [
         ("Reference planet", f"{significant(target.planet_distance_au)} au from the star{lit}"),
-        ("Completeness", f"{numbers.share_text(star.completeness)} % in {star.completeness_band}"),
+        ("Completeness", _completeness_fact(star)),
         ("Predicted margin", f"{significant(star.detection_margin)} in {star.band}"),
     ]
     yield doc.Facts(facts, wide=False)
@@ -251,6 +251,12 @@ def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> I
     yield image_figures.measure_table(name, target.bands, f"{name} by band. {picked}", target.chosen_band)
     yield from image_figures.audit_blocks(name, target.bands)
     yield from image_figures.picture_blocks(images, [band.image for band in target.bands if band.image], name)
+
+
+def _completeness_fact(star: results.RankedTarget) -> str:
+    fact = f"{numbers.share_text(star.completeness)} % in {star.completeness_band}"
+    of_all = star.completeness_unconditional
+    return fact if of_all is None else f"{fact}; {numbers.share_text(of_all)} % whatever is known of the star"
 
 
 @doc.section_of(PLAN_SECTIONS, "assumptions", "Assumptions")
@@ -320,8 +326,8 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
     rank, rows, score = report.rank, report.rows, SCORES[report.rank.score_name]
     columns = doc.row_columns(
         results.RankedTarget,
-        "rank name:row,star v_mag sp_type distance_pc score completeness band separation_arcsec contrast frames "
-        "em_gain snr detection_margin status:wide flags:flags",
+        "rank name:row,star v_mag sp_type distance_pc score completeness completeness_unconditional band "
+        "separation_arcsec contrast frames em_gain snr detection_margin status:wide flags:flags",
         name=lambda row: _star(pretty_name(row.name), row.hip),
         distance_pc=lambda row: significant(row.distance_pc, 4),
         score=Cells("", lambda row: words.score_number(row.score, score.name), label="score", unit=score.unit),
@@ -335,6 +341,7 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
         "reference planet. All rows and columns are in `ranking.csv` and `ranking.ecsv`."
     )
     yield doc.table("Ranking", doc.marked(caption), columns, rows, look="compact")
+    yield from _velocities(rank, len(rows))
     if reasons := sorted({row.reason for row in rows if row.reason}):
         yield doc.Heading("Reasons used here")
         yield doc.Facts([(reason.replace("_", " "), words.reason_text(reason)) for reason in reasons])
@@ -342,6 +349,24 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
     if flags := sorted({flag for row in shown for flag in row.flags}):
         yield doc.Heading("Flags used here")
         yield doc.Facts([(doc.code(flag), words.flag_text(flag)) for flag in flags])
+
+
+def _velocities(rank: results.RankResult, first: int) -> Iterator[doc.Block]:
+    """What is expected with what is known, and where more velocities would change it."""
+    if expected := summary.expected_sentence(rank):
+        yield doc.Paragraph(expected)
+    if rows := summary.unprobed_stars(rank, first):
+        columns = doc.row_columns(
+            results.RankedTarget,
+            "rank name:row,star completeness completeness_unconditional rv_amplitude_m_s ref_planet_distance_au",
+            name=lambda row: _star(pretty_name(row.name), row.hip),
+        )
+        caption = (
+            "Where more radial velocities would change the ranking: stars whose reference planet they do not exclude "
+            "yet. Velocity is the amplitude that it gives its star with the least mass of its radius, on an orbit "
+            "inclined by 60 deg: what has to be shown or ruled out."
+        )
+        yield doc.table("Where velocities are missing", caption, columns, rows)
 
 
 @doc.section_of(PLAN_SECTIONS, "glossary", "Glossary")

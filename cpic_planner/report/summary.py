@@ -10,13 +10,16 @@ from dataclasses import dataclass
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.numbers import count_text, duration_text, pretty_name, significant
-from cpic_planner.report.words import LIMITED_BY, overrides_text, sentence
+from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, overrides_text, sentence
 from simulator.knobs import Quantity
 
 
 def chosen(target: results.ConfirmedTarget) -> results.BandConfirmation | None:
     """Return the confirmation of the chosen band, if any."""
     return next((band for band in target.bands if band.band == target.chosen_band), None)
+
+
+_MOST_NAMED = 5
 
 
 def planet_text(result: results.PlanResult | results.RankResult) -> str:
@@ -29,13 +32,71 @@ def planet_text(result: results.PlanResult | results.RankResult) -> str:
 def population_text(population: results.PopulationRecord) -> str:
     """Return the population in words."""
     often = "" if population.planets_per_star is None else f"{population.planets_per_star:g} planets per star"
+    if often and population.planets_per_star_range is not None:
+        low, high = population.planets_per_star_range
+        often = f"{often}, {low:g} to {high:g} by different surveys"
     details = ", ".join(filter(None, (population.description, often)))
     name = f"{population.name} ({details})" if details else population.name
     meaning = "fraction of it that one observation detects"
     if population.name == results.KNOWN_PLANETS:
         meaning = "probability that at least one of the star's own planets is detected"
+    elif population.exclusions:
+        meaning = f"{meaning} and that {_joined(population.exclusions)} do not exclude"
     drawn = f"{count_text(population.n_planets)} drawn with seed {population.seed}"
     return f"{name}, {drawn}; completeness is the {meaning}"
+
+
+def _joined(exclusions: Sequence[str]) -> str:
+    *first, last = (EXCLUSIONS[name] for name in exclusions)
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def expected_sentence(rank: results.RankResult) -> str:
+    """Return how many planets one observation of every star would find, with and without what is known; may be empty.
+
+    The interval is that of the occurrence alone, by which surveys differ.
+    """
+    found = [row.expected_planets for row in rank.targets if row.expected_planets is not None]
+    of_all = [row.expected_planets_unconditional for row in rank.targets]
+    rate, between = rank.population.planets_per_star, rank.population.planets_per_star_range
+    if not found or rate is None:
+        return ""
+    total = sum(found)
+    interval = "" if between is None else " ({} to {})".format(*(significant(total * end / rate, 2) for end in between))
+    words = f"One observation of each star would find {significant(total, 2)}{interval} planets"
+    if not rank.population.exclusions or None in of_all:
+        return f"{words}."
+    without = significant(sum(filter(None, of_all)), 2)
+    return f"{words} that nobody knows; {without} if nothing were known of the stars."
+
+
+def unprobed_stars(rank: results.RankResult, first: int) -> list[results.RankedTarget]:
+    """Return where among the first stars more radial velocities would change the ranking, most completeness first.
+
+    Their reference planets are those that velocities do not exclude yet.
+    """
+    exclusions = rank.population.exclusions
+    open_stars = [
+        row
+        for row in rank.targets[:first]
+        if row.completeness > 0.0 and row.rv_amplitude_m_s is not None and "excluded_by_rv" not in row.flags
+    ]
+    return sorted(open_stars, key=lambda row: -row.completeness) if "rv" in exclusions else []
+
+
+def velocities_sentence(rank: results.RankResult, first: int) -> str:
+    """Return for which of the first stars more velocities would change the ranking, and what they have to show."""
+    stars = [
+        f"{pretty_name(row.name)} {significant(row.rv_amplitude_m_s, 2)} m/s at "
+        f"{significant(row.ref_planet_distance_au, 2)} au"
+        for row in unprobed_stars(rank, first)[:_MOST_NAMED]
+    ]
+    if not stars:
+        return ""
+    return (
+        f"More radial velocities would change the ranking most where none exclude the reference planet yet; they have "
+        f"to show amplitudes of: {', '.join(stars)}."
+    )
 
 
 def calibration_sentence(result: results.PlanResult | results.ConfirmResult) -> str:

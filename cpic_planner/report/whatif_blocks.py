@@ -5,8 +5,22 @@ from dataclasses import dataclass
 
 from cpic_planner.report import document as doc
 from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, significant
-from cpic_planner.report.whatif_words import changed_settings, interval_text, planets_text, setting_text
-from cpic_planner.results import DifferenceRecord, ImageSample, SettingSource, StrategyOutcome, SurveyTarget
+from cpic_planner.report.whatif_words import (
+    change_text,
+    changed_settings,
+    interval_text,
+    planets_text,
+    setting_text,
+)
+from cpic_planner.results import (
+    DifferenceRecord,
+    FactRow,
+    FactsRecord,
+    ImageSample,
+    SettingSource,
+    StrategyOutcome,
+    SurveyTarget,
+)
 
 
 @dataclass(frozen=True)
@@ -69,6 +83,53 @@ def difference_table(pairs: Sequence[Pair]) -> doc.Table:
         "found, new and known."
     )
     return doc.table("Differences", caption, _DIFFERENCES, pairs)
+
+
+_COUNTED = {"planets": "Planets found", "new_planets": "New planets", "known_planets": "Known planets"}
+
+
+def fact_tables(
+    named: Callable[[StrategyOutcome], doc.Inline], strategies: Sequence[StrategyOutcome], facts: FactsRecord
+) -> Iterator[doc.Block]:
+    """Yield what strategies find with all facts and without each, a heading and a table for each kind of planets.
+
+    Parameters
+    ----------
+    named : callable
+        Writes the name of a strategy.
+    strategies : sequence of StrategyOutcome
+    facts : FactsRecord
+    """
+    rows = {(row.strategy, row.fact): row for row in facts.rows}
+
+    def without(fact: str, quantity: str) -> Callable[[StrategyOutcome], doc.Inline]:
+        def cell(item: StrategyOutcome) -> doc.Inline:
+            row: FactRow = rows[item.name, fact]
+            change = getattr(row, f"{quantity}_change")
+            ends = f"({interval_text(change.low, change.high, 3)})"
+            sure = change.low > 0.0 or change.high < 0.0
+            said = change_text(change.mean)
+            mean = decimals(getattr(row, quantity).mean, 2)
+            return doc.lines(mean, doc.strong(said) if sure else said, doc.small(ends))
+
+        return cell
+
+    def with_all(quantity: str) -> Callable[[StrategyOutcome], doc.Inline]:
+        return lambda item: decimals(getattr(item, quantity).mean, 2)
+
+    for quantity, title in _COUNTED.items():
+        columns = (
+            doc.Column("Strategy", named, look="row left star"),
+            doc.Column("With all facts", with_all(quantity)),
+            *(doc.Column(fact.heading, without(fact.name, quantity)) for fact in facts.facts),
+        )
+        caption = (
+            f"{title}, mean of a survey. In each column but the first the strategies are planned and played as if that "
+            "fact were not known, in the same universes; below the number how much more is found than with all facts, "
+            "bold where that is more than chance, with its 90 % interval."
+        )
+        yield doc.Heading(title)
+        yield doc.table(f"{title} without each fact", caption, columns, strategies)
 
 
 def _correction(images: ImageSample) -> doc.Inline:

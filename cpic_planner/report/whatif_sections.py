@@ -10,7 +10,14 @@ from cpic_planner.report import document as doc, whatif_words as words
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import WHATIF_FIGURES
 from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, share_text, significant
-from cpic_planner.report.whatif_blocks import difference_table, image_table, pairs_of, source_table, strategy_blocks
+from cpic_planner.report.whatif_blocks import (
+    difference_table,
+    fact_tables,
+    image_table,
+    pairs_of,
+    source_table,
+    strategy_blocks,
+)
 from cpic_planner.report.whatif_maps import shown_rows
 from cpic_planner.report.words import method_credits, reading, terms, whatif_terms
 from cpic_planner.results import RankChange, StrategyOutcome, WhatIfResult
@@ -90,7 +97,7 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
     def counted(name: str) -> Callable[[StrategyOutcome], doc.Inline]:
         def cell(item: StrategyOutcome) -> doc.Inline:
             estimate = getattr(item, name)
-            one = words.hanging_text(item) if name == "planets" else ""
+            one = {"planets": words.hanging_text, "new_planets": words.occurrence_text}.get(name, lambda _: "")(item)
             interval = doc.small(words.interval_text(estimate.low, estimate.high))
             return doc.lines(decimals(estimate.mean, 2), interval, doc.small(one) if one else "")
 
@@ -100,7 +107,8 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("Strategy", described, look="row left described"),
         doc.Column("Planets found", counted("planets"), "new and known"),
         doc.Column("One survey", one_survey, "5 to 95 %"),
-        doc.Column("New planets", counted("new_planets")),
+        doc.Column("New planets", counted("new_planets"), "still allowed"),
+        doc.Column("New planets", counted("new_planets_unconditional"), "nothing excluded"),
         doc.Column("Known planets", counted("known_planets")),
         doc.Column("Characterised", counted("characterised_planets")),
         doc.Column("Chance of any", lambda item: share_text(item.any_planet), "%"),
@@ -109,8 +117,10 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
     )
     caption = (
         "Planets that one survey finds: mean over universes, with the 90 % interval of the mean. One survey: 5 % of "
-        "the surveys find fewer, 5 % more. Chance: share of the surveys that find at least one. The strategy that "
-        "finds most is shaded."
+        "the surveys find fewer, 5 % more. New planets still allowed: those that radial velocities, companion "
+        "stars and known giants do not exclude; they are the ones that count. Nothing excluded: what the same visits "
+        "would find of the whole population, had nobody looked before. Chance: share of the surveys that find at "
+        "least one. The strategy that finds most is shaded."
     )
     yield doc.table("Yields", caption, columns, strategies, picked=lambda item: item is best and best.planets.mean > 0)
     yield from report.drawn("sweep", "yields")
@@ -126,6 +136,15 @@ def _differences(report: WhatIfReport) -> Iterator[doc.Block]:
     if others := [pair for pair in pairs if pair.second != first]:
         yield doc.Fold(f"All other pairs ({len(others)})", [difference_table(others)])
     yield from report.drawn("differences")
+
+
+@doc.section_of(WHATIF_SECTIONS, "facts", "Which fact moved which number")
+def _facts(report: WhatIfReport) -> Iterator[doc.Block]:
+    facts = report.result.facts
+    if facts is None or not facts.facts:
+        return
+    yield doc.Paragraph(facts.statement)
+    yield from fact_tables(report.named, report.result.strategies, facts)
 
 
 def _hourly(item: StrategyOutcome) -> str:

@@ -10,6 +10,11 @@ from cpic_planner.report.numbers import contrast_text, count_text, decimals, dur
 from cpic_planner.results import AssumedInstrument, StrategyOutcome, WhatIfResult
 from simulator.config import unit_of
 
+_EXCLUSIONS = {
+    "rv": "radial velocities (planets that they would have shown)",
+    "stability": "companion stars (orbits that do not last)",
+    "known_giants": "known giants (no room for another planet)",
+}
 _SPENT = 0.95
 """Share of the budget above which it is what limits the yield."""
 _HANGS = 0.3
@@ -22,6 +27,25 @@ _HARDLY_USED, _FAR_BELOW = 0.02, 0.5
 def interval_text(low: float, high: float, digits: int = 2) -> str:
     """Return the ends of an interval."""
     return f"{decimals(low, digits)} to {decimals(high, digits)}"
+
+
+def change_text(value: float) -> str:
+    """Return a change in planets with its sign."""
+    return f"{'+' if value > 0 else ''}{decimals(value, 3)}"
+
+
+def occurrence_text(item: StrategyOutcome) -> str:
+    """Return how many new planets the range of the occurrence rate means; empty where none is stated."""
+    found = item.occurrence
+    if found is None:
+        return ""
+    rates = f"{found.planets_per_star_low:g} to {found.planets_per_star_high:g}"
+    return f"{interval_text(found.low, found.high)} for {rates} planets a star"
+
+
+def exclusions_text(exclusions: Sequence[str]) -> str:
+    """Return what excludes planets of the population, in words."""
+    return ", ".join(_EXCLUSIONS[name] for name in exclusions) or "nothing"
 
 
 def best_by_value(strategies: Sequence[StrategyOutcome]) -> dict[str, StrategyOutcome]:
@@ -103,6 +127,8 @@ def between(
 def lead_sentences(result: WhatIfResult) -> list[str]:
     """Return the summary, one sentence an item: the statement, the runner-up, and whether the budget binds."""
     sentences = [result.statement]
+    if new := _new_text(result):
+        sentences.append(new)
     empty = [text for item in result.strategies if (text := empty_text(item))]
     sentences += empty[:_MOST_EMPTY]
     if len(empty) > _MOST_EMPTY:
@@ -124,6 +150,21 @@ def lead_sentences(result: WhatIfResult) -> list[str]:
         used = f"{who} {percent_text(share)} of {budget} on average"
         sentences.append(f"{used}: its rules on stars and visits end it before the time does.")
     return sentences
+
+
+def _new_text(result: WhatIfResult) -> str:
+    """What the new planets of the best strategy would be with other occurrence rates, and with nothing excluded."""
+    best = max(result.strategies, key=lambda item: item.planets.mean)
+    said = [occurrence_text(best)] if best.occurrence and best.new_planets.mean > 0 else []
+    if result.universe["exclusions"] and best.new_planets_unconditional.mean > 0:
+        whole = decimals(best.new_planets_unconditional.mean, 2)
+        names = [_EXCLUSIONS[name].split(" (")[0] for name in result.universe["exclusions"]]
+        said.append(f"{whole} with those that {' or '.join(names)} exclude")
+    if not said:
+        return ""
+    return (
+        f"New planets of {best.name}: {decimals(best.new_planets.mean, 2)}; in the same visits {', and '.join(said)}."
+    )
 
 
 def _runner_up(result: WhatIfResult, best: StrategyOutcome, other: StrategyOutcome) -> list[str]:
@@ -168,6 +209,7 @@ def universe_facts(result: WhatIfResult) -> list[tuple[str, str]]:
         ("Orbit and pointing limits", f"{shared['visibility']}: {limits}"),
         ("Stars", result.catalogue),
         ("Known planets", result.known_planets or "left out"),
+        ("What excludes unknown planets", exclusions_text(shared["exclusions"])),
         ("Background stars", "not drawn" if shared["background"] == "off" else "drawn, as false alarms"),
     ]
     if result.observed:

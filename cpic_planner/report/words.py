@@ -113,6 +113,13 @@ BLOCK_WORDS: dict[str, str] = {
     "limb": "behind the Earth",
 }
 
+#: What excludes planets of a population.
+EXCLUSIONS: dict[str, str] = {
+    "rv": "radial velocities",
+    "stability": "companion stars",
+    "known_giants": "known giants",
+}
+
 #: Flags that the planner adds; those of the catalogue are described beside its data.
 FLAGS: dict[str, str] = {
     "companion_light_on": "light of the nearest companion is included",
@@ -129,6 +136,8 @@ FLAGS: dict[str, str] = {
     "stellar_grid_clamped": "temperature, gravity or metallicity clamped to the edge of the spectral grid",
     "fsed_clamped": "f_sed above 6 is taken as 6, the largest with models behind it",
     "insolation_clamped": "the planet's insolation is outside the models' 0.5-5 au: the nearer end is used",
+    "excluded_by_rv": "radial velocities would have shown the reference planet, with the least mass that its radius "
+    "allows, in at least 90 % of all orientations",
     "extrapolated": "beyond the range of its input data",
     "clamped": "an input was clamped to the range of its model",
     "speckle_error_extrapolated": "the error of the speckles is that of the nearest separation where it was measured",

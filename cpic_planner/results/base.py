@@ -83,7 +83,15 @@ class Row(Result):
     """Base of rows: every field is a column of the tables that show it."""
 
 
-UNITS = {"per_hour": "1/h", "deg_s": "deg/s", "arcsec": "arcsec", "days": "d", "bytes": "byte", "mjup": "M_jup"}
+UNITS = {
+    "per_hour": "1/h",
+    "deg_s": "deg/s",
+    "m_s": "m/s",
+    "arcsec": "arcsec",
+    "days": "d",
+    "bytes": "byte",
+    "mjup": "M_jup",
+}
 UNITS |= {"rjup": "R_jup", "lsun": "solLum", "mag": "mag", "deg": "deg", "mb": "Mbyte", "gb": "Gbyte", "pc": "pc"}
 UNITS |= {"au": "AU", "nm": "nm", "km": "km", "s": "s", "h": "h"}
 """Unit of a number by the last words of its name, as astropy reads it; longer suffixes stand first."""

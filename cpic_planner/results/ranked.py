@@ -28,6 +28,13 @@ class PopulationRecord(Result):
     n_planets: int = Field(description="planets drawn, the same at every star")
     seed: int
     planets_per_star: float | None = Field(description="occurrence, if the population states it")
+    planets_per_star_range: tuple[float, float] | None = Field(
+        default=None, description="what surveys find that disagree: expected planets are uncertain in this ratio"
+    )
+    exclusions: list[str] = Field(
+        default_factory=list,
+        description="knowledge of the stars that excludes planets: rv, stability, known_giants; empty in older results",
+    )
 
 
 class RankedTarget(Row):
@@ -70,13 +77,21 @@ class RankedTarget(Row):
     )
     completeness: float = column(
         "fraction of the population that one observation detects in the best band, each planet looked for at its "
-        "known place: its significance reaches the threshold there"
+        "known place: its significance reaches the threshold there; planets that velocities, a companion star or a "
+        "known giant exclude do not count"
     )
     completeness_error: float = column("its binomial standard error", format="%")
     completeness_band: str = column("band of that observation", label="in")
     completeness_time_s: float | None = column("its wall time, s", format="time")
     completeness_per_hour: float = column("completeness over that time in hours")
-    expected_detections: float | None = column("completeness times planets per star of the population")
+    completeness_unconditional: float | None = optional(
+        "the same of all planets, whatever is known of the star; null in older results",
+        label="completeness of all",
+        short="of all %",
+        format="%",
+    )
+    expected_planets: float | None = optional("completeness times planets per star of the population", format=".2g")
+    expected_planets_unconditional: float | None = optional("the same of all planets", format=".2g")
     exposure_s: float | None
     n_frames: int | None = column("science frames; as many reference frames are taken")
     em_gain: float | None
@@ -84,6 +99,13 @@ class RankedTarget(Row):
     time_s: float | None
     ref_planet_distance_au: float = column("true star-planet distance, au")
     ref_planet_insolation_au: float | None = column("distance from the Sun of equal insolation, r / sqrt(L), au")
+    rv_amplitude_m_s: float | None = optional(
+        "amplitude of the star's velocity by the reference planet there, m/s: with the least mass of its radius, on an "
+        "orbit inclined by the median of 60 deg; null in older results",
+        label="velocity",
+        short="K m/s",
+        format=".2g",
+    )
     luminosity_lsun: float | None = column("bolometric luminosity, solar units")
     companion_separation_arcsec: float | None = column("nearest known companion, at the date, arcsec")
     companion_pa_deg: float | None = optional("its position angle east of north, deg; null where not known")
@@ -185,7 +207,15 @@ class BandStanding(Row):
     floor_margin: float = column(
         "margin that no length of visit can pass", label="margin at most", short="at most", format=".3g"
     )
-    completeness: float = column("fraction of the population that one observation in this band detects")
+    completeness: float = column(
+        "fraction of the population that one observation in this band detects and nothing known excludes"
+    )
+    completeness_unconditional: float | None = optional(
+        "the same of all planets, whatever is known of the star; null in older results",
+        label="completeness of all",
+        short="of all %",
+        format="%",
+    )
     in_zone: float = column("fraction of the population in the dark quadrants", short="in zone %", format="%")
     observable: float = column("fraction whose whole aperture lies there", short="whole %", format="%")
     time_s: float | None

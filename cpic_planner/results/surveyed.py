@@ -27,6 +27,29 @@ class CurvePoint(Result):
     high: float
 
 
+class ChangeRecord(Result):
+    """Mean of a paired difference over universes."""
+
+    mean: float
+    error: float = Field(description="standard error of the mean, of the number of universes")
+    low: float = Field(description="lower end of the 90 % interval of the mean")
+    high: float = Field(description="upper end of it")
+
+
+class OccurrenceRange(Result):
+    """New planets over the published range of the population's occurrence rate.
+
+    Planets are independent of each other, so that their number in the same visits goes with the rate. A survey that is
+    planned for another rate makes other visits: fewer of them are worth it where planets are rare.
+    """
+
+    planets_per_star: float = Field(description="of the population as it was run")
+    planets_per_star_low: float
+    planets_per_star_high: float
+    low: float = Field(description="new planets found with the lowest rate in the same visits, mean over universes")
+    high: float = Field(description="with the highest rate")
+
+
 class TimeUse(Result):
     """Where the telescope time goes, means over universes, in hours."""
 
@@ -71,6 +94,9 @@ class SurveyTarget(Row):
     search_h: float = column(label="search", format=".1f")
     follow_up_h: float = column(label="follow-up", format=".1f")
     new_planets: float = column("found, mean over universes")
+    new_planets_unconditional: float = column(
+        "the same with planets that are excluded, in the same visits", label="new planets, nothing excluded"
+    )
     known_seen: float = column(label="known planets")
     planets_per_100h: float = column(
         "planets found in 100 hours of telescope time", label="planets per 100 h", short="per 100 h", format=".2g"
@@ -134,7 +160,13 @@ class StrategyOutcome(Row):
     settings: dict[str, Any] = Field(description="the strategy as it was run")
     schedule: ScheduleRecord
     planets: EstimateRecord = Field(description="planets found, new and known")
-    new_planets: EstimateRecord
+    new_planets: EstimateRecord = Field(
+        description="planets that nobody knew and that velocities, stability and known giants allow"
+    )
+    new_planets_unconditional: EstimateRecord = Field(
+        description="of the whole population, in the same visits: what new planets would be had nobody looked before"
+    )
+    occurrence: OccurrenceRange | None = optional("null: the population states no range of its occurrence rate")
     known_planets: EstimateRecord
     stars_with_planet: EstimateRecord
     characterised_planets: EstimateRecord
@@ -185,6 +217,41 @@ class RankChange(Row):
     why: str
 
 
+class TakenBack(Result):
+    """A fact that is taken back, and what a survey was planned and played with then."""
+
+    name: str
+    words: str = Field(description="the fact in words")
+    heading: str = Field(description="the survey without it in words")
+    catalog: str
+    known_planets: str
+    exclusions: list[str]
+
+
+class FactRow(Row):
+    """What one strategy finds, planned and played as if one fact were not known, in the same universes.
+
+    A change is the number without the fact less that with all facts.
+    """
+
+    strategy: str
+    fact: str
+    planets: EstimateRecord
+    planets_change: ChangeRecord
+    new_planets: EstimateRecord
+    new_planets_change: ChangeRecord
+    known_planets: EstimateRecord
+    known_planets_change: ChangeRecord
+
+
+class FactsRecord(Result):
+    """Which fact moved which number."""
+
+    facts: list[TakenBack] = Field(description="the last one is all of them at once, where there are several")
+    rows: list[FactRow]
+    statement: str = Field(description="the fact that moves most, in words")
+
+
 class SettingSource(Result):
     """Where a number of the strategies' file or of its preset comes from."""
 
@@ -214,6 +281,7 @@ class WhatIfResult(Result):
     strategies: list[StrategyOutcome]
     differences: list[DifferenceRecord]
     rank_changes: list[RankChange]
+    facts: FactsRecord | None = optional("null where the comparison was not asked for")
     statement: str = Field(description="the outcome in words")
     sources: list[SettingSource] = Field(default_factory=list, description="empty: no setting states one")
     not_modelled: list[str]

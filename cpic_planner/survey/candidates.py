@@ -1,37 +1,25 @@
 """Stars that a strategy may visit: their frames, the cost of a visit in every slot, and the chance of each draw."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from catalogs import KnownPlanetTable, OrbitPlaces, star_key
+from catalogs import KnownPlanetTable, star_key
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray
 from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, frame_problem, planet_offsets
-from cpic_planner.planets import PopulationConfig, draw_population
+from cpic_planner.planets import StarLimits, draw_population
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
+from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
+from cpic_planner.survey.planning import N_DRAWS, N_KNOWN, Host, Looks, PlanningSky, albedos_of
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
-from cpic_planner.survey.universe import (
-    NEW,
-    PlanetSample,
-    at_known_place,
-    draw_planet_sample,
-    occurrence,
-    star_mass_msun,
-)
+from cpic_planner.survey.universe import NEW, PlanetSample, allowed_probability, at_known_place, occurrence
 from cpic_planner.targets import Targets
-from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
 
 N_SCREEN = 2000
-N_DRAWS, N_KNOWN = 2000, 500
-"""Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
-_MOST_KEPT = 100
-KNOWN_ALBEDO = MeasuredAlbedo(model="jupiter")
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +88,6 @@ def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: BoolArray) -
     return np.flatnonzero(keep)
 
 
-def albedos_of(population: PopulationConfig | None) -> tuple[AlbedoSpec, ...]:
-    """Albedos by kind: those of the population, then that of known planets, Jupiter's."""
-    own = () if population is None else tuple(kind.albedo for kind in population.mixture)
-    return (*(spec for spec in own if spec is not None), KNOWN_ALBEDO)
-
-
 def settings_of(model: EtcModel, targets: Targets, band: str, visit: VisitRule, time_s: float) -> list[Setting]:
     """Frames of each star in one band: the best ones for the reference planet within a wall time, or those given.
 
@@ -143,59 +125,6 @@ def _fixed(model: EtcModel, targets: Targets, visit: VisitRule, best: OptimalSet
     problem = frame_problem(rates, camera, model.strategy, objective="significance", em_gain=visit.em_gain)
     choice = best_in_visit(problem, model.visit_s(best.time_s)[:, None])
     return [choice.exposure_s[:, 0], choice.n_frames[:, 0], choice.em_gain[:, 0], model.time_s(choice.visit_s)[:, 0]]
-
-
-class PlanningSky:
-    """Planets with which schedules are made, and where they stand in every slot; kept for the next strategy.
-
-    Parameters
-    ----------
-    seed : int
-    reach_arcsec : tuple of float
-        Separations between which any band shows a planet; others are left out.
-    """
-
-    def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
-        self._seed = seed
-        self._reach = reach_arcsec
-        self._kept: dict[str, tuple[PlanetSample, OrbitPlaces]] = {}
-
-    def of(
-        self,
-        star: Targets,
-        population: PopulationConfig | None,
-        known: KnownPlanetTable | None,
-        rows: tuple[int, ...],
-        epoch_mjd: float,
-        days: FloatArray,
-    ) -> tuple[PlanetSample, OrbitPlaces]:
-        """Planets of one star, `N_DRAWS` new ones and `N_KNOWN` draws of each known one, and their places by day."""
-        name = str(star.name[0])
-        decides = {
-            "star": name,
-            "population": None if population is None else population.content(),
-            "rows": list(rows),
-            "epoch": epoch_mjd,
-            "days": days.tolist(),
-        }
-        key = content_hash(decides)
-        if key not in self._kept:
-            who = name, float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0])
-            draw = partial(draw_planet_sample, *who, epoch_mjd=epoch_mjd, seed=self._seed, stage="planning")
-            parts = []
-            if known is not None and rows:
-                body = draw(None, known=known, known_rows=rows, n=N_KNOWN)
-                behind = 0 if population is None else len(population.mixture)
-                parts.append(replace(body, kind=np.full(len(body), behind)))
-            if population is not None:
-                parts.append(draw(population, n=N_DRAWS, one_each=True))
-            planets = PlanetSample.joined(parts)
-            distance = float(star.distance_pc[0])
-            planets = planets.select(planets.within(*(edge * distance for edge in self._reach)))
-            if len(self._kept) >= _MOST_KEPT:
-                self._kept.clear()
-            self._kept[key] = (planets, planets.places(days))
-        return self._kept[key]
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,6 +192,7 @@ def candidates(
     calendar: Calendar,
     known: KnownPlanetTable | None,
     sky: PlanningSky,
+    limits: StarLimits,
     log: ObservationLog | None = None,
 ) -> list[Candidate]:
     """Stars worth a visit, best first, at most as many as the strategy wants.
@@ -278,14 +208,15 @@ def candidates(
     known : KnownPlanetTable or None
     sky : PlanningSky
         Planets that schedules are made with.
+    limits : StarLimits
+        Of all stars of ``screened``: planets that they exclude count for less.
     log : ObservationLog, optional
         What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
         would have been seen count for less.
     """
     strategy, model, targets = screened.strategy, screened.model, screened.targets
-    found = []
+    found, every_slot = [], np.arange(calendar.n_slots)
     for place, i in enumerate(screened.rows):
-        rows = screened.known_rows[i]
         options = tuple(by_star[i] for by_star in screened.settings if by_star[i].possible)
         costs = [calendar.cost_h(model, place, option, strategy.visit.settlings) for option in options]
         cost = np.stack(costs) if options else np.zeros((0, 0))
@@ -301,33 +232,28 @@ def candidates(
             cost[:, since < strategy.revisits.min_gap_days] = np.inf
         if not np.isfinite(cost).any() or visits_left < 1 or closed:
             continue
-        population = strategy.population if screened.promising[i] else None
-        star = targets.select([i])
-        planets, places = sky.of(star, population, known, rows, calendar.start_mjd, calendar.day[place])
+        host = Host(
+            targets.select([i]), strategy.population if screened.promising[i] else None, known, screened.known_rows[i]
+        )
+        first = calendar.roll_deg(strategy.revisits, place, every_slot, np.zeros_like(every_slot))
+        looks = Looks(options, np.isfinite(cost), calendar.day[place], first)
+        shown = sky.shown(strategy, model, host, looks, calendar.start_mjd)
+        planets = shown.planets
         new = planets.known == NEW
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new
         weight = np.where(new, rate / N_DRAWS, strategy.value_known / N_KNOWN)
         if done:
-            weight = weight * _left(strategy, model, star, planets, population, done, calendar, known)
-        chance = np.zeros((len(options), calendar.n_slots, len(planets)), np.float32)
-        for o, option in enumerate(options):
-            slots = np.flatnonzero(np.isfinite(cost[o]))
-            if slots.size == 0:
-                continue
-            roll = calendar.roll_deg(strategy.revisits, place, slots, np.zeros(slots.size, np.int64))
-            there = OrbitPlaces(*(getattr(places, name)[slots] for name in OrbitPlaces.__dataclass_fields__))
-            seen = expected_signals(model, star, option, planets, albedos_of(population), there, roll)
-            rule, placed = strategy.detection, at_known_place(planets, known)
-            chance[o, slots] = detection_chance(seen, rule, placed, calibration=rule.calibration)
-        counts = (chance > 0.0).any(axis=(0, 1)) & (weight > 0.0)
+            weight = weight * _left(strategy, model, host, planets, done, calendar)
+        weight = (weight * allowed_probability(planets, limits, int(i)))[shown.seen]
+        counts = weight > 0.0
         if counts.any():  # the others are never seen
             candidate = Candidate(
                 index=int(i),
                 options=options,
                 cost_h=cost,
-                chance=chance[:, :, counts],
+                chance=shown.chance[:, :, counts],
                 weight=weight[counts],
-                known_rows=rows,
+                known_rows=host.known_rows,
                 visits_left=visits_left,
                 day=calendar.day[place],
             )
@@ -339,18 +265,16 @@ def candidates(
 def _left(
     strategy: SurveyStrategy,
     model: EtcModel,
-    star: Targets,
+    host: Host,
     planets: PlanetSample,
-    population: PopulationConfig | None,
     done: tuple[ObservedVisit, ...],
     calendar: Calendar,
-    known: KnownPlanetTable | None,
 ) -> FloatArray:
     """What earlier visits leave of the weight of each planet: a known one is there all the same."""
-    albedos = albedos_of(population)
-    placed = at_known_place(planets, known)
+    albedos = albedos_of(host.population)
+    placed = at_known_place(planets, host.known)
     epoch_mjd = calendar.start_mjd
-    left = missed(model, star, planets, albedos, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed)
+    left = missed(model, host.star, planets, albedos, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed)
     for row in np.unique(planets.known[planets.known != NEW]):
         mine = planets.known == row
         # Draws that no date shows are not among the planets, and no visit rules them out.

@@ -29,6 +29,10 @@ class UniverseRow(Row):
     strategy: str = column("name of the strategy")
     universe: int = column("number of the universe, the same sky for every strategy")
     new_planets: int = column("planets found that nobody knew")
+    new_planets_unconditional: int = column(
+        "the same of the whole population, had nobody looked before: with planets that velocities, stability and known "
+        "giants exclude, in the same visits"
+    )
     known_planets: int = column("known planets seen")
     stars_with_planet: int = column("stars with a planet found")
     characterised_planets: int = column("planets found and seen in every band of the follow-up")
@@ -79,6 +83,7 @@ class StarRow(Row):
     search_h: float = column("telescope time of the search, sum")
     follow_up_h: float = column("telescope time of the follow-up, sum")
     new_planets: int = column("planets found that nobody knew, sum")
+    new_planets_unconditional: int = column("the same with the planets that are excluded, sum")
     known_planets: int = column("known planets seen, sum")
 
 
@@ -218,11 +223,19 @@ class Events:
         """
         n = len(clock.left)
         rows = []
-        counted = ("new_planets", "known_planets", "stars_with_planet", "characterised_planets")
+        counted = (
+            "new_planets",
+            "new_planets_unconditional",
+            "known_planets",
+            "stars_with_planet",
+            "characterised_planets",
+        )
         universes: dict[str, NDArray[Any]] = {name: np.zeros(n, np.int64) for name in counted}
         for i, star in sorted(stars.items()):
             fresh = star.planets.known == NEW
-            found = {"new_planets": star.found & fresh, "known_planets": star.found & ~fresh}
+            shown = star.counts >= survey.strategy.detection.visits_needed
+            found = {"new_planets": star.found & fresh, "new_planets_unconditional": shown & fresh}
+            found["known_planets"] = star.found & ~fresh
             numbers = [int(some.sum()) for some in found.values()]
             rows.append((str(survey.targets.name[i]), block, n, star.visits, star.hours, star.follow_h, *numbers))
             if survey.strategy.follow_up.wanted:

@@ -10,8 +10,8 @@ from cpic_core import InputError, NDArray
 from cpic_planner.queries import MAX_FRAMES
 from cpic_planner.results import ImageSample
 from cpic_planner.survey.assumed import imaged_model
-from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import rolled
+from cpic_planner.survey.planning import albedos_of
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.universe import NEW, chance
 from cpic_planner.validation import ConfirmTask, Frames, confirm_task, expected_of, refusals_of, star_scene, task_of

@@ -7,9 +7,10 @@ import numpy as np
 
 from cpic_core import FloatArray, NDArray
 from cpic_planner import results
-from cpic_planner.survey.estimates import convergence, difference_interval, mean_interval, spread
+from cpic_planner.survey.estimates import Estimate, convergence, difference_interval, mean_interval, spread
 from cpic_planner.survey.schedule import PlannedVisit
 from cpic_planner.survey.simulate import Survey
+from cpic_planner.survey.strategy import SurveyStrategy
 
 Columns = Mapping[str, NDArray[Any]]
 _CURVE_POINTS = 41
@@ -19,7 +20,7 @@ _MOST_PAIRS = 6
 _N_CHANGES = 8
 _SAME = 1e-9
 _LEAST_SEEN = 2e-3
-_MEANS = ("visits", "search_h", "follow_up_h", "new_planets", "known_planets")
+_MEANS = ("visits", "search_h", "follow_up_h", "new_planets", "new_planets_unconditional", "known_planets")
 
 
 def outcome(
@@ -40,8 +41,8 @@ def outcome(
     strategy, instrument = survey.strategy, survey.model.instrument
     new, known = (universes[name].astype(float) for name in ("new_planets", "known_planets"))
     hours = universes["search_h"] + universes["follow_up_h"]
-    counted = [name for name in universes if name.endswith(("planet", "planets", "alarms"))]
-    counts: dict[str, Any] = {name: _estimate(universes[name].astype(float)) for name in counted}
+    counted = [name for name in universes if name.endswith(("planet", "planets", "unconditional", "alarms"))]
+    counts: dict[str, Any] = {name: estimate_record(universes[name].astype(float)) for name in counted}
     planned = [visit for visit in survey.schedule.visits if not visit.reserve]
     return results.StrategyOutcome.of(
         strategy,
@@ -59,9 +60,10 @@ def outcome(
             reserve_visits=len(survey.schedule.visits) - len(planned),
             hours=sum(visit.cost_h for visit in planned),
         ),
-        planets=_estimate(new + known),
+        planets=estimate_record(new + known),
         **counts,
-        hours=_estimate(hours),
+        occurrence=_occurrence(strategy, float(new.mean())),
+        hours=estimate_record(hours),
         any_planet=float(np.mean(new + known > 0)),
         any_new_planet=float(np.mean(new > 0)),
         time_use=_time_use(survey, universes, tables["stars"]),
@@ -83,7 +85,35 @@ def _leading(survey: Survey, detections: Columns, n: int) -> results.PlanetShare
     return results.PlanetShare(name=name, share=times[most] / len(detections["known_row"]), planets=times[most] / n)
 
 
-def _estimate(values: FloatArray) -> results.EstimateRecord:
+def _occurrence(strategy: SurveyStrategy, new_planets: float) -> results.OccurrenceRange | None:
+    """New planets at the ends of the range that is stated of the population's occurrence rate."""
+    population = strategy.population
+    stated = None if population is None else population.provenance.get("planets_per_star")
+    if population is None or population.planets_per_star is None or stated is None or stated.range is None:
+        return None
+    low, high = stated.range
+    return results.OccurrenceRange(
+        planets_per_star=population.planets_per_star,
+        planets_per_star_low=low,
+        planets_per_star_high=high,
+        low=new_planets * low / population.planets_per_star,
+        high=new_planets * high / population.planets_per_star,
+    )
+
+
+def change_record(found: Estimate) -> results.ChangeRecord:
+    """Return the mean of a paired difference as results have it."""
+    return results.ChangeRecord.of(found)
+
+
+def estimate_record(values: FloatArray) -> results.EstimateRecord:
+    """Return the mean of a number over universes, with the range of single surveys.
+
+    Parameters
+    ----------
+    values : ndarray
+        One number a universe.
+    """
     found = mean_interval(values)
     low, high = spread(values)
     return results.EstimateRecord.of(found, low=max(found.low, min(0.0, found.mean)), survey_low=low, survey_high=high)

@@ -7,12 +7,14 @@ import numpy as np
 from catalogs import Catalogue, KnownPlanetTable, load_known_planets
 from cpic_core import Advance, InputError, untold
 from cpic_planner.etc import EtcModel
+from cpic_planner.planets import StarLimits
 from cpic_planner.survey.allocation import make_schedule
 from cpic_planner.survey.assumed import assumed_model
 from cpic_planner.survey.calendar import Calendar, make_calendar
-from cpic_planner.survey.candidates import Candidate, PlanningSky, Screened, candidates, screen, settings_of
+from cpic_planner.survey.candidates import Candidate, Screened, candidates, screen, settings_of
 from cpic_planner.survey.detection import Setting, background_alarms, noise_alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
+from cpic_planner.survey.planning import PlanningSky
 from cpic_planner.survey.schedule import Problem
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
@@ -27,7 +29,8 @@ class Prepared:
     """Surveys of all strategies, with what they were made of.
 
     ``calendar`` is that of ``stars``, all stars that any strategy looks at closely; ``worth`` is the value per hour of
-    the first visit of each survey's stars, in their order.
+    the first visit of each survey's stars, in their order; ``sky`` is kept where the strategies are planned again
+    without some facts.
     """
 
     config: StrategiesConfig
@@ -39,14 +42,18 @@ class Prepared:
     calendar: Calendar
     surveys: tuple[Survey, ...]
     worth: tuple[tuple[float, ...], ...]
+    sky: PlanningSky | None
 
 
-def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
+def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance: Advance = untold) -> Prepared:
     """Screen the catalogue, make the calendar, and schedule every strategy.
 
     Parameters
     ----------
     config : StrategiesConfig
+    sky : PlanningSky, optional
+        That of the same strategies with other stars, known planets or exclusions: what has not changed is taken from
+        there.
     advance : Advance
         Told about every finished step: one for each strategy's screening and schedule, one for the calendar.
 
@@ -56,8 +63,8 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
         For a preset, file, band or star that does not exist, or a population without an occurrence rate.
     """
     universe = config.universe
-    limits = load_visibility(universe.visibility)
-    _check_rolls(config, limits)
+    pointing = load_visibility(universe.visibility)
+    _check_rolls(config, pointing)
     catalogue = as_catalogue(universe.catalog)
     instrument = load_instrument(universe.instrument)
     known = known_table(universe)
@@ -78,7 +85,7 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
         looked.append(screen(strategy, model, targets, known, universe.seed))
         advance(f"{strategy.name}: stars")
     stars = _every_star(looked)
-    calendar = make_calendar(universe, instrument, limits, stars)
+    calendar = make_calendar(universe, instrument, pointing, stars)
     if log is not None:
         calendar = calendar.closed_before(log.until_mjd)
         if not calendar.allowed_h.any():
@@ -88,17 +95,20 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
         looked = [_without(item, log.hours) for item in looked]
     advance("calendar")
     place = {str(name): i for i, name in enumerate(stars.name)}
-    reach = [reach_au(item.model, 1.0) for item in looked]
-    sky = PlanningSky(universe.seed, (min(low for low, _ in reach), max(high for _, high in reach)))
+    if sky is None:
+        reach = [reach_au(item.model, 1.0) for item in looked]
+        sky = PlanningSky(universe.seed, (min(low for low, _ in reach), max(high for _, high in reach)))
     surveys, worth = [], []
     for item in looked:
         names = item.targets.name[item.rows]
         own = calendar.select(np.array([place[str(name)] for name in names], np.int64))
-        found = candidates(item, own, known, sky, log)
+        limits = StarLimits.of(item.targets.name.tolist(), universe.exclusions, known)
+        found = candidates(item, own, known, sky, limits, log)
         surveys.append(_survey(universe, item, found, own, known, log))
         worth.append(tuple(star.worth for star in found))
         advance(f"{item.strategy.name}: schedule")
-    return Prepared(config, catalogue, instrument, known, log, stars, calendar, tuple(surveys), tuple(worth))
+    kept = sky if universe.facts else None
+    return Prepared(config, catalogue, instrument, known, log, stars, calendar, tuple(surveys), tuple(worth), kept)
 
 
 def known_table(universe: UniverseConfig) -> KnownPlanetTable | None:
@@ -196,6 +206,7 @@ def _survey(
         schedule=make_schedule(Problem(strategy, tuple(found), calendar.slot_h)),
         known=known,
         known_rows=tuple(star.known_rows for star in found),
+        limits=StarLimits.of(targets.name.tolist(), universe.exclusions, known),
         noise_alarms=tuple(tuple(noise_alarms(model, way.band) for way in star.options) for star in found),
         background_alarms=tuple(tuple(background(i, way) for way in star.options) for i, star in enumerate(found)),
         log=log,

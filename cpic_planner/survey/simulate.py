@@ -8,15 +8,17 @@ import numpy as np
 from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc import EtcModel
+from cpic_planner.planets import StarLimits
 from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import ExpectedSignals, Setting, detection_chance, expected_signals, reach_au
 from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
+from cpic_planner.survey.planning import albedos_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import (
     PlanetSample,
+    allowed_probability,
     at_known_place,
     chance,
     draw_planet_sample,
@@ -47,6 +49,8 @@ class Survey:
     known : KnownPlanetTable or None
     known_rows : tuple of tuple of int
         Known planets of each star.
+    limits : StarLimits
+        What is known to exclude planets of the same stars.
     noise_alarms, background_alarms : tuple of tuple of float
         Expected false alarms of one visit by star and option: noise that passes the threshold, and background stars.
     log : ObservationLog or None
@@ -62,6 +66,7 @@ class Survey:
     schedule: Schedule
     known: KnownPlanetTable | None
     known_rows: tuple[tuple[int, ...], ...]
+    limits: StarLimits
     noise_alarms: tuple[tuple[float, ...], ...]
     background_alarms: tuple[tuple[float, ...], ...]
     log: ObservationLog | None = None
@@ -69,9 +74,14 @@ class Survey:
 
 @dataclass(eq=False)
 class StarHistory:
-    """One star in all universes of a block: what each visit would show, and what visits have shown so far."""
+    """One star in all universes of a block: what each visit would show, and what visits have shown so far.
+
+    ``allowed`` tells which planets are there. The others are excluded by what is known of the star: nothing stops or
+    follows because of them, but ``counts`` has what the same visits would show of them, too.
+    """
 
     planets: PlanetSample
+    allowed: BoolArray
     shape: InitVar[tuple[int, int]]
     left_h: float
     hits: dict[int, BoolArray] = field(default_factory=dict)
@@ -187,8 +197,10 @@ class _Simulation:
             )
             planets = resampled(planets, left, uniform_draws(planets, seed, name, block, "log", n))
         planets = planets.select(planets.within(*reach_au(survey.model, float(target.distance_pc[0]))))
+        probability = allowed_probability(planets, survey.limits, i)
+        allowed = uniform_draws(planets, seed, name, block, "allowed", n) < probability
         left_h = sum(visit.cost_h for _, visit in visits if not visit.reserve)
-        star = StarHistory(planets, (len(strategy.follow_up.bands), n), left_h)
+        star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h)
         placed = at_known_place(planets, survey.known)
         for option in sorted({visit.option for _, visit in visits}):
             own = [(k, visit) for k, visit in visits if visit.option == option]
@@ -239,6 +251,7 @@ class _Simulation:
         star.hours += cost * float(go.sum())
         hit = star.hits[k] & go[star.planets.universe]
         star.counts[hit] += 1
+        hit &= star.allowed
         new = hit & (star.counts >= strategy.detection.visits_needed) & ~star.found
         star.found |= new
         if new.any():
@@ -249,7 +262,7 @@ class _Simulation:
         star.empty[go & ~star.universes_of(hit)] += 1
         ends = star.universes_of(new & stop.after_detection)
         if stop.after_empty is not None:
-            ends |= (star.empty >= stop.after_empty) & ~star.universes_of(star.counts > 0)
+            ends |= (star.empty >= stop.after_empty) & ~star.universes_of(star.allowed & (star.counts > 0))
         ends &= ~star.stopped
         clock.promised[ends] -= star.left_h
         star.stopped |= ends

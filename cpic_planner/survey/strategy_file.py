@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from catalogs import split_source
 from cpic_core import InputError, Provenance, load_yaml, split_sourced
-from cpic_planner.queries import get
+from cpic_planner.queries import EXCLUSIONS, get, read_exclusions
 from cpic_planner.results import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
 from simulator.config import FrozenModel, Real, Utc, deep_merge, preset_path, preset_tree, validate
@@ -38,8 +38,13 @@ class UniverseConfig(FrozenModel):
         them out.
     candidates : bool
         Whether candidates count among the known planets.
+    exclusions : tuple of {"rv", "stability", "known_giants"}
+        What excludes planets of the population (`cpic_planner.planets.allowed`); ``none``: nothing.
     observed : str
         Observation log of what was done already (`cpic_planner.survey.observed`); empty for none.
+    facts : bool
+        Whether strategies are planned and played again without each fact that is known
+        (`cpic_planner.survey.facts`).
     background : {"off", "on"}
         Whether background stars make false alarms.
     universes : int
@@ -56,7 +61,9 @@ class UniverseConfig(FrozenModel):
     catalog: str = "snapshot"
     known_planets: str = "snapshot"
     candidates: bool = False
+    exclusions: Annotated[tuple[str, ...], BeforeValidator(read_exclusions)] = EXCLUSIONS
     observed: str = ""
+    facts: bool = False
     background: Literal["off", "on"] = "off"
     universes: Annotated[int, Field(ge=2, le=10_000_000)] = 1000
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1

@@ -7,7 +7,7 @@ import numpy as np
 
 from catalogs import KnownPlanetTable, OrbitPlaces
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, stream
-from cpic_planner.planets import OrbitingPlanets, PopulationConfig, chosen_entry, draw_known
+from cpic_planner.planets import OrbitingPlanets, PopulationConfig, StarLimits, chosen_entry, draw_known
 from cpic_planner.planets.known_rows import QUANTITIES as KNOWN_QUANTITIES
 from cpic_planner.planets.population_config import QUANTITIES
 from cpic_planner.targets import Targets
@@ -17,7 +17,7 @@ BLOCK = 100
 NEW = -1
 """Row in the table of known planets of a planet that nobody knows."""
 _YEAR_DAYS = 365.25
-_VALUES = (*QUANTITIES, "period_days")
+_VALUES = (*QUANTITIES, "mass_mjup", "period_days")
 _MOST = 10_000
 
 
@@ -35,6 +35,8 @@ class PlanetSample(OrbitingPlanets):
         Row in the table of known planets, or `NEW`.
     kind : ndarray of int
         Number of the planet's kind in the population; that of a known planet lies behind them all.
+    mass_mjup : ndarray
+        True mass; nan where a known planet has none.
     period_days : ndarray
     """
 
@@ -42,6 +44,7 @@ class PlanetSample(OrbitingPlanets):
     number: IntArray
     known: IntArray
     kind: IntArray
+    mass_mjup: FloatArray
     period_days: FloatArray
 
     def __len__(self) -> int:
@@ -136,6 +139,25 @@ def at_known_place(planets: PlanetSample, table: KnownPlanetTable | None) -> Boo
         mine = planets.known != NEW
         placed[mine] = table.placed[planets.known[mine]]
     return placed
+
+
+def allowed_probability(planets: PlanetSample, limits: StarLimits, star: int) -> FloatArray:
+    """Probability that what is known of a star still allows each planet; 1 for known ones.
+
+    Parameters
+    ----------
+    planets : PlanetSample
+        Planets of that star.
+    limits : StarLimits
+    star : int
+        Position of the star among those of ``limits``.
+    """
+    new = planets.known == NEW
+    allowed = np.ones(len(planets))
+    mine = planets.select(new)
+    which = np.full(len(mine), star)
+    allowed[new] = limits.allowed_probability(which, mine.semi_major_axis_au, mine.mass_mjup, mine.inclination_deg)
+    return allowed
 
 
 def draw_planet_sample(

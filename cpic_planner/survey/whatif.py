@@ -13,6 +13,7 @@ from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSetting
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
 from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult
 from cpic_planner.survey.events import TABLES, rows_of
+from cpic_planner.survey.facts import Counts, count_block, counts_of, facts_record, taken_back
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import Columns, differences, outcome, rank_changes
 from cpic_planner.survey.prepare import Prepared, prepare
@@ -24,12 +25,14 @@ from cpic_planner.survey.visibility import load_visibility, utc_of
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 
-_START_S, _PREPARE_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 5.0, 0.0015, 2.2
-RESULT_VERSION = 2
+_START_S, _PREPARE_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.9, 5.0, 0.0015, 2.2
+RESULT_VERSION = 3
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
-    "planets of one star are independent of each other and of its known ones; no dynamical stability",
-    "companions stand where the catalogue has them; proper motion and parallax do not tell background stars apart",
+    "planets of one star are independent of each other; beside known planets and companion stars they are left out "
+    "where no orbit would last",
+    "companions stay where they stand at the date of the positions, the survey's begin by default; proper motion and "
+    "parallax do not tell background stars apart",
     "false alarms cost no follow-up time",
     "chance of one visit is independent of that of another at the same place of the hole",
     "weather of space: no safe modes, no losses but those of the calendar",
@@ -47,6 +50,7 @@ def decided_by(prepared: Prepared, n_images: int) -> dict[str, Any]:
         "stars": prepared.stars.content(),
         "catalogue": prepared.catalogue.provenance,
         "known": "" if prepared.known is None else prepared.known.provenance,
+        "limits": [survey.limits.digest() for survey in prepared.surveys],
         "observed": "" if prepared.log is None else prepared.log.provenance,
         "visibility": load_visibility(config.universe.visibility).content(),
         "images": n_images,
@@ -56,15 +60,16 @@ def decided_by(prepared: Prepared, n_images: int) -> dict[str, Any]:
 def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     """Return the expected cost; times are those of ``reports/whatif`` on one core, nothing in the cache."""
     n, universes = len(config.strategies), config.universe.universes
+    times = 1 + len(taken_back(config))
     blocks = n * -(-universes // BLOCK)
     bands = sum(len(item.visit.bands) * len(item.visit.time_s) for item in config.strategies)
     holes = [(item.assumptions.contrast, band) for item in config.strategies for band in item.visit.bands]
     assumed = {(contrast, band) for contrast, band in holes if contrast is not None}
     counts = {"n_strategies": n, "n_universes": universes, "n_blocks": blocks, "n_images": n * n_images}
     return Cost(
-        counts=counts | {"n_steps": 1 + 2 * n + blocks + n * n_images},
-        times_s=[(_PLAY_S * n * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
-        start_s=_START_S + _PREPARE_S * bands + _OPTICS_S * len(assumed),
+        counts=counts | {"n_steps": times * (1 + 2 * n + blocks) + n * n_images},
+        times_s=[(times * _PLAY_S * n * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
+        start_s=_START_S + _PREPARE_S * bands + _AGAIN_S * n * (times - 1) + _OPTICS_S * len(assumed),
         memory_mb=400.0,
         worker_mb=120.0,
         disk_mb=0.5 + 0.00035 * n * universes,
@@ -102,7 +107,8 @@ def whatif_job(
         store.merge(list(blocks))
         tables = {table.name: store.read(table.name) for table in TABLES}
         images = _images(ready, tables["detections"], runner, n_images)
-        return assemble(ready, tables, images, runner.digest)
+        without = _without_facts(ready, runner, advance)
+        return assemble(ready, tables, images, without, runner.digest)
 
     def write(folder: RunFolder, result: WhatIfResult, bodies: Mapping[str, Any]) -> None:
         if pages:
@@ -153,6 +159,26 @@ def _blocks(prepared: Prepared) -> list[Task]:
     return tasks
 
 
+def _without_facts(prepared: Prepared, runner: Runner, advance: Advance) -> dict[str, list[Counts]]:
+    """Planets found without each fact, by strategy: planned anew, played in the same universes."""
+    surveys: list[Survey] = []
+    tasks: dict[str, list[list[Task]]] = {}
+    for fact, state in taken_back(prepared.config).items():
+        ready = prepare(state, sky=prepared.sky, advance=advance)
+        tasks[fact] = [[] for _ in ready.surveys]
+        for task in _blocks(ready):
+            which, *rest = task.arguments
+            arguments = (len(surveys) + which, *rest)
+            tasks[fact][which].append(Task(f"without {fact}: {task.key}", arguments))
+        surveys += ready.surveys
+    every = itertools.chain.from_iterable(itertools.chain.from_iterable(tasks.values()))
+    bodies = runner.finish(count_block, every, common=(tuple(surveys),))
+    return {
+        fact: [counts_of([bodies[task.key] for task in own]) for own in of_strategies]
+        for fact, of_strategies in tasks.items()
+    }
+
+
 def _images(prepared: Prepared, detections: Columns, runner: Runner, n: int) -> list[ImageSample | None]:
     """Simulate and measure a sample of each strategy's detections; equal images are made once."""
     if n < 1:
@@ -174,7 +200,11 @@ def _image_task(item: SampledDetection) -> Task:
 
 
 def assemble(
-    prepared: Prepared, tables: Mapping[str, Columns], images: Sequence[ImageSample | None], digest: str
+    prepared: Prepared,
+    tables: Mapping[str, Columns],
+    images: Sequence[ImageSample | None],
+    without: Mapping[str, Sequence[Counts]],
+    digest: str,
 ) -> WhatIfResult:
     """The result from its tables."""
     config, calendar = prepared.config, prepared.calendar
@@ -198,6 +228,9 @@ def assemble(
         strategies=outcomes,
         differences=changed,
         rank_changes=rank_changes(outcomes),
+        facts=facts_record(taken_back(config), outcomes, [counts_of([own]) for own in universes], without)
+        if config.universe.facts
+        else None,
         statement=statement(outcomes),
         sources=sources_of(config),
         not_modelled=list(NOT_MODELLED),

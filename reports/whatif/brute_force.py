@@ -117,6 +117,7 @@ def circle(distance_au: float, n: int) -> PlanetSample:
         argument_of_pericentre_deg=zero,
         node_deg=zero,
         mean_anomaly_deg=(np.arange(n) + 0.5) * 360.0 / n,
+        mass_mjup=np.ones(n),
         period_days=np.full(n, 1e3),
     )
 

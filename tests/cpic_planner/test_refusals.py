@@ -2,8 +2,9 @@
 
 from catalogs import orbit_places
 from cpic_planner.planets import draw_population, load_population
-from cpic_planner.planets.known_rows import radius_from_mass
 from cpic_planner.planets.laws import read_law
+from cpic_planner.planets.mass_radius import least_mass, radius_from_mass
+from cpic_planner.queries import read_exclusions
 from cpic_planner.targets import load_targets
 
 READERS = {
@@ -12,6 +13,8 @@ READERS = {
     "law": read_law,
     "orbit": lambda elements: orbit_places(*elements),
     "mass": lambda mass_mjup: radius_from_mass([1.0, mass_mjup]),
+    "radius": lambda radius_rjup: least_mass([1.0, radius_rjup]),
+    "exclusions": read_exclusions,
     "catalog": load_targets,
 }
 

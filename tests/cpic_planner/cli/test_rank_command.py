@@ -135,6 +135,9 @@ def test_figures(done, few, tmp_path):
         (["--counting-sigma", "3"], ["--counting-sigma", "--mode photon_counting"]),
         (["--exozodi", "-3"], ["exozodi_zodis", "-3"]),
         (["--reference-ratio", "-1"], ["--reference-ratio", "above 0"]),
+        (["--exclusions", "velocities"], ["--exclusions", "rv, stability, known_giants"]),
+        (["--exclusions", "none", "--exclusions", "rv"], ["--exclusions", "none alone"]),
+        (["--exclusions", "rv", "--known-planets", "snapshot"], ["--exclusions", "--known-planets"]),
     ],
 )
 def test_contradictions_and_bad_input_are_one_line(refuses, few, options, words):
@@ -164,8 +167,20 @@ def test_the_table_holds_the_columns_of_completeness(call, few, tmp_path):
     path = tmp_path / "r.csv"
     assert call("--catalog", few, "--planets", "100", "--out", str(path))[0] == 0
     head = path.read_text().splitlines()[0].split(",")
-    for name in ("score", "completeness", "completeness_per_hour", "expected_detections", "detection_time_s"):
+    for name in ("score", "completeness", "completeness_per_hour", "expected_planets", "detection_time_s"):
         assert name in head
+    for name in ("completeness_unconditional", "expected_planets_unconditional", "rv_amplitude_m_s"):
+        assert name in head
+
+
+@pytest.mark.parametrize(
+    ("options", "exclusions"),
+    [([], ["rv", "stability", "known_giants"]), (["none"], []), (["known_giants", "rv"], ["rv", "known_giants"])],
+)
+def test_exclusions_are_those_named(call, few, options, exclusions):
+    asked = [word for name in options for word in ("--exclusions", name)]
+    tree = json.loads(call("--catalog", few, "--planets", "100", "--json", *asked)[1])
+    assert tree["population"]["exclusions"] == exclusions
 
 
 def test_json_is_one_object_of_targets(call, few):

@@ -102,6 +102,26 @@ def test_known_planets_are_those_of_the_option(done, tmp_path):
     assert found[f"none+{table}"] > 0.1
 
 
+def test_what_excludes_planets_and_which_fact_moved_which_number(done, mine, tmp_path):
+    plain = (mine, *split("--strategy once --images 0 --workers 1 --facts"))
+    out, _ = done(*plain, "--out", str(tmp_path / "all"))
+    assert "Planets found without each fact, planned anew" in out
+    made = json.loads((tmp_path / "all/whatif.json").read_text())
+    assert made["universe"]["exclusions"] == ["rv", "stability", "known_giants"]
+    facts = made["facts"]
+    assert [item["name"] for item in facts["facts"]][-1] == "all"
+    assert facts["statement"] in " ".join(out.split())
+    assert "Which fact moved which number" in (tmp_path / "all/report.html").read_text()
+    velocities = split("--exclusions rv --exclusions known_giants --no-facts --json --out")
+    out, _ = done(*plain, *velocities, str(tmp_path / "some"))
+    result = WhatIfResult.model_validate_json(out)
+    assert result.universe["exclusions"] == ["rv", "known_giants"]
+    assert result.facts is None
+    out, _ = done(*plain, *split("--exclusions none --no-facts --json --out"), str(tmp_path / "none"))
+    (found,) = WhatIfResult.model_validate_json(out).strategies
+    assert found.new_planets == found.new_planets_unconditional
+
+
 def test_what_is_varied_is_told_before_it_runs(done, mine):
     out, err = done(mine, "--vary", "drift=0.1nm,x3", "--dry-run")
     assert err.splitlines() == [
@@ -132,6 +152,7 @@ FAULTS = {
     "--known-planets = nothing.csv": ["--known-planets", "nothing.csv"],
     "--instrument = nowhere.yaml": ["--instrument", "nowhere.yaml"],
     "--universes": ["--universes", "1"],
+    "--exclusions = luck": ["--exclusions", "luck"],
     "--workers": ["--workers", "0"],
     "--images": ["--images", "-1"],
 }

@@ -301,6 +301,21 @@ def test_where_and_why_there_is_no_answer():
     assert corner.status == "ok" or corner.reason in ("too_few_resolution_elements", "outside_outer_edge")
 
 
+@pytest.mark.parametrize(
+    ("name", "question", "excluded"),
+    [
+        ("tau Cet", {}, True),  # 0.27 Jupiter masses or more at 2 au, where 0.05 are found
+        ("tau Cet", {"planet": ReferencePlanet(radius_rjup=0.3)}, False),  # 0.035 Jupiter masses
+        ("tau Cet", {"contrast": 1e-8}, False),  # no planet of a radius
+        ("alf CMi", {}, False),  # no velocities are counted
+    ],
+)
+def test_planets_that_velocities_exclude_are_flagged(name, question, excluded):
+    answer = signal_to_noise(MODEL, find_target(name)[0], time_s=36000.0, **PLACE, **question)[0]
+    assert answer.status == "ok"
+    assert ("excluded_by_rv" in answer.flags) == excluded
+
+
 def test_companions_add_light_only_when_on():
     on, off = (
         signal_to_noise(MODEL, ODD_STARS[name], time_s=3600.0, contrast=1e-8, **PLACE)[0]

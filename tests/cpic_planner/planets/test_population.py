@@ -74,12 +74,45 @@ def test_numbers_of_the_giants_follow_from_what_they_quote():
     share = number(law.low, law.high) / number(0.1, 100.0)
     assert share == pytest.approx(0.79, abs=0.005)
     assert config.planets_per_star == pytest.approx(0.266 * share, abs=0.005)
+    # Stars with 1, 2, and 3 or 4 giants within 10 au, per cent, by Li & Zhu 2026: HARPS, then the California survey.
+    harps, california = 7.8 + 2 * 2.3 + 3 * 0.5, 7.3 + 2 * 7.2 + 4 * 1.0
     assert config.provenance["planets_per_star"].range == (
-        pytest.approx((0.266 - 0.054) * share, abs=0.005),
-        pytest.approx((0.266 + 0.075) * share, abs=0.005),
+        pytest.approx(harps / 100, abs=0.005),
+        pytest.approx(california / 100, abs=0.005),
     )
     e = config.eccentricity
     assert stats.beta(e.a, e.b).sf(e.high) == pytest.approx(1e-4, rel=0.5)
+
+
+def test_masses_are_the_least_of_their_radii_or_those_stated():
+    giants = draw_population(load_population("giants"), 3000, 1)
+    # Chen & Kipping 2017: radius of the giants' lower branch, R = 1.008 2.04^0.279 (M / 2.04)^0.589 Earth radii.
+    earths = giants.mass_mjup * 317.828
+    radius = 1.008 * 2.04**0.279 * (earths / 2.04) ** 0.589 / (71492 / 6378.1)
+    np.testing.assert_allclose(radius, giants.radius_rjup, rtol=1e-12)
+    assert 0.08 < giants.mass_mjup.min() < giants.mass_mjup.max() < 0.38
+    assert set(draw_population(load_population("jupiters"), 50, 1).mass_mjup.tolist()) == {1.0}
+    # Ratios of the masses of the Sun and the planets with their moons, as of 2009.
+    sun_over = {"jupiter": 1047.348644, "saturn": 3497.9018, "uranus": 22902.98, "neptune": 19412.26}
+    solar = draw_population(load_population("solar_system"), 400, 1)
+    expected = [sun_over["jupiter"] / sun_over[solar.kind_names[kind]] for kind in solar.kind]
+    np.testing.assert_allclose(solar.mass_mjup, expected, rtol=1e-4)
+
+
+def test_another_radius_has_the_mass_of_the_relation():
+    smaller = load_population({"base": "jupiters", "radius_rjup": 0.5})
+    assert draw_population(smaller, 5, 1).mass_mjup == pytest.approx(0.0843, rel=1e-3)
+    stated = load_population({"base": "jupiters", "radius_rjup": 0.5, "mass": 0.05})
+    assert draw_population(stated, 5, 1).mass_mjup == pytest.approx(0.05)
+    kinds = [{"name": "small", "radius_rjup": 0.5}, {"name": "large", "mass_mjup": 2.0}]
+    mixed = draw_population(load_population({"base": "jupiters", "kinds": kinds}), 100, 1)
+    np.testing.assert_allclose(mixed.mass_mjup, np.where(mixed.kind == 0, mixed.mass_mjup.min(), 2.0))
+    assert mixed.mass_mjup.min() == pytest.approx(0.0843, rel=1e-3)
+
+
+@pytest.mark.parametrize("mass", [0, -1, 101, "unknown_relation", {"law": "uniform", "low": 1, "high": 2}])
+def test_masses_that_are_no_mass_are_refused(refused, mass):
+    refused("mass_mjup", load_population, {"mass_mjup": mass})
 
 
 def test_solar_system_planets_stay_together():

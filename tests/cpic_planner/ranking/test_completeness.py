@@ -10,7 +10,7 @@ import cpic_planner.ranking.completeness as module
 from catalogs import load_stars
 from cpic_core import InputError
 from cpic_planner.etc import aperture_rates, build_model, frame_problem, stack_noise, threshold_array
-from cpic_planner.planets import draw_population, load_population
+from cpic_planner.planets import Planets, StarLimits, draw_population, load_population
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking import inside_zone
 from cpic_planner.ranking.completeness import completeness
@@ -309,7 +309,7 @@ def test_stars_too_far_and_no_frames_detect_nothing(model, stars):
         found = completeness(model, targets, "F520", drawn, exposure_s=100.0, n_frames=frames, em_gain=20.0)
         assert not found.completeness.any()
         assert not found.standard_error.any()
-        assert not found.expected_detections.any()
+        assert not found.expected_planets.any()
     assert completeness(model, stars, "F520", drawn, exposure_s=np.nan, n_frames=0, em_gain=0).observable.any()
 
 
@@ -363,6 +363,33 @@ def test_seeds_scatter_by_the_standard_error(model, stars):
     np.testing.assert_array_equal(again.completeness, one.completeness)
 
 
+def test_what_is_known_against_a_loop_over_planets(model, everyone):
+    """Every planet for itself: whether it is detected, times the probability that it may exist."""
+    model = dataclasses.replace(model, strategy=IDEAL)
+    names = everyone.name.tolist()
+    two = everyone.select([names.index("tau Cet"), names.index("eps Eri")])
+    drawn, setting = planets("giants", n=250), {"exposure_s": 20.0, "n_frames": 1e5, "em_gain": 20.0}
+    limits = StarLimits.of(two.name.tolist())
+    found = completeness(model, two, "F520", drawn, limits=limits, **setting)
+    arrays = [name for name, value in vars(drawn).items() if isinstance(value, np.ndarray)]
+    sums = np.zeros((3, 2))
+    for k in range(len(drawn)):
+        one: Planets = dataclasses.replace(drawn, **{name: getattr(drawn, name)[k : k + 1] for name in arrays})
+        seen = completeness(model, two, "F520", one, **setting).completeness
+        elements = (drawn.semi_major_axis_au[k], drawn.mass_mjup[k], drawn.inclination_deg[k])
+        chance = [float(limits.allowed_probability(np.array([i]), *elements)[0]) for i in range(2)]
+        sums += [seen, seen * chance, seen * np.square(chance)]
+    mean = sums / 250
+    np.testing.assert_allclose(found.completeness_unconditional, mean[0], rtol=1e-12)
+    np.testing.assert_allclose(found.completeness, mean[1], rtol=1e-12)
+    np.testing.assert_allclose(found.standard_error, np.sqrt((mean[2] - mean[1] ** 2) / 250), rtol=1e-9)
+    assert np.all(found.completeness > 0.0)
+    # Radial velocities exclude at least nine in ten of the giants that would be detected around tau Ceti.
+    assert found.completeness[0] < 0.1 * found.completeness_unconditional[0]
+    np.testing.assert_allclose(found.expected_planets, 0.21 * mean[1], rtol=1e-12)
+    np.testing.assert_allclose(found.expected_planets_unconditional, 0.21 * mean[0], rtol=1e-12)
+
+
 def test_stars_share_their_planets(model, stars):
     """Equal stars have equal completeness, to the last planet, whoever else is asked about."""
     model = dataclasses.replace(model, strategy=IDEAL)
@@ -377,10 +404,10 @@ def test_expected_detections_and_flags(model, stars):
     setting = {"exposure_s": 20.0, "n_frames": 5e3, "em_gain": 20.0}
     found = completeness(model, stars, "F520", planets("giants"), **setting)
     rate = load_population("giants").planets_per_star
-    np.testing.assert_array_equal(found.expected_detections, rate * found.completeness)
+    np.testing.assert_array_equal(found.expected_planets, rate * found.completeness)
     assert (found.band, found.n_planets, found.flags) == ("F520", 300, ())
     found = completeness(model, stars, "F520", planets({"albedo": {"log10_fsed": 2.0}}), **setting)
-    assert found.expected_detections is None
+    assert found.expected_planets is None
     assert found.flags == ("fsed_clamped", "insolation_clamped")
     at_two = planets(
         {"semi_major_axis_au": 2, "eccentricity": 0, "semi_major_axis_scale": "insolation", "albedo": {"log10_mh": 0.5}}

@@ -45,7 +45,7 @@ def test_budgets_and_reasons_of_each_band():
             assert band.budget[band.dominant] == max(band.budget.values())
             assert (band.snr / band.significance) ** 2 == pytest.approx(quiet / total, rel=1e-9)
             assert (band.status == "ok") == (band.detection_margin >= 1.0)
-            assert 0.0 <= band.completeness <= band.observable <= band.in_zone <= 1.0
+            assert 0.0 <= band.completeness <= band.completeness_unconditional <= band.observable <= band.in_zone <= 1.0
             assert set(band.gain_caps) == {"hole", "register_tail", "frame"}
 
 
@@ -60,7 +60,8 @@ def test_sentences_are_true():
     assert 0.0 < best.observable < best.in_zone
     assert f"{best.in_zone:.1%} of the population lie in the dark quadrants of {best.band}" in words[1]
     assert f"{best.observable:.1%} with their whole aperture" in words[1]
-    assert f"{row.completeness:.1%} are detected" in words[1]
+    assert f"{row.completeness_unconditional:.1%} are detected" in words[1]
+    assert words.pop(2).startswith(f"What is known of the star leaves {row.completeness:.1%}: ")
     assert ("is detected" in words[2]) == (row.status == "ok")
     assert f"significance {row.significance:.2f}, threshold {row.threshold:.2f}" in words[2]
     assert band.dominant.replace("_", " ") in words[3]

@@ -67,7 +67,7 @@ def test_probability_of_at_least_one(model, everyone, bright):
     assert 0.05 < shares[1] < 1.0
     assert shares[2] == 0.0
     assert found.completeness[0] == pytest.approx(1 - np.prod(1 - shares))
-    assert found.expected_detections[0] == pytest.approx(shares.sum())
+    assert found.expected_planets[0] == pytest.approx(shares.sum())
     assert found.in_zone[0] == pytest.approx(1 - np.prod([1 - one.in_zone[0] for one in alone]))
     assert found.observable[0] >= found.completeness[0]
 
@@ -88,7 +88,7 @@ def test_stars_without_planets_and_without_frames_have_none(model, everyone, bri
     sample = choice(bright).draw(stars)
     found = known_completeness(model, stars, "F520", sample, exposure_s=100.0, n_frames=[0, 200], em_gain=20.0)
     np.testing.assert_array_equal(found.completeness, 0.0)
-    np.testing.assert_array_equal(found.expected_detections, 0.0)
+    np.testing.assert_array_equal(found.expected_planets, 0.0)
     assert found.in_zone[0] > 0
     assert found.in_zone[1] == 0
 
@@ -113,7 +113,7 @@ def test_refuted_planets_are_neither_drawn_nor_ranked(model, everyone):
     assert before.stars(stars).name.tolist() == ["tau Cet", "omi2 Eri", "eps Eri"]
     assert [len(planets) for planets in before.draw(stars).planets] == [4, 1, 1]
     rank = rank_targets(model, stars, time_s=36000.0, population=choice(n=20))
-    assert next(row for row in rank.targets if row.name == "omi2 Eri").expected_detections == 0.0
+    assert next(row for row in rank.targets if row.name == "omi2 Eri").expected_planets == 0.0
 
 
 def test_ranked_with_known_planets(model, everyone, bright):
@@ -124,7 +124,7 @@ def test_ranked_with_known_planets(model, everyone, bright):
     first, second = result.targets
     assert (first.name, second.completeness) == ("tau Cet", 0.0)
     assert first.completeness > 0.05
-    assert first.expected_detections > first.completeness - 1e-12
+    assert first.expected_planets > first.completeness - 1e-12
     assert first.score == pytest.approx(first.completeness / first.completeness_time_s * 3600.0)
 
 

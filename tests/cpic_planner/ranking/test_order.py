@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t as student
 
+from catalogs import load_stars
 from cpic_core import Reason
 from cpic_planner import load_targets
 from cpic_planner.etc import build_model, contrast_limit
@@ -172,9 +173,12 @@ def test_other_scores(score):
 def test_completeness_is_a_share_of_the_planets_drawn(ranking):
     assert ranking.population.n_planets == len(draw_population(PopulationChoice.default().config, 4000, 1).radius_rjup)
     for row in ranking.targets[:40]:
-        assert (row.completeness * 4000) == pytest.approx(round(row.completeness * 4000), abs=1e-6)
-        error = (row.completeness * (1 - row.completeness) / 4000) ** 0.5
-        assert row.completeness_error == pytest.approx(error, rel=0.01)
+        share = row.completeness_unconditional
+        assert (share * 4000) == pytest.approx(round(share * 4000), abs=1e-6)
+        # A planet that may exist with less than certainty scatters less than one that does or does not.
+        assert row.completeness_error <= (row.completeness * (1 - row.completeness) / 4000) ** 0.5 * (1 + 1e-9)
+        assert row.expected_planets == pytest.approx(0.21 * row.completeness)
+        assert row.expected_planets_unconditional == pytest.approx(0.21 * share)
 
 
 def test_one_band_by_name_is_that_band():
@@ -241,3 +245,42 @@ def test_speckles_limit_what_an_instrument_without_drift_detects(changes):
     for name, clear in zip(stars.name, free.margin >= free.needed_margin, strict=True):
         assert (told[str(name)] in ("none", "speckles")) == clear, name
     assert {"speckles", "photons"} <= set(told.values())
+
+
+def test_what_is_known_of_the_stars_decides_completeness_and_order(ranking):
+    by_name = {row.name: row for row in ranking.targets}
+    for row in ranking.targets:
+        assert 0.0 <= row.completeness <= row.completeness_unconditional <= 1.0
+    tau_ceti = by_name["tau Cet"]
+    assert tau_ceti.completeness_unconditional > 0.04
+    assert tau_ceti.completeness < 0.1 * tau_ceti.completeness_unconditional
+    # Procyon has room to 0.80 arcsec; nobody's velocities are counted there.
+    assert 0.5 < by_name["alf CMi"].completeness / by_name["alf CMi"].completeness_unconditional < 1.0
+    assert ranking.population.planets_per_star_range == (0.14, 0.26)
+    assert ranking.population.exclusions == ["rv", "stability", "known_giants"]
+
+
+def test_without_exclusions_all_planets_count(ranking):
+    stars = rank_sample(v_mag_max=3.6)
+    choice = PopulationChoice(PopulationChoice.default().config, exclusions=())
+    found = rank_targets(MODEL, stars, time_s=36000.0, population=choice)
+    before = {row.name: row for row in ranking.targets}
+    for row in found.targets:
+        assert row.completeness == row.completeness_unconditional == before[row.name].completeness_unconditional
+        assert row.expected_planets == row.expected_planets_unconditional
+    assert [row.score for row in found.targets] == sorted((row.score for row in found.targets), reverse=True)
+    assert found.population.exclusions == []
+    some = rank_targets(MODEL, stars, time_s=36000.0, population=PopulationChoice(choice.config))
+    assert some.config_hash != found.config_hash
+
+
+def test_reference_planets_that_velocities_exclude_are_flagged(ranking):
+    """The amplitude by Kepler's third law: 28.4 m/s at 1 au for a Jupiter of the Sun."""
+    flagged = {row.name for row in ranking.targets if "excluded_by_rv" in row.flags}
+    assert {"tau Cet", "61 Cyg B", "alf Cen B"} <= flagged
+    assert not {"alf CMi", "eps Ind", "70 Oph A", "ksi Boo A"} & flagged
+    stars = load_stars()
+    mass = dict(zip(stars.column("name").tolist(), stars.column("mass_msun").tolist(), strict=True))
+    for row in ranking.targets[:20]:
+        expected = 28.43 * 0.2735 * math.sin(math.radians(60)) / math.sqrt(mass[row.name] * row.ref_planet_distance_au)
+        assert row.rv_amplitude_m_s == pytest.approx(expected, rel=2e-3)

@@ -23,7 +23,8 @@ def test_it_fits_any_width(compared, width):
 def test_summary_strategies_differences_and_report(compared):
     text = " ".join(shown(print_whatif, compared(["one", "two"]), Path("out/report.html"), width=200).split())
     for words in (
-        "two finds most planets In the same universes two finds 0.30 planets more than one",
+        "two finds most planets New planets of two: 0.24; in the same visits 0.49 with",
+        "In the same universes two finds 0.30 planets more than one",
         "a survey: mean of 200 universes and its 90 % interval",
         "0.51 0.46 to 0.57 0 to 1.02 0.15 40.0 100 8.1 10.0 0.004 one",
         "Difference with one in the same universes",

@@ -5,7 +5,15 @@ from cpic_planner.report.figures import WHATIF_FIGURES
 from cpic_planner.report.numbers import decimals
 from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
 from cpic_planner.report.write import page_html
-from cpic_planner.results import ImageSample, PlanetShare, SettingSource
+from cpic_planner.results import (
+    ChangeRecord,
+    FactRow,
+    FactsRecord,
+    ImageSample,
+    PlanetShare,
+    SettingSource,
+    TakenBack,
+)
 
 HOSTILE = "<script>alert('x')</script>"
 PICTURES = {key: Picture("data:image/svg+xml;base64,", f"alt {key}", f"caption {key}.") for key in WHATIF_FIGURES}
@@ -30,9 +38,11 @@ def test_anchors_and_captions(reader):
 def test_yields_are_those_of_the_result(compared, words):
     for item in compared().strategies:
         found, new, known = item.planets, item.new_planets, item.known_planets
+        whole = item.new_planets_unconditional
         row = (
             f"{item.name} {item.description} {decimals(found.mean, 2)} {found.low:.2f} to {found.high:.2f} "
             f"0 to {found.survey_high:.3g} {new.mean:.2f} {new.low:.2f} to {new.high:.2f} "
+            f"{whole.mean:.2f} {whole.low:.2f} to {whole.high:.2f} "
             f"{known.mean:.2f} {known.low:.2f} to {known.high:.2f} 0.00 0.00 to 0.01 40.0 20.0 {item.hours.mean:.0f}"
         )
         assert row in words
@@ -68,6 +78,36 @@ def test_the_archive_is_named_where_its_table_is_used(compared, read, source, na
 def test_the_strategy_that_finds_most_is_shaded(compared, reader):
     picked = [attributes for tag, attributes in reader.tags if tag == "tr" and attributes.get("class") == "pick"]
     assert len(picked) == 1
+
+
+def test_which_fact_moved_which_number(compared, read):
+    result = compared(["one", "two"])
+    assert 'id="facts"' not in page_html(whatif_document(WhatIfReport(result, {})))
+    shared = {"catalog": "snapshot", "known_planets": "snapshot"}
+    facts = [
+        TakenBack(name="rv", words="velocities", heading="Without radial velocities", exclusions=[], **shared),
+        TakenBack(name="companions", words="companions", heading="Companions of old", exclusions=["rv"], **shared),
+    ]
+    sure = ChangeRecord(mean=0.25, error=0.02, low=0.2, high=0.3)
+    none = ChangeRecord(mean=-0.01, error=0.02, low=-0.05, high=0.03)
+    rows = []
+    for item in result.strategies:
+        numbers = {name: getattr(item, name) for name in ("planets", "new_planets", "known_planets")}
+        for fact, change in (("rv", sure), ("companions", none)):
+            changes = {f"{name}_change": change for name in numbers}
+            rows.append(FactRow(strategy=item.name, fact=fact, **numbers, **changes))
+    record = FactsRecord(facts=facts, rows=rows, statement="Velocities move most.")
+    page = page_html(whatif_document(WhatIfReport(result.model_copy(update={"facts": record}), {})))
+    words = read(page).words
+    assert "Velocities move most." in words
+    assert "Strategy With all facts Without radial velocities Companions of old" in words
+    for item in result.strategies:
+        for name in ("planets", "new_planets", "known_planets"):
+            mean = f"{getattr(item, name).mean:.2f}"
+            row = f"{item.name} {mean} {mean} +0.250 (0.200 to 0.300) {mean} −0.010 (−0.050 to 0.030)"
+            assert row in words
+    assert page.count("<strong>+0.250</strong>") == 6
+    assert "<strong>−0.01" not in page
 
 
 def test_images_tell_their_correction(compared, read):

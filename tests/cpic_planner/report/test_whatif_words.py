@@ -10,7 +10,7 @@ from cpic_planner.report.whatif_words import (
     shared_facts,
     universe_facts,
 )
-from cpic_planner.results import AssumedInstrument, PlanetShare
+from cpic_planner.results import AssumedInstrument, OccurrenceRange, PlanetShare
 from cpic_planner.survey import load_strategies
 
 
@@ -32,6 +32,8 @@ def test_the_lead_names_the_runner_up_and_the_budget(compared):
     said = lead_sentences(compared(["one", "two"]))
     assert said == [
         "two finds most planets",
+        "New planets of two: 0.24; in the same visits 0.49 with those that radial velocities or companion stars or "
+        "known giants exclude.",
         "In the same universes two finds 0.30 planets more than one, the next best (0.19 to 0.42), in 50 h more.",
         "No strategy uses more than 8.6 % of its budget of 1752 h on average: its rules on stars and visits end it "
         "before the time does.",
@@ -41,7 +43,7 @@ def test_the_lead_names_the_runner_up_and_the_budget(compared):
 def test_a_lead_that_may_be_chance_is_said_to_be(compared):
     said = lead_sentences(with_difference(compared(["one", "two"]), -0.1, 0.7))
     assert (
-        said[1] == "The lead of two on one, the next best, may be chance: 0.30 planets (−0.10 to 0.70), in 50 h more."
+        said[2] == "The lead of two on one, the next best, may be chance: 0.30 planets (−0.10 to 0.70), in 50 h more."
     )
 
 
@@ -53,16 +55,18 @@ def test_pairs_are_found_either_way(compared):
 
 
 def test_without_a_pair_or_planets_there_is_no_runner_up(compared):
-    assert len(lead_sentences(compared(["one", "two", "three"]))) == 2  # the two best are not compared
+    assert len(lead_sentences(compared(["one", "two", "three"]))) == 3  # the two best are not compared
     assert len(lead_sentences(compared(["one", "two"], empty=True))) == 2
-    assert lead_sentences(compared(["one"]))[1].startswith("The strategy uses 5.7 % of its budget")
+    assert lead_sentences(compared(["one"]))[2].startswith("The strategy uses 5.7 % of its budget")
 
 
 def test_a_budget_that_is_used_up_needs_no_word(compared):
     result = compared(["one"])
     item = result.strategies[0]
     spent = item.model_copy(update={"settings": item.settings | {"time_budget_h": 101.0}})
-    assert lead_sentences(result.model_copy(update={"strategies": [spent]})) == ["one finds most planets"]
+    said = lead_sentences(result.model_copy(update={"strategies": [spent]}))
+    assert said[0] == "one finds most planets"
+    assert not any("budget" in text for text in said)
 
 
 def test_small_numbers_of_planets():
@@ -74,16 +78,16 @@ def test_an_empty_calendar_is_said_in_the_lead(compared):
     plan = result.strategies[0].schedule
     several = result.strategies[0].settings | {"detection": {"visits_needed": 3}}
     nothing = plan.model_copy(update={"visits": 0, "hours": 0.0, "value": 0.0, "bound": 0.446, "distance": 1.0})
-    assert lead_sentences(changed(result, 0, schedule=nothing, settings=several))[1] == (
+    assert lead_sentences(changed(result, 0, schedule=nothing, settings=several))[2] == (
         "one plans no visit at all: no calendar can be worth more than 0.45, this one is worth 0. Where 3 visits "
         "have to show a planet, those of a star have to be worth 0.001 planets each on average (scheduler.min_gain)."
     )
     nowhere = nothing.model_copy(update={"bound": 0.0, "distance": 0.0})
-    assert "no visit of its stars fits" in lead_sentences(changed(result, 0, schedule=nowhere))[1]
+    assert "no visit of its stars fits" in lead_sentences(changed(result, 0, schedule=nowhere))[2]
     hardly = plan.model_copy(update={"visits": 2, "hours": 12.0, "value": 0.01, "bound": 0.4, "distance": 0.975})
-    said = lead_sentences(changed(result, 0, schedule=hardly))[1]
+    said = lead_sentences(changed(result, 0, schedule=hardly))[2]
     assert said.startswith("one plans 2 visits only, 12.0 h: no calendar can be worth more than 0.40, this one is")
-    assert len(lead_sentences(changed(result, 0, schedule=hardly.model_copy(update={"hours": 400.0})))) == 3
+    assert len(lead_sentences(changed(result, 0, schedule=hardly.model_copy(update={"hours": 400.0})))) == 4
 
 
 def test_a_yield_that_hangs_on_one_planet_says_so(compared):
@@ -111,6 +115,25 @@ def test_what_is_compared_is_told_by_its_numbers(compared):
         "2 strategies with 438 to 1752 h of telescope time, 0.50 % to 2.0 % of 3\u202f652 days "
         "(10.0 years) from 2028-01-01"
     )
+
+
+def test_new_planets_are_told_with_other_occurrence_rates_and_with_nothing_excluded(compared):
+    result = compared(["one", "two"])
+    known = OccurrenceRange(
+        planets_per_star=0.21, planets_per_star_low=0.14, planets_per_star_high=0.26, low=0.16, high=0.3
+    )
+    assert lead_sentences(changed(result, 1, occurrence=known))[1] == (
+        "New planets of two: 0.24; in the same visits 0.16 to 0.30 for 0.14 to 0.26 planets a star, and 0.49 with "
+        "those that radial velocities or companion stars or known giants exclude."
+    )
+    everything = result.model_copy(update={"universe": result.universe | {"exclusions": []}})
+    assert not any("New planets" in text for text in lead_sentences(everything))
+    assert lead_sentences(changed(everything, 1, occurrence=known))[1].endswith("for 0.14 to 0.26 planets a star.")
+    assert [dict(universe_facts(one))["What excludes unknown planets"] for one in (result, everything)] == [
+        "radial velocities (planets that they would have shown), companion stars (orbits that do not last), known "
+        "giants (no room for another planet)",
+        "nothing",
+    ]
 
 
 def settings(**own):

@@ -1,4 +1,7 @@
-"""A small survey that is quick to make: three nearby stars, one band, two years in slots of sixty days."""
+"""A small survey that is quick to make: three nearby stars, one band, two years in slots of sixty days.
+
+Nothing excludes its planets, so that there are enough of them; tests of what does ask for it.
+"""
 
 import copy
 import importlib.util
@@ -9,13 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cpic_planner.planets import StarLimits
 from cpic_planner.survey import load_strategies
 from cpic_planner.survey.prepare import prepare
 from simulator.config import deep_merge
 
 STARS = ["alf Cen A", "eps Eri", "tau Cet"]
 TREE = {
-    "universe": {"duration_days": 730, "slot_days": 60, "universes": 100},
+    "universe": {"duration_days": 730, "slot_days": 60, "universes": 100, "exclusions": "none"},
     "defaults": {
         "time_budget_h": 300,
         "targets": {"names": STARS},
@@ -39,7 +43,7 @@ def brute_force():
 
 
 @pytest.fixture(scope="session")
-def facts():
+def facts_report():
     """The part of the report of what-ifs that compares what was known with what is known."""
     return _loaded("whatif_facts", Path(__file__).resolve().parents[3] / "reports/whatif/facts.py")
 
@@ -118,6 +122,19 @@ def only_visits():
         return replace(survey, schedule=replace(survey.schedule, visits=tuple(chosen)))
 
     return kept
+
+
+@pytest.fixture(scope="session")
+def excluding():
+    """What is known of stars where velocities would have shown this share of all planets, whatever they are."""
+
+    def made(names, share):
+        limits = StarLimits.of(list(names), ())
+        everywhere = {"ceiling": np.full_like(limits.ceiling, share), "reach_au": np.full_like(limits.reach_au, np.inf)}
+        tiny = {name: getattr(limits, name) - 100.0 for name in ("log_m50", "log_m90")}
+        return replace(limits, **everywhere, **tiny)
+
+    return made
 
 
 @pytest.fixture(scope="session")

@@ -7,19 +7,11 @@ import pytest
 
 from catalogs import load_known_planets
 from cpic_planner.etc import build_model
-from cpic_planner.planets import load_population
+from cpic_planner.planets import StarLimits
 from cpic_planner.survey.calendar import make_calendar
-from cpic_planner.survey.candidates import (
-    KNOWN_ALBEDO,
-    N_DRAWS,
-    N_KNOWN,
-    PlanningSky,
-    albedos_of,
-    candidates,
-    screen,
-    settings_of,
-)
+from cpic_planner.survey.candidates import candidates, screen, settings_of
 from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
+from cpic_planner.survey.planning import N_DRAWS, N_KNOWN, Host, PlanningSky, albedos_of
 from cpic_planner.survey.strategy import VisitRule
 from cpic_planner.survey.universe import NEW
 from cpic_planner.survey.visibility.config import load_visibility
@@ -44,6 +36,11 @@ def known():
     return load_known_planets()
 
 
+def nothing(screened):
+    """No planet of any star is excluded."""
+    return StarLimits.of(screened.targets.name.tolist(), ())
+
+
 def looked(strategy, model, everyone, known):
     """Screened stars with their calendar and candidates."""
     config = strategy
@@ -52,7 +49,7 @@ def looked(strategy, model, everyone, known):
     stars = screened.targets.select(screened.rows)
     calendar = make_calendar(config.universe, INSTRUMENT, load_visibility(), stars)
     sky = PlanningSky(1, reach_au(model, 1.0))
-    return screened, calendar, sky, candidates(screened, calendar, known, sky)
+    return screened, calendar, sky, candidates(screened, calendar, known, sky, nothing(screened))
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +78,8 @@ def test_chances_are_those_of_single_visits(three, small, model, known):
     rules, item = small().strategies[0], found[0]
     place = list(screened.rows).index(item.index)
     star = screened.targets.select([item.index])
-    bodies, _ = sky.of(star, rules.population, known, item.known_rows, calendar.start_mjd, calendar.day[place])
+    host = Host(star, rules.population, known, item.known_rows)
+    bodies, _ = sky.of(host, calendar.start_mjd, calendar.day[place])
     slot = int(np.flatnonzero(np.isfinite(item.cost_h[0]))[2])
     seen = expected_signals(
         model,
@@ -99,6 +97,22 @@ def test_chances_are_those_of_single_visits(three, small, model, known):
     assert float(item.chance[0, slot] @ item.weight) == pytest.approx(value, rel=1e-5)
     # All that stands for planets: those that no date shows are left out.
     assert item.weight.sum() <= 0.21 + len(item.known_rows)
+
+
+def test_planets_that_are_excluded_weigh_less(three, known, excluding):
+    screened, calendar, sky, found = three
+    limits = excluding(screened.targets.name, 0.7)
+    fewer = {item.index: item for item in candidates(screened, calendar, known, sky, limits)}
+    for item in found:
+        new = item.weight < 1.0 / N_KNOWN - 1e-12
+        assert new.any()
+        other = fewer[item.index]
+        assert np.array_equal(other.chance, item.chance)
+        np.testing.assert_allclose(other.weight, np.where(new, 0.3, 1.0) * item.weight, rtol=1e-12)
+    everything = excluding(screened.targets.name, 1.0)
+    assert {item.known_rows for item in candidates(screened, calendar, known, sky, everything)} <= {
+        item.known_rows for item in found if item.known_rows
+    }
 
 
 def test_values_weigh_known_and_new_planets(small, model, everyone, known):
@@ -181,28 +195,10 @@ def test_visits_that_end_with_their_goal(model, everyone):
     assert settings_of(model, stars, "F520", VisitRule(goal="snr", snr=1e5), 36000.0) == most
 
 
-def test_planning_planets_are_kept_for_the_next_strategy(three, known):
-    screened, calendar, sky, _ = three
-    star = screened.targets.select([screened.rows[0]])
-    giants = load_population("giants")
-    days = calendar.day[0]
-    one = sky.of(star, giants, known, (), calendar.start_mjd, days)
-    assert sky.of(star, load_population("giants"), known, (), calendar.start_mjd, days) is one
-    assert sky.of(star, giants, known, (), calendar.start_mjd, days + 1.0) is not one
-    assert sky.of(star, load_population("solar_system"), known, (), calendar.start_mjd, days) is not one
-
-
-def test_albedos_by_kind():
-    mixed = load_population("solar_system")
-    assert albedos_of(None) == (KNOWN_ALBEDO,)
-    assert len(albedos_of(mixed)) == len(mixed.mixture) + 1
-    assert albedos_of(mixed)[-1] == KNOWN_ALBEDO
-
-
 def test_impossible_frames_leave_a_star_out(three, small, model, known):
     screened, calendar, sky, found = three
     none = tuple(tuple(replace(item, n_frames=0.0) for item in by_star) for by_star in screened.settings)
-    assert candidates(replace(screened, settings=none), calendar, known, sky) == []
+    assert candidates(replace(screened, settings=none), calendar, known, sky, nothing(screened)) == []
     closed = calendar.closed_before(calendar.start_mjd + 1e6)
-    assert candidates(screened, closed, known, sky) == []
+    assert candidates(screened, closed, known, sky, nothing(screened)) == []
     assert found

@@ -53,6 +53,7 @@ def bodies_of(planets):
         known=np.full(n, NEW),
         kind=planets.kind,
         **{name: getattr(planets, name) for name in QUANTITIES},
+        mass_mjup=np.ones(n),
         period_days=np.full(n, 400.0),
     )
 
@@ -126,6 +127,7 @@ def face_on(n, au, radius_rjup=1.0):
         kind=whole,
         radius_rjup=np.full(n, radius_rjup),
         **elements,
+        mass_mjup=np.ones(n),
         period_days=np.full(n, 1000.0),
     )
 

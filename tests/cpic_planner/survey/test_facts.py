@@ -1,88 +1,159 @@
-"""The report of which fact moved which number: states that differ by one fact, played in the same universes."""
+"""Which fact moved which number: each column is the run that anyone can make without that fact."""
+
+import hashlib
 
 import numpy as np
 import pytest
 
-from catalogs import load_known_planets
+from cpic_planner.results import WhatIfResult
+from cpic_planner.survey import facts as module, load_strategies, run_whatif, with_universe
+from cpic_planner.survey.estimates import difference_interval, mean_interval
+from cpic_planner.survey.facts import ALL, FACTS, QUANTITIES, counts_of, taken_back
 from cpic_planner.survey.store import read_table
+from cpic_planner.survey.whatif import whatif_cost
 
-UNIVERSES = 30
+ALL_FACTS = ("known_planets", "rv", "stability", "known_giants", "companions", ALL)
+STRATEGIES = ({"name": "plain"}, {"name": "plain 1", "visit": {"time_s": 18000}})
+UNIVERSE = {"universes": 120, "exclusions": ["rv", "known_giants"], "facts": True}
 
 
-def row_of(table, planet):
-    return list(table.text("planet")).index(planet)
+def asked(**universe):
+    return taken_back(with_universe(load_strategies(), {"facts": True} | universe))
 
 
-def test_each_state_adds_one_fact(facts, tmp_path):
-    before, orbit, refuted, now = facts.steps(tmp_path)
-    assert (before.catalog, before.known_planets) == ("simbad_2012", "archive_2019")
-    assert before.catalog == orbit.catalog == refuted.catalog != now.catalog
-    assert (now.catalog, now.known_planets) == ("snapshot", refuted.known_planets)
-    old, one, new = (load_known_planets(step.known_planets) for step in (before, orbit, refuted))
-    periods = [
-        {name: table.number("period_days")[row_of(table, name)] for name in old.text("planet")} for table in (old, one)
-    ]
-    changed = [name for name, value in periods[0].items() if abs(periods[1][name] - value) > 0.0]
-    assert changed == ["eps Eri b"]
-    eccentricities = [table.number("eccentricity")[row_of(table, "eps Eri b")] for table in (old, one, new)]
-    assert eccentricities == pytest.approx([0.70, 0.06, 0.06], abs=0.005)
-    counted = [row_of(table, "tau Cet e") in table.rows_of("tau Cet") for table in (old, one, new)]
-    assert counted == [True, True, False]
+def test_each_state_takes_one_fact_back():
+    states = {name: state.universe for name, state in asked().items()}
+    assert tuple(states) == ALL_FACTS
+    now = with_universe(load_strategies(), {"facts": True}).universe
+    changed = {
+        "known_planets": {"known_planets": "archive_2019"},
+        "rv": {"exclusions": ("stability", "known_giants")},
+        "stability": {"exclusions": ("rv", "known_giants")},
+        "known_giants": {"exclusions": ("rv", "stability")},
+        "companions": {"catalog": "simbad_2012"},
+        ALL: {"known_planets": "archive_2019", "exclusions": (), "catalog": "simbad_2012"},
+    }
+    for name, state in states.items():
+        assert state == now.model_copy(update=changed[name]), name
+
+
+@pytest.mark.parametrize(
+    ("universe", "names"),
+    [
+        ({"facts": False}, ()),
+        ({"known_planets": "off"}, ("rv", "stability", "known_giants", "companions", ALL)),
+        ({"known_planets": "archive_2019"}, ("rv", "stability", "known_giants", "companions", ALL)),
+        ({"known_planets": "none+mine.csv"}, ("rv", "stability", "known_giants", "companions", ALL)),
+        ({"exclusions": "none"}, ("known_planets", "companions", ALL)),
+        ({"exclusions": "rv", "known_planets": "off", "catalog": "simbad_2012"}, ("rv",)),
+    ],
+)
+def test_facts_that_a_survey_does_not_use_are_left_out(universe, names):
+    assert tuple(asked(**universe)) == names
+
+
+def test_a_table_of_ones_own_is_laid_over_that_of_2019():
+    for source in ("mine.csv", "snapshot+mine.csv"):
+        assert asked(known_planets=source)["known_planets"].universe.known_planets == "archive_2019+mine.csv"
 
 
 @pytest.fixture(scope="module")
-def compared(facts, small, tmp_path_factory):
-    """Two states that differ by the known planets, and the last one again."""
-    folder = tmp_path_factory.mktemp("facts")
-    states = [
-        facts.Step(label, "snapshot", known)
-        for label, known in (("old", "archive_2019"), ("new", "snapshot"), ("again", "snapshot"))
+def config(small):
+    return small(*STRATEGIES, universe=UNIVERSE)
+
+
+@pytest.fixture(scope="module")
+def run(config, tmp_path_factory):
+    """Two strategies, the name of one the beginning of the other's, with every fact that they use."""
+    folder, told = tmp_path_factory.mktemp("facts"), []
+    result = run_whatif(config, folder, pages=False, advance=lambda text, steps=1, /: told.append(text)).result
+    return folder, result, told
+
+
+def universes_of(folder, strategy):
+    columns = read_table(folder / "universes.parquet").columns
+    mine = columns["strategy"] == strategy
+    return counts_of([{name: columns[name][mine] for name in ("new_planets", "known_planets")}])
+
+
+@pytest.mark.parametrize("fact", ["known_planets", "rv", ALL])
+def test_every_row_is_a_run_without_the_fact(run, config, tmp_path, fact):
+    folder, result, _ = run
+    state = with_universe(taken_back(config)[fact], {"facts": False})
+    run_whatif(state, tmp_path / "separate", pages=False)
+    for row in (row for row in result.facts.rows if row.fact == fact):
+        before, now = (universes_of(where, row.strategy) for where in (tmp_path / "separate", folder))
+        for name in QUANTITIES:
+            mean, change = mean_interval(before[name]), difference_interval(before[name] - now[name])
+            assert getattr(row, name).mean == mean.mean
+            assert getattr(row, name).error == mean.error
+            found = getattr(row, f"{name}_change")
+            assert (found.mean, found.low, found.high) == (change.mean, change.low, change.high)
+
+
+def test_the_record_says_what_was_taken_back(run):
+    _, result, _ = run
+    found = {item.name: item for item in result.facts.facts}
+    assert tuple(found) == ("known_planets", "rv", "known_giants", "companions", ALL)
+    assert found["known_planets"].known_planets == "archive_2019"
+    assert found["companions"].catalog == "simbad_2012"
+    assert [item.exclusions for item in found.values()] == [
+        ["rv", "known_giants"],
+        ["known_giants"],
+        ["rv"],
+        ["rv", "known_giants"],
+        [],
     ]
-    config = small({"targets": {"names": ["eps Eri"]}}, universe={"universes": UNIVERSES})
-    return facts.measure(config, states, folder, workers=1), folder
+    pairs = [(row.fact, row.strategy) for row in result.facts.rows]
+    assert pairs == [(name, item["name"]) for name in found for item in STRATEGIES]
 
 
-def test_the_counts_are_those_of_the_tables(facts, compared):
-    found, folder = compared
-    for state, known in enumerate(("archive_2019", "snapshot")):
-        table = read_table(folder / f"state_{state}" / "detections.parquet").columns
-        mine = table["known_row"] == row_of(load_known_planets(known), "eps Eri b")
-        (alone,), (planets,) = (facts.means(found, key, state) for key in ("planet", "planets"))
-        assert alone == pytest.approx(mine.sum() / UNIVERSES)
-        assert planets == pytest.approx(len(mine) / UNIVERSES)
+def test_velocities_take_new_planets_away(run):
+    """Around eps Eri, tau Cet and alpha Centauri most giants would have been found."""
+    _, result, _ = run
+    change = next(row.new_planets_change for row in result.facts.rows if (row.fact, row.strategy) == ("rv", "plain"))
+    assert change.mean > 0.0
+    assert "The fact that moves most" in result.facts.statement
 
 
-def test_changes_are_paired(facts, compared):
-    found, folder = compared
-    row = next(row for row in found["rows"] if row["quantity"] == "planets")
-    first, second, third = row["states"]
-    assert first["change"] is None
-    assert second["change"]["mean"] == pytest.approx(second["value"]["mean"] - first["value"]["mean"])
-    sums = [
-        np.add(
-            *(
-                read_table(folder / f"state_{state}" / "universes.parquet").columns[name]
-                for name in ("new_planets", "known_planets")
-            )
-        )
-        for state in (0, 1)
-    ]
-    error = (sums[1] - sums[0]).std(ddof=1) / np.sqrt(UNIVERSES)
-    assert second["change"]["error"] == pytest.approx(error)
-    assert third["value"] == second["value"]
-    assert third["change"]["mean"] == third["change"]["error"] == 0.0
+def test_steps_are_told_and_the_result_is_kept(run, config):
+    folder, result, told = run
+    assert len(told) == whatif_cost(config).counts["n_steps"]
+    assert WhatIfResult.model_validate_json((folder / "whatif.json").read_text()) == result
 
 
-def test_the_tables_say_what_moved(facts, compared):
-    found, _ = compared
-    *values, (title, head, rows) = facts.tables(found)
-    assert [len(part) for _, _, part in values] == [1, 1, 1]
-    assert values[0][1] == ["strategy", "old", "+ new", "+ again"]
-    assert "90 %" in title
-    assert head == ["strategy", "of", "new", "again"]
-    assert [row[-1] for row in rows] == ["none"] * 3
-    assert rows[0][2].startswith(("+", "-"))
-    words = facts.text(found)
-    assert f"{UNIVERSES} universes" in words
-    ends = [facts.means(found, "planets", state)[0] for state in (0, -1)]
-    assert f"from {ends[0]:.2f} to {ends[1]:.2f} planets" in words
+def test_workers_and_a_break_change_nothing(run, config, tmp_path):
+    folder, *_ = run
+    run_whatif(config, tmp_path, pages=False, workers=2)
+    bodies = [(where / "whatif.json").read_bytes() for where in (folder, tmp_path)]
+    assert len({hashlib.sha256(body).hexdigest() for body in bodies}) == 1
+    again = run_whatif(config, tmp_path, pages=False)
+    assert again.computed_parts == 0
+
+
+def test_without_being_asked_there_is_no_comparison(small, tmp_path):
+    config = small(universe={"universes": 10})
+    assert run_whatif(config, tmp_path, pages=False).result.facts is None
+
+
+def counts(new, known):
+    return counts_of([{"new_planets": np.array(new), "known_planets": np.array(known)}])
+
+
+def test_the_statement_names_the_fact_that_moves_most_planets_and_most_new_ones(run, config):
+    _, result, _ = run
+    (outcome, _), zero = result.strategies, [0] * 200
+    now = counts(zero, zero)
+    one, two, rare = [1, 0] * 100, [2, 1] * 100, [1] + [0] * 199
+    states = {fact.name: config for fact in FACTS}
+    without = {name: [now] for name in states} | {"rv": [counts(one, zero)], "known_planets": [counts(zero, two)]}
+    said = module.facts_record(states, [outcome], [now], without).statement
+    assert said.startswith("The fact that moves most planets is what was published on known planets since 2019: plain")
+    assert f"finds {outcome.planets.mean:.2f} with it and 1.50 without" in said
+    assert "The fact that moves most new planets is what radial velocities exclude: plain finds" in said
+    without["known_planets"] = [now]
+    said = module.facts_record(states, [outcome], [now], without).statement
+    assert said.count("The fact that moves most") == 1
+    without["rv"] = [counts(rare, zero)]
+    said = module.facts_record(states, [outcome], [now], without).statement
+    assert said == "No single fact changes the planets found by more than chance."

@@ -13,9 +13,9 @@ from catalogs import load_known_planets, star_key
 from cpic_core import InputError
 from cpic_planner.etc import build_model
 from cpic_planner.planets import load_population
-from cpic_planner.survey.candidates import N_KNOWN, PlanningSky, albedos_of
 from cpic_planner.survey.detection import Setting, detection_chance, expected_signals, reach_au
 from cpic_planner.survey.observed import ObservedVisit, missed, read_log, resampled
+from cpic_planner.survey.planning import N_KNOWN, Host, PlanningSky, albedos_of
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.strategy import DetectionRule
@@ -235,9 +235,10 @@ def test_the_weight_of_a_known_planet_stays_whole(setup, small, log_of):
     sky = PlanningSky(1, (1.8, 5.0))  # farther out than many of its orbits reach
     table = load_known_planets("archive_2019")  # an orbit that reaches there in some draws only
     rows = table.by_star[star_key("eps Eri")]
-    bodies, _ = sky.of(star, strategy.population, table, rows, EPOCH, np.array([0.0]))
+    host = Host(star, strategy.population, table, rows)
+    bodies, _ = sky.of(host, EPOCH, np.array([0.0]))
     calendar = SimpleNamespace(start_mjd=EPOCH)
-    left = candidates_module._left(strategy, model, star, bodies, strategy.population, log.visits, calendar, None)
+    left = candidates_module._left(strategy, model, host, bodies, log.visits, calendar)
     known = bodies.known != NEW
     never = N_KNOWN - known.sum()
     assert never > 0

@@ -1,8 +1,11 @@
 """What strategies yield, from their tables."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from cpic_planner.planets import load_population
 from cpic_planner.survey.estimates import difference_interval, mean_interval, spread
 from cpic_planner.survey.events import rows_of
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
@@ -39,6 +42,24 @@ def test_yields_are_means_over_universes(played, outcomes):
         assert found.any_planet == np.mean(total > 0)
         assert found.any_new_planet == np.mean(u["new_planets"] > 0)
         assert found.hours.mean == pytest.approx(np.mean(u["search_h"] + u["follow_up_h"]))
+
+
+def test_new_planets_over_the_range_of_the_occurrence_rate(played, outcomes):
+    for (survey, tables), found in zip(played, outcomes, strict=True):
+        rate = found.occurrence
+        low, high = survey.strategy.population.provenance["planets_per_star"].range
+        assert (rate.planets_per_star, rate.planets_per_star_low, rate.planets_per_star_high) == (0.21, low, high)
+        assert (low, high) == (0.14, 0.26)
+        assert rate.low / low == pytest.approx(found.new_planets.mean / 0.21)
+        assert rate.high / high == pytest.approx(found.new_planets.mean / 0.21)
+        whole = tables["universes"]["new_planets_unconditional"]
+        assert found.new_planets_unconditional.mean == whole.mean()
+        stars = sum(target.new_planets_unconditional for target in found.targets)
+        assert stars == pytest.approx(whole.mean())
+    (survey, tables), *_ = played
+    stated = load_population({"base": "giants", "planets_per_star": 0.3})
+    own = replace(survey, strategy=survey.strategy.model_copy(update={"population": stated}))
+    assert outcome(own, tables, ["2028-01-15"] * len(survey.targets), None).occurrence is None
 
 
 def test_the_curve_ends_with_everything(played, outcomes):

@@ -387,6 +387,55 @@ def test_the_error_of_the_calibration_is_one_for_a_universe(plain, change):
     assert unsure.var() > 1.5 * sure.var()
 
 
+def test_excluded_planets_are_left_out_and_counted_beside(plain, change, excluding):
+    """Of planets that the same visits show, the allowed ones are a sample with the probability that they are there."""
+    survey = change(denser(plain.surveys[0], 2.0), stop={"after_detection": False})
+    share = 0.3
+    whole, part = (
+        simulate_survey(replace(survey, limits=excluding(survey.targets.name, missed)), block=0, n=1000, seed=1)
+        for missed in (0.0, 1.0 - share)
+    )
+    before, now = whole.universes, part.universes
+    assert np.array_equal(before["new_planets"], before["new_planets_unconditional"])
+    assert np.array_equal(now["new_planets_unconditional"], before["new_planets"])
+    for name in ("known_planets", "visits", "search_h", "noise_alarms"):
+        assert np.array_equal(now[name], before[name]), name
+    n, new = before["new_planets"].sum(), now["new_planets"].sum()
+    assert n > 900
+    assert abs(new - share * n) < 4.0 * np.sqrt(n * share * (1.0 - share))
+    assert found(part) < found(whole)
+    assert part.stars["new_planets_unconditional"].sum() == n
+    assert part.stars["new_planets"].sum() == new
+
+
+def test_excluded_planets_stop_nothing(plain, change, excluding):
+    """Where nothing can be there, a survey goes on as one without a population."""
+    survey = change(denser(plain.surveys[0], 5.0), stop={"after_empty": 2}, follow_up={"bands": ("F520",)})
+    survey = replace(survey, follow=tuple((ways[0],) for ways in survey.options))
+    excluded = replace(survey, limits=excluding(survey.targets.name, 1.0))
+    none = replace(survey, strategy=survey.strategy.model_copy(update={"population": None}))
+    played, empty = (simulate_survey(one, block=0, n=200, seed=1) for one in (excluded, none))
+    assert played.universes["new_planets_unconditional"].sum() > 100
+    assert found(played) == found(empty)
+    for name, values in empty.universes.items():
+        if name != "new_planets_unconditional":
+            assert np.array_equal(played.universes[name], values), name
+
+
+def test_new_planets_go_with_the_occurrence_rate(plain, change):
+    """Planets are independent: the same visits find as many more as there are more, if they do not end earlier."""
+    survey = change(plain.surveys[0], stop={"after_detection": False})
+    rates = (0.14, 0.21, 0.26)
+    counts = [
+        simulate_survey(denser(survey, rate), block=0, n=10_000, seed=2).universes["new_planets"] for rate in rates
+    ]
+    for rate, values in zip(rates, counts, strict=True):
+        expected = counts[1].mean() * rate / rates[1]
+        error = np.hypot(values.std(), counts[1].std() * rate / rates[1]) / np.sqrt(values.size)
+        assert abs(values.mean() - expected) < 3.0 * error, rate
+    assert counts[0].mean() < counts[1].mean() < counts[2].mean()
+
+
 def test_nothing_planned_finds_nothing(plain):
     survey = plain.surveys[0]
     played = simulate_survey(replace(survey, schedule=replace(survey.schedule, visits=())), block=0, n=10, seed=1)

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from catalogs import ORBIT, load_known_planets, orbit_places, star_key
-from cpic_planner.planets import load_population
+from cpic_planner.planets import StarLimits, least_mass, load_population
 from cpic_planner.survey.universe import (
     BLOCK,
     NEW,
     PlanetSample,
+    allowed_probability,
     at_known_place,
     chance,
     draw_planet_sample,
@@ -55,7 +57,7 @@ def test_another_law_leaves_the_other_quantities_alone():
     assert np.array_equal(one.universe, two.universe)
     for name in QUANTITIES:
         same = np.array_equal(getattr(one, name), getattr(two, name))
-        assert same == (name != "radius_rjup"), name
+        assert same == (name not in ("radius_rjup", "mass_mjup")), name  # the mass is that of the radius
 
 
 @pytest.mark.parametrize("n", [1, 37, 99, 100, 101, 250])
@@ -153,6 +155,7 @@ def bodies_of(a, e, inclination, pericentre, node, mean, period):
         known=np.full(n, NEW),
         kind=zero,
         radius_rjup=np.ones(n),
+        mass_mjup=np.ones(n),
         **dict(zip(ORBIT, elements, strict=True)),
         period_days=np.asarray(period, float),
     )
@@ -274,6 +277,46 @@ def test_joined_and_selected():
     assert len(both) == len(one) + len(two)
     assert by_name(both.select(np.arange(len(one)))) == by_name(one)
     assert by_name(both.select(np.arange(len(both)) >= len(one))) == by_name(two)
+
+
+def test_planets_beyond_the_last_stable_orbit_are_not_there(within_errors):
+    """Their share is that of the law of the population beyond it."""
+    limits = StarLimits.of(["tau Cet", "eps Eri"], ())
+    limits = dataclasses.replace(limits, stable_au=np.array([np.inf, 2.0]))
+    bodies = draw(with_rate(5.0), n=4000)
+    law = GIANTS.semi_major_axis_au
+    share = brentq(lambda part: float(law.quantile(np.array([part]))[0]) - 2.0, 0.0, 1.0)
+    assert 0.2 < share < 0.8
+    assert np.all(allowed_probability(bodies, limits, 0) == 1.0)
+    allowed = allowed_probability(bodies, limits, 1)
+    assert np.array_equal(allowed, (bodies.semi_major_axis_au <= 2.0).astype(float))
+    within_errors(allowed, share)
+
+
+def test_velocities_leave_the_planets_that_are_too_light_or_seen_pole_on(within_errors):
+    """A sharp limit in m sin i leaves ``1 - sqrt(1 - (limit / m)^2)`` of isotropic orbits."""
+    limits = StarLimits.of(["tau Cet"], ())
+    sharp = {"log_m50": np.log(0.2), "log_m90": np.log(0.2) + 1e-6, "ceiling": 1.0}
+    columns = {name: np.full_like(limits.ceiling, value) for name, value in sharp.items()}
+    limits = dataclasses.replace(limits, **columns, reach_au=np.array([np.inf]))
+    bodies = draw(with_rate(5.0), n=4000)
+    left = 0.2 / bodies.mass_mjup
+    share = np.where(left >= 1.0, 1.0, 1.0 - np.sqrt(1.0 - np.minimum(left, 1.0) ** 2))
+    assert 0.05 < share.min() < share.max() == 1.0
+    within_errors(allowed_probability(bodies, limits, 0) - share, 0.0)
+
+
+def test_the_mass_is_that_of_the_radius():
+    bodies = draw(with_rate(5.0), n=300)
+    np.testing.assert_allclose(bodies.mass_mjup, least_mass(bodies.radius_rjup), rtol=1e-12)
+
+
+def test_known_planets_are_always_there(excluding):
+    table = load_known_planets()
+    rows = table.by_star[star_key("eps Eri")]
+    bodies = draw(with_rate(1.0), star="eps Eri", known=table, known_rows=rows)
+    allowed = allowed_probability(bodies, excluding(["eps Eri"], 1.0), 0)
+    assert np.array_equal(allowed, (bodies.known != NEW).astype(float))
 
 
 def test_a_star_whose_planet_is_refuted_has_none():

@@ -163,6 +163,8 @@ CHANGES = {
     "start": ({}, {"start_utc": "2028-01-02T00:00:00"}),
     "slots": ({}, {"slot_days": 61}),
     "background": ({}, {"background": "on"}),
+    "exclusions": ({}, {"exclusions": ["rv"]}),
+    "facts": ({}, {"facts": True}),
 }
 
 
@@ -171,6 +173,12 @@ def test_the_hash_tells_what_decides_results(plain, small, change):
     strategy, universe = CHANGES[change]
     assert digest_of(replace(plain, config=small(strategy, universe=universe)), 0) != digest_of(plain, 0)
     assert digest_of(replace(plain, config=small()), 0) == digest_of(plain, 0)
+
+
+def test_the_hash_counts_what_is_known_of_the_stars(plain, excluding):
+    (survey,) = plain.surveys
+    limits = excluding(survey.targets.name, 0.5)
+    assert digest_of(replace(plain, surveys=(replace(survey, limits=limits),)), 0) != digest_of(plain, 0)
 
 
 def test_the_hash_counts_the_table_of_known_planets(plain):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cpic_planner.planets.known_rows import STAR_MJUP, radius_from_mass
+from cpic_planner.planets.mass_radius import STAR_MJUP, least_mass, radius_from_mass
 
 M_EARTH_KG, M_JUP_KG, M_SUN_KG = 5.9722e24, 1.89813e27, 1.98841e30
 R_EARTH_KM, R_JUP_KM = 6378.1, 71492.0
@@ -37,3 +37,15 @@ def test_stars_begin_at_eight_hundredths_of_the_sun():
 def test_scatter_is_that_of_the_kind(mass_mjup, share):
     ratio = radius_from_mass(mass_mjup, [-1.0, 1.0]) / radius_from_mass(mass_mjup)
     np.testing.assert_allclose(np.log(ratio), [-share, share], rtol=1e-12)
+
+
+def test_the_least_mass_has_the_radius_and_no_lighter_planet_has():
+    radii = np.linspace(0.03, 1.27, 200)
+    masses = least_mass(radii)
+    np.testing.assert_allclose(radius_from_mass(masses), radii, rtol=1e-12)
+    for radius, mass in zip(radii, masses, strict=True):
+        assert radius_from_mass(np.geomspace(1e-6, 0.999 * mass, 50)).max() < radius
+
+
+def test_a_radius_beyond_the_largest_has_the_mass_of_the_largest():
+    assert least_mass([1.3, 2.0, 10.0]).tolist() == pytest.approx([0.414] * 3, rel=1e-12)

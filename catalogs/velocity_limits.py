@@ -1,0 +1,156 @@
+"""What radial velocities would have shown: of each star that was searched, which planets were likely to be found.
+
+``velocity_limits.csv`` has one row a star. Its numbers are fits to planets that a survey put into its own velocities
+and searched for (`tools.velocity_limits`); where a row has none it names a rule, the medians of a kind of stars, in
+``velocity_rules.csv``. A star without a row has no limit. Rows name their publications.
+"""
+
+import csv
+import functools
+import itertools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from catalogs.known_planet_table import star_key
+from catalogs.stars import load_stars
+from cpic_core import ArrayLike, FloatArray
+
+_DATA = Path(__file__).resolve().parent / "data"
+LIMITS_FILE = _DATA / "velocity_limits.csv"
+RULES_FILE = _DATA / "velocity_rules.csv"
+
+ANNULI_AU = (0.3, 0.6, 1.2, 2.4, 4.0, 6.5, 10.0, 16.0)
+"""Edges of the annuli of semi-major axis in which sensitivities are fitted."""
+VELOCITY_AXES_AU = tuple(math.sqrt(low * high) for low, high in itertools.pairwise(ANNULI_AU))
+"""Axis for which the numbers of each annulus hold: its geometric middle."""
+NUMBERS = ("m50_mjup", "m90_mjup", "ceiling")
+"""What is known in each annulus; columns of the table end in the number of the annulus, from 1."""
+LIMIT_COLUMNS = (
+    *("star", "rule", "n_velocities", "baseline_years"),
+    *(f"{name}_{number}" for name in NUMBERS for number in range(1, len(VELOCITY_AXES_AU) + 1)),
+    *("reference", "note"),
+)
+_RULE_NUMBERS = ("k50_m_s", "m90_over_m50", "ceiling")
+RULE_COLUMNS = (
+    *("rule", "n_stars"),
+    *(f"{name}_{number}" for name in _RULE_NUMBERS for number in range(1, len(VELOCITY_AXES_AU) + 1)),
+    "reference",
+)
+_AMPLITUDE_M_S = 28.4329
+_Cells: TypeAlias = dict[str, str]
+
+
+def amplitude_m_s(msini_mjup: ArrayLike, semi_major_axis_au: ArrayLike, star_mass_msun: ArrayLike) -> FloatArray:
+    """Semi-amplitude of a star's velocity, m/s, that a light planet on a circular orbit gives it; arguments broadcast.
+
+    Notes
+    -----
+    ``K = 28.4329 m/s (m sin i / M_Jup) / sqrt((M / M_Sun) (a / au))``: Lovis & Fischer 2010, in Exoplanets, equation
+    14, with the period by Kepler's third law and the planet's mass neglected beside the star's.
+    """
+    msini, axis, mass = (np.asarray(value, float) for value in (msini_mjup, semi_major_axis_au, star_mass_msun))
+    return np.asarray(_AMPLITUDE_M_S * msini / np.sqrt(mass * axis))
+
+
+@dataclass(frozen=True)
+class VelocityLimit:
+    """How likely the velocities of one star would have shown a planet; tuples are over `VELOCITY_AXES_AU`.
+
+    ``P(found) = ceiling / (1 + (m50 / m)^s)`` with ``s = ln 9 / ln(m90 / m50)`` and ``m = m sin i``.
+
+    Attributes
+    ----------
+    star : str
+        Name in the embedded catalogue.
+    rule : str
+        Which stars' medians stand where the star has no injections of its own; empty for none.
+    n_velocities : int or None
+    baseline_years : float
+        From the first velocity to the last.
+    m50_mjup, m90_mjup : tuple of float
+        m sin i that is found half as often, and 0.9 times as often, as the heaviest planets.
+    ceiling : tuple of float
+        Share of the heaviest planets that is found; 0 where nothing is known.
+    reach_au : float
+        Axis beyond which nothing is excluded.
+    reference, note : str
+    """
+
+    star: str
+    rule: str
+    n_velocities: int | None
+    baseline_years: float
+    m50_mjup: tuple[float, ...]
+    m90_mjup: tuple[float, ...]
+    ceiling: tuple[float, ...]
+    reach_au: float
+    reference: str
+    note: str
+
+
+def velocity_limit(star: str) -> VelocityLimit | None:
+    """Return what radial velocities exclude around a star, by any of its names; None where no search is known.
+
+    Examples
+    --------
+    >>> from catalogs.velocity_limits import velocity_limit
+    >>> velocity_limit("HD 10700").star
+    'tau Cet'
+    >>> velocity_limit("Vega") is None
+    True
+    """
+    return _limits().get(star_key(star))
+
+
+@functools.cache
+def _limits() -> dict[str, VelocityLimit]:
+    stars = load_stars()
+    masses = dict(zip(stars.column("name").tolist(), stars.column("mass_msun").tolist(), strict=True))
+    rules = {row["rule"]: row for row in _rows(RULES_FILE)}
+    return {star_key(row["star"]): _limit(row, rules, float(masses[row["star"]])) for row in _rows(LIMITS_FILE)}
+
+
+def _rows(path: Path) -> list[_Cells]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def _limit(row: _Cells, rules: dict[str, _Cells], star_mass_msun: float) -> VelocityLimit:
+    """A row with what its rule says in the annuli without numbers of their own."""
+    rule = rules.get(row["rule"])
+    numbers = [_annulus(row, rule, number, star_mass_msun) for number in range(1, len(VELOCITY_AXES_AU) + 1)]
+    m50, m90, ceiling = zip(*numbers, strict=True)
+    baseline = float(row["baseline_years"])
+    known = [axis for axis, share in zip(VELOCITY_AXES_AU, ceiling, strict=True) if share > 0.0]
+    # Beyond the orbit whose period is the baseline only the star's own injections say what is found.
+    period_reach = (
+        math.inf if row[f"ceiling_{len(VELOCITY_AXES_AU)}"] else (star_mass_msun * baseline**2) ** (1.0 / 3.0)
+    )
+    return VelocityLimit(
+        star=row["star"],
+        rule=row["rule"],
+        n_velocities=int(row["n_velocities"]) if row["n_velocities"] else None,
+        baseline_years=baseline,
+        m50_mjup=m50,
+        m90_mjup=m90,
+        ceiling=ceiling,
+        reach_au=min(period_reach, max(known, default=0.0)),
+        reference=row["reference"],
+        note=row["note"],
+    )
+
+
+def _annulus(row: _Cells, rule: _Cells | None, number: int, star_mass_msun: float) -> tuple[float, float, float]:
+    """Limits at 50 and 90 %, and ceiling, of one annulus; a ceiling of 0 where nothing is known."""
+    if row[f"ceiling_{number}"]:
+        m50, m90, ceiling = (float(row[f"{name}_{number}"]) for name in NUMBERS)
+        return m50, m90, ceiling
+    if rule is None:
+        return 1.0, 2.0, 0.0
+    k50, ratio, ceiling = (float(rule[f"{name}_{number}"]) for name in _RULE_NUMBERS)
+    m50 = k50 / float(amplitude_m_s(1.0, VELOCITY_AXES_AU[number - 1], star_mass_msun))
+    return m50, ratio * m50, ceiling

@@ -1,0 +1,188 @@
+"""Planets with which schedules are made, where they stand, and how likely visits are to show them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from catalogs import KnownPlanetTable, OrbitPlaces
+from cpic_core import BoolArray, FloatArray, IntArray, NDArray
+from cpic_planner.etc import EtcModel
+from cpic_planner.planets import PopulationConfig
+from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
+from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.universe import PlanetSample, at_known_place, draw_planet_sample, star_mass_msun
+from cpic_planner.targets import Targets
+from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
+
+N_DRAWS, N_KNOWN = 2000, 500
+"""Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
+_MOST_KEPT = 100
+KNOWN_ALBEDO = MeasuredAlbedo(model="jupiter")
+
+
+def albedos_of(population: PopulationConfig | None) -> tuple[AlbedoSpec, ...]:
+    """Albedos by kind: those of the population, then that of known planets, Jupiter's."""
+    own = () if population is None else tuple(kind.albedo for kind in population.mixture)
+    return (*(spec for spec in own if spec is not None), KNOWN_ALBEDO)
+
+
+@dataclass(frozen=True, eq=False)
+class Host:
+    """A star with what may be found there: new planets of a population, and known ones.
+
+    Attributes
+    ----------
+    star : Targets
+        One star.
+    population : PopulationConfig or None
+        None: known planets alone.
+    known : KnownPlanetTable or None
+    known_rows : tuple of int
+        Rows of the star's planets in that table.
+    """
+
+    star: Targets
+    population: PopulationConfig | None
+    known: KnownPlanetTable | None
+    known_rows: tuple[int, ...]
+
+    def content(self) -> dict[str, Any]:
+        """Everything that decides its planets and their light; known planets by what their rows say."""
+        rows: Mapping[str, NDArray[Any]] = {} if self.known is None else self.known.select(self.known_rows).columns
+        return {
+            "star": self.star.content(),
+            "population": None if self.population is None else self.population.content(),
+            "known": {name: cells.astype(str).tolist() for name, cells in rows.items()},
+            "rows": list(self.known_rows),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """Visits that a star can have.
+
+    Attributes
+    ----------
+    options : tuple of Setting
+        Ways to make a visit: band and time.
+    open : ndarray of bool, shape (o, b)
+        Slots in which each is possible.
+    day, roll_deg : ndarray, shape (b,)
+        When a visit in each slot takes place, after the start, and the roll of the first one there.
+    """
+
+    options: tuple[Setting, ...]
+    open: BoolArray
+    day: FloatArray
+    roll_deg: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What visits of a star are likely to show.
+
+    Attributes
+    ----------
+    planets : PlanetSample
+        All planets drawn that any date can show.
+    seen : ndarray of int, shape (m,)
+        Those of them that a visit can show.
+    chance : ndarray, shape (o, b, m)
+        Probability that a visit in a slot detects each of these.
+    """
+
+    planets: PlanetSample
+    seen: IntArray
+    chance: NDArray[np.float32]
+
+
+class PlanningSky:
+    """Planets with which schedules are made, and what visits show of them.
+
+    Planets and their places are kept for the next strategy, chances for the same strategy where it is planned again
+    with other facts about some stars (`cpic_planner.survey.facts`).
+
+    Parameters
+    ----------
+    seed : int
+    reach_arcsec : tuple of float
+        Separations between which any band shows a planet; others are left out.
+    """
+
+    def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
+        self._seed = seed
+        self._reach = reach_arcsec
+        self._kept: dict[str, tuple[PlanetSample, OrbitPlaces]] = {}
+        self._shown: dict[str, Shown] = {}
+
+    def of(self, host: Host, epoch_mjd: float, days: FloatArray) -> tuple[PlanetSample, OrbitPlaces]:
+        """Planets of one star, `N_DRAWS` new ones and `N_KNOWN` draws of each known one, and their places by day.
+
+        Parameters
+        ----------
+        host : Host
+        epoch_mjd : float
+            Start of the survey.
+        days : ndarray
+            Days after it.
+        """
+        key = content_hash({"host": host.content(), "epoch": epoch_mjd, "days": days.tolist()})
+        if key not in self._kept:
+            star = host.star
+            who = str(star.name[0]), float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0])
+            draw = partial(draw_planet_sample, *who, epoch_mjd=epoch_mjd, seed=self._seed, stage="planning")
+            parts = []
+            if host.known is not None and host.known_rows:
+                body = draw(None, known=host.known, known_rows=host.known_rows, n=N_KNOWN)
+                behind = 0 if host.population is None else len(host.population.mixture)
+                parts.append(replace(body, kind=np.full(len(body), behind)))
+            if host.population is not None:
+                parts.append(draw(host.population, n=N_DRAWS, one_each=True))
+            planets = PlanetSample.joined(parts)
+            distance = float(star.distance_pc[0])
+            planets = planets.select(planets.within(*(edge * distance for edge in self._reach)))
+            if len(self._kept) >= _MOST_KEPT:
+                self._kept.clear()
+            self._kept[key] = (planets, planets.places(days))
+        return self._kept[key]
+
+    def shown(self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
+        """What the visits that a star can have are likely to show.
+
+        Parameters
+        ----------
+        strategy : SurveyStrategy
+            Its name stands for its rules in what is kept.
+        model : EtcModel
+            That of the strategy.
+        host : Host
+        looks : Looks
+        epoch_mjd : float
+            Start of the survey.
+        """
+        visits = {
+            "options": [vars(option) for option in looks.options],
+            "open": looks.open.tolist(),
+            "days": looks.day.tolist(),
+            "rolls": looks.roll_deg.tolist(),
+        }
+        decides = {"strategy": strategy.name, "host": host.content(), "visits": visits, "epoch": epoch_mjd}
+        key = content_hash(decides)
+        if key not in self._shown:
+            planets, places = self.of(host, epoch_mjd, looks.day)
+            chance = np.zeros((*looks.open.shape, len(planets)), np.float32)
+            rule, placed = strategy.detection, at_known_place(planets, host.known)
+            for o, option in enumerate(looks.options):
+                slots = np.flatnonzero(looks.open[o])
+                if slots.size == 0:
+                    continue
+                there = OrbitPlaces(*(getattr(places, name)[slots] for name in OrbitPlaces.__dataclass_fields__))
+                albedos, roll = albedos_of(host.population), looks.roll_deg[slots]
+                signals = expected_signals(model, host.star, option, planets, albedos, there, roll)
+                chance[o, slots] = detection_chance(signals, rule, placed, calibration=rule.calibration)
+            seen = np.flatnonzero((chance > 0.0).any(axis=(0, 1)))
+            self._shown[key] = Shown(planets, seen, chance[:, :, seen])
+        return self._shown[key]

@@ -1,0 +1,100 @@
+"""Planets with which schedules are made: kept where nothing about a star has changed, drawn anew where it has."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from catalogs import load_known_planets
+from cpic_planner.etc import build_model
+from cpic_planner.planets import load_population
+from cpic_planner.survey.candidates import settings_of
+from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
+from cpic_planner.survey.planning import KNOWN_ALBEDO, Host, Looks, PlanningSky, albedos_of
+from cpic_planner.survey.universe import at_known_place
+from cpic_planner.targets import find_target
+from simulator import load_instrument
+
+EPOCH_MJD = 61771.0
+DAYS = np.arange(0.0, 720.0, 60.0)
+GIANTS = load_population("giants")
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_model(load_instrument(), bands=("F520",))
+
+
+@pytest.fixture(scope="module")
+def star():
+    return find_target("eps Eri")[0]
+
+
+@pytest.fixture
+def sky(model):
+    return PlanningSky(1, reach_au(model, 1.0))
+
+
+def hosts(star, *sources):
+    tables = [load_known_planets(source) for source in sources]
+    return [Host(star, GIANTS, table, table.rows_of("eps Eri")) for table in tables]
+
+
+@pytest.fixture(scope="module")
+def looks(model, small, star):
+    (option,) = settings_of(model, star, "F520", small().strategies[0].visit, 36000.0)
+    possible = np.ones((1, DAYS.size), bool)
+    possible[0, 3:5] = False
+    return Looks((option,), possible, DAYS, np.linspace(0.0, 90.0, DAYS.size))
+
+
+def test_planning_planets_are_kept_for_the_next_strategy(sky, star):
+    host = Host(star, GIANTS, None, ())
+    one = sky.of(host, EPOCH_MJD, DAYS)
+    assert sky.of(replace(host, population=load_population("giants")), EPOCH_MJD, DAYS) is one
+    assert sky.of(host, EPOCH_MJD, DAYS + 1.0) is not one
+    assert sky.of(replace(host, population=load_population("solar_system")), EPOCH_MJD, DAYS) is not one
+
+
+def test_known_planets_count_by_what_their_rows_say(sky, star):
+    now, again, before = hosts(star, "snapshot", "snapshot", "archive_2019")
+    one = sky.of(now, EPOCH_MJD, DAYS)
+    assert sky.of(again, EPOCH_MJD, DAYS) is one
+    assert sky.of(before, EPOCH_MJD, DAYS) is not one
+
+
+def test_chances_are_kept_for_the_same_strategy_and_facts(sky, model, small, star, looks):
+    strategy, other = small({"name": "one"}, {"name": "two", "detection": {"rule": "expected"}}).strategies
+    now, before = hosts(star, "snapshot", "archive_2019")
+    one = sky.shown(strategy, model, now, looks, EPOCH_MJD)
+    assert sky.shown(strategy, model, now, looks, EPOCH_MJD) is one
+    for changed in (
+        (other, model, now, looks),
+        (strategy, model, before, looks),
+        (strategy, model, replace(now, star=replace(star, v_mag=star.v_mag + 0.1)), looks),
+        (strategy, model, now, replace(looks, open=np.ones_like(looks.open))),
+        (strategy, model, now, replace(looks, roll_deg=looks.roll_deg + 1.0)),
+    ):
+        assert sky.shown(*changed, EPOCH_MJD) is not one
+
+
+def test_chances_are_those_of_single_visits(sky, model, small, star, looks):
+    strategy, (host,) = small().strategies[0], hosts(star, "snapshot")
+    shown = sky.shown(strategy, model, host, looks, EPOCH_MJD)
+    planets, rule = shown.planets, strategy.detection
+    whole = np.zeros((DAYS.size, len(planets)), np.float32)
+    for slot in np.flatnonzero(looks.open[0]):
+        places, roll = planets.places([DAYS[slot]]), [looks.roll_deg[slot]]
+        seen = expected_signals(model, star, looks.options[0], planets, albedos_of(GIANTS), places, roll)
+        placed = at_known_place(planets, host.known)
+        whole[slot] = detection_chance(seen, rule, placed, calibration=rule.calibration)[0]
+    assert np.array_equal(shown.seen, np.flatnonzero(whole.any(axis=0)))
+    assert 0 < shown.seen.size < len(planets)
+    np.testing.assert_allclose(shown.chance[0], whole[:, shown.seen], rtol=1e-6, atol=1e-30)
+
+
+def test_albedos_by_kind():
+    mixed = load_population("solar_system")
+    assert albedos_of(None) == (KNOWN_ALBEDO,)
+    assert len(albedos_of(mixed)) == len(mixed.mixture) + 1
+    assert albedos_of(mixed)[-1] == KNOWN_ALBEDO
