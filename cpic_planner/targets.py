@@ -26,7 +26,10 @@ _NUMBERS = ("ra_deg", "dec_deg", "distance_pc", "v_mag", "teff_k", "log_g", "met
 
 @dataclass(frozen=True)
 class Targets:
-    """Columns of ``n`` stars as arrays; missing companions are NaN."""
+    """Columns of ``n`` stars as arrays; missing companions are NaN, and position angles that are not known.
+
+    ``roll_deg`` is the roll of the telescope at which they are observed.
+    """
 
     name: NDArray[np.str_]
     hip: IntArray
@@ -45,6 +48,7 @@ class Targets:
     companion_teff_k: FloatArray
     flags: tuple[tuple[str, ...], ...]
     companions: Literal["on", "off"] = "on"
+    roll_deg: float = 0.0
 
     def __len__(self) -> int:
         return len(self.name)
@@ -130,6 +134,7 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
         companion_teff_k=number("teff_k"),
         flags=tuple(flags),
         companions=companions,
+        roll_deg=0.0,
     )
 
 

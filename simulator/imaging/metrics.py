@@ -162,6 +162,11 @@ class PsfMetrics(StampMetrics):
         the source stands in the middle.
     wing_map_step_arcsec : float
         Step of that map.
+    aperture_map : ndarray, shape (q, q), q odd
+        Light of an unmasked source in whole apertures at offsets ``y, x`` of ... -1, 0, 1 ... steps from it, as far as
+        8 arcsec along an axis.
+    aperture_map_step_arcsec : float
+        Step of that map, about 0.6 lambda/D.
     floor_visit_nm : ndarray, shape (g,)
         Visit offsets at which the speckle floor was measured.
     floor_separation_arcsec : ndarray, shape (s,)
@@ -181,6 +186,8 @@ class PsfMetrics(StampMetrics):
     wing_profile: FloatArray
     wing_map: FloatArray
     wing_map_step_arcsec: float
+    aperture_map: FloatArray
+    aperture_map_step_arcsec: float
     floor_visit_nm: FloatArray
     floor_separation_arcsec: FloatArray
     floor_sigma: FloatArray
@@ -277,6 +284,33 @@ class PsfMetrics(StampMetrics):
         column, row = (np.clip(part, -edge, edge) / step + last // 2 for part in (x, y))
         result: FloatArray = np.exp(_bilinear(np.log(self.wing_map), row, column)) / far**2
         return result
+
+    @property
+    def aperture_map_half_arcsec(self) -> float:
+        """Largest offset along an axis of the map of apertures."""
+        return len(self.aperture_map) // 2 * self.aperture_map_step_arcsec
+
+    def source_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Light of an unmasked source in apertures at offsets (x, y) from it; beyond the map that of smooth wings.
+
+        Parameters
+        ----------
+        x_arcsec, y_arcsec : array_like
+            Offset of the aperture from the source on the detector, arcsec; they broadcast.
+
+        Notes
+        -----
+        Linear between the apertures of the map, which are nearer to each other than they are wide: sums over many of
+        them keep their light. Within 2.5 % rms of images in the mean over an annulus of the hole; beyond the map 10 %.
+        """
+        x, y = np.broadcast_arrays(np.asarray(x_arcsec, float), np.asarray(y_arcsec, float))
+        half, step = len(self.aperture_map) // 2, self.aperture_map_step_arcsec
+        far = np.maximum(np.abs(x), np.abs(y)) > self.aperture_map_half_arcsec
+        column, row = (np.where(far, 0.0, part / step + half) for part in (x, y))
+        light = _bilinear(self.aperture_map, row, column)
+        if far.any():
+            light[far] = self.wing_at(x[far], y[far]) * self.aperture_pixels
+        return light
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Fraction of the circle of that radius that lies inside the dark quadrants."""
