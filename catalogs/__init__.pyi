@@ -4,6 +4,13 @@ from catalogs.bands import (
     band_provenance as band_provenance,
     load_bands as load_bands,
 )
+from catalogs.binaries import (
+    POSITION_ERROR_ARCSEC as POSITION_ERROR_ARCSEC,
+    BinaryOrbit as BinaryOrbit,
+    StabilityLimit as StabilityLimit,
+    binary_orbits as binary_orbits,
+    stability_limit as stability_limit,
+)
 from catalogs.catalogue import (
     NAMED_TABLES as NAMED_TABLES,
     PLANET_CREDITS as PLANET_CREDITS,
@@ -22,6 +29,13 @@ from catalogs.known_planet_table import KnownPlanetTable as KnownPlanetTable, st
 from catalogs.known_planets import load_known_planets as load_known_planets, split_source as split_source
 from catalogs.names import StarMatch as StarMatch, resolve_star as resolve_star
 from catalogs.nomenclature import CONSTELLATIONS as CONSTELLATIONS, GREEK as GREEK
+from catalogs.orbits import (
+    ECCENTRICITY_MAX as ECCENTRICITY_MAX,
+    ORBIT as ORBIT,
+    OrbitPlaces as OrbitPlaces,
+    eccentric_anomaly as eccentric_anomaly,
+    orbit_places as orbit_places,
+)
 from catalogs.refresh import (
     Refreshed as Refreshed,
     data_dir as data_dir,
@@ -50,6 +64,7 @@ from catalogs.spectra import (
 )
 from catalogs.spectral_types import parse_spectral_type as parse_spectral_type, stellar_parameters as stellar_parameters
 from catalogs.star_columns import ADDED_FLAGS as ADDED_FLAGS, QUANTITIES as QUANTITIES
+from catalogs.star_places import POSITION_ERROR as POSITION_ERROR, stars_at as stars_at
 from catalogs.stars import StarTable as StarTable, load_stars as load_stars
 from catalogs.stellar_grid import (
     HC_ERG_ANGSTROM as HC_ERG_ANGSTROM,

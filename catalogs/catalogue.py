@@ -11,8 +11,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from catalogs.binaries import binary_orbits, orbits_vintage
 from catalogs.known_planet_columns import STATUSES
-from catalogs.stars import StarTable, companion_updates, load_stars, updates_vintage, with_companion_updates
+from catalogs.stars import StarTable, load_stars
 from cpic_core import InputError
 
 _DATA = Path(__file__).resolve().parent / "data"
@@ -22,8 +23,8 @@ STAR_CREDITS = (
     "The star table is a database derived from it, under the Open Database License 1.0.",
     "Stellar data from ExoCat-1 (Turnbull 2015) and Hipparcos-2 (van Leeuwen 2007); names from the d3-celestial index "
     "(Kostjuk 2002; Gliese & Jahreiss 1991).",
-    "Places of companions that have moved: orbits of Akeson et al. 2021 and Bond et al. 2015, and of the Sixth Catalog "
-    "of Orbits of Visual Binary Stars (ORB6, US Naval Observatory).",
+    "Places of companions: the Sixth Catalog of Orbits of Visual Binary Stars (ORB6, US Naval Observatory), and the "
+    "orbits of Akeson et al. 2021.",
 )
 """Credits of the embedded and refreshed star tables."""
 
@@ -52,16 +53,16 @@ def _entry(file: str) -> dict[str, Any]:
     return next(item for item in _provenance() if item["data_file"] == file)
 
 
-def snapshot_vintage(*, updates: bool = True) -> str:
+def snapshot_vintage(*, orbits: bool = True) -> str:
     """Return in one line what the star table is and how old, with the first digits of its checksum.
 
     Parameters
     ----------
-    updates : bool
-        Whether companions are those of `catalogs.stars`.
+    orbits : bool
+        Whether companions follow the orbits of `catalogs.binaries`.
     """
     entry = _entry("stars.csv")
-    laid_over = f"; {updates_vintage()}" if updates else ""
+    laid_over = f"; {orbits_vintage()}" if orbits else ""
     return f"{entry['vintage']} (stars.csv {entry['sha256'][:12]}{laid_over})"
 
 
@@ -82,8 +83,8 @@ def catalogue_info() -> dict[str, Any]:
     Returns
     -------
     dict
-        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``companion_updates`` (pairs whose
-        place is not that of ``stars.csv``), ``known_planets`` (vintage, notes, ``updates``: date, file, and the planets
+        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``binary_orbits`` (pairs whose
+        companion follows its orbit), ``known_planets`` (vintage, notes, ``updates``: date, file, and the planets
         of each status that is not ``confirmed``), ``files`` (name, source packages, licence, description) and
         ``credits``.
     """
@@ -107,8 +108,8 @@ def catalogue_info() -> dict[str, Any]:
         "vintage": snapshot_vintage(),
         "counts": counts,
         "notes": stars["notes"],
-        "companion_updates": [
-            {name: value for name, value in asdict(item).items() if value == value} for item in companion_updates()
+        "binary_orbits": [
+            {name: value for name, value in asdict(item).items() if value == value} for item in binary_orbits()
         ],
         "known_planets": {"vintage": planets["vintage"], "notes": planets["notes"], "updates": _updates()},
         "files": files,
@@ -131,7 +132,7 @@ class Catalogue:
     Parameters
     ----------
     table : StarTable
-        The stars.
+        The stars, where their sources saw them.
     kind : {"snapshot", "simbad_2012", "refreshed", "file"}
         Where they come from.
     provenance : str
@@ -140,6 +141,8 @@ class Catalogue:
         What its stars are, in words: "every FGK star of the snapshot with parallax >= 25 mas".
     ranked_v_mag : float or None
         Faintest V of a ranking unless asked otherwise; None for all rows.
+    orbits : bool
+        Whether companions follow the orbits of `catalogs.binaries`.
     notes : tuple of str
         Remarks on the reading, for the person who asked.
     """
@@ -149,6 +152,7 @@ class Catalogue:
     provenance: str
     sample: str
     ranked_v_mag: float | None
+    orbits: bool
     notes: tuple[str, ...] = ()
 
 
@@ -158,8 +162,8 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     Parameters
     ----------
     source : str or Path
-        ``"snapshot"`` (embedded), ``"simbad_2012"`` (the same with companions where they were first listed, without the
-        updates of `catalogs.stars`), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
+        ``"snapshot"`` (embedded), ``"simbad_2012"`` (the same with companions where they were first listed, without
+        orbits), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
         data folder), or a file: CSV, ECSV, VOTable or FITS of a user's own, or a refreshed table. A file of one of
         these three names is written with its folder: ``./latest``.
 
@@ -171,13 +175,14 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     if not isinstance(source, str | Path) or not str(source):
         raise InputError("catalog", source, allowed=f"{', '.join(NAMED_TABLES)}, or the name of a table file")
     if source == "snapshot" or source == "simbad_2012":
-        updates = source == "snapshot"
+        orbits = source == "snapshot"
         return Catalogue(
-            table=load_stars(updates=updates),
-            kind="snapshot" if updates else "simbad_2012",
-            provenance=snapshot_vintage(updates=updates),
+            table=load_stars(),
+            kind="snapshot" if orbits else "simbad_2012",
+            provenance=snapshot_vintage(orbits=orbits),
             sample="every FGK star of the snapshot with parallax >= 25 mas",
             ranked_v_mag=RANKED_V_MAG,
+            orbits=orbits,
         )
     return _from_file(_latest() if source == "latest" else source)
 
@@ -210,11 +215,12 @@ def _from_file(path: str | Path) -> Catalogue:
         part = f"{file.name} has {len(table)} stars of the {whole} that it was written with"
         day, least = str(meta["queried_utc"])[:10], float(meta["cuts"]["parallax_min_mas"])
         return Catalogue(
-            table=with_companion_updates(table),
+            table=table,
             kind="refreshed",
             provenance=f"SIMBAD of {day}{_elsewhere(str(meta.get('service', '')))}, {len(table)} stars ({digest})",
             sample=f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas",
             ranked_v_mag=RANKED_V_MAG,
+            orbits=True,
             notes=() if len(table) == whole else (part,),
         )
     from catalogs.user_table import user_table
@@ -226,6 +232,7 @@ def _from_file(path: str | Path) -> Catalogue:
         provenance=f"{_USER_TABLE} of {len(made.table)} star{'s' * (len(made.table) != 1)} ({digest})",
         sample=f"every star of {file.name}",
         ranked_v_mag=None,
+        orbits=False,
         notes=made.notes,
     )
 

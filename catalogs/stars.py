@@ -8,23 +8,18 @@ dropped: dwarfs without a close companion are the paper's "nearly 700", but its 
 Values are read from ``data/stars.csv``; units and descriptions are in ``data/stars_columns.json``. A number is nan only
 where its ``*_src`` column says ``missing``.
 
-There a companion stands where its sources saw it: alpha Cen B where Hipparcos did in 1991. ``companion_updates.csv`` is
-kept by hand: for a few pairs it gives the place at one epoch, computed from a published orbit (its elements are in the
-note). It is laid over the base table, and over refreshed tables, whose companions are the snapshot's. A table of one's
-own is never touched. Both stars of a pair get each other, the second with the position angle turned by 180 deg.
-``close_companion`` stays SIMBAD's flag, by which the paper counts its sample.
+Stars and companions stand where their sources saw them: alpha Cen B where Hipparcos did in 1991;
+`catalogs.star_places` moves them to a date. ``close_companion`` is SIMBAD's flag, by which the paper counts its sample.
 """
 
 import csv
 import functools
-import hashlib
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -33,7 +28,6 @@ from catalogs.star_columns import COLUMNS
 from cpic_core import ArrayLike, InputError, NDArray
 
 _DATA = Path(__file__).resolve().parent / "data"
-_UPDATES = _DATA / "companion_updates.csv"
 _KINDS: dict[str, type] = {"int": np.int64, "bool": np.bool_, "float": np.float64}
 #: What the descriptions of the embedded table say of its own sources, said of any table.
 _DESCRIPTIONS = {
@@ -186,22 +180,14 @@ def star_table(values: Mapping[str, Sequence[object]], label: str) -> StarTable:
 
 
 @functools.cache
-def load_stars(*, updates: bool = True) -> StarTable:
+def load_stars() -> StarTable:
     """Return the embedded catalogue, brightest star first. It is read once per process.
-
-    Parameters
-    ----------
-    updates : bool
-        Lay the places of :func:`companion_updates` over the companions of the base table;
-        without them every companion stands where the base table's sources saw it.
 
     Returns
     -------
     StarTable
         All rows with V <= 7.5; ``table.select(table.column("v_mag") <= 7.0)`` is the ranked part.
     """
-    if updates:
-        return with_companion_updates(load_stars(updates=False))
     about = json.loads((_DATA / "stars_columns.json").read_text(encoding="utf-8"))["columns"]
     with (_DATA / "stars.csv").open(encoding="utf-8", newline="") as stream:
         reader = csv.reader(stream)
@@ -223,82 +209,3 @@ def _array(kind: str, texts: tuple[str, ...]) -> NDArray[np.generic]:
 def _frozen(values: NDArray[np.generic]) -> NDArray[np.generic]:
     values.flags.writeable = False
     return values
-
-
-@dataclass(frozen=True)
-class CompanionUpdate:
-    """The place of a companion at one epoch.
-
-    Parameters
-    ----------
-    star, companion : str
-        Names as in the star table; the companion need not have a row there.
-    separation_arcsec, pa_deg : float
-        Of the companion from the star; position angle east of north.
-    epoch_yr : float
-        Julian year of this place.
-    delta_v_mag : float
-        Companion's V minus the star's; nan where the base table's value stays.
-    reference : str
-        Publication of the orbit.
-    note : str
-        Elements of the orbit and remarks.
-    """
-
-    star: str
-    companion: str
-    separation_arcsec: float
-    pa_deg: float
-    epoch_yr: float
-    delta_v_mag: float
-    reference: str
-    note: str
-
-    @property
-    def reversed(self) -> Self:
-        """Return the pair as seen from the companion."""
-        turned = round((self.pa_deg + 180.0) % 360.0, 6)
-        return replace(self, star=self.companion, companion=self.star, pa_deg=turned, delta_v_mag=-self.delta_v_mag)
-
-
-@functools.cache
-def companion_updates() -> tuple[CompanionUpdate, ...]:
-    """Return the rows of ``companion_updates.csv``, one for each pair. It is read once per process."""
-    numbers = ("separation_arcsec", "pa_deg", "epoch_yr", "delta_v_mag")
-    with _UPDATES.open(encoding="utf-8", newline="") as stream:
-        rows: list[dict[str, Any]] = list(csv.DictReader(stream))
-    return tuple(CompanionUpdate(**row | {name: float(row[name] or math.nan) for name in numbers}) for row in rows)
-
-
-@functools.cache
-def updates_vintage() -> str:
-    """Return in one line what the updates are: epochs, file, and the first digits of its checksum."""
-    epochs = ", ".join(f"{epoch:g}" for epoch in sorted({item.epoch_yr for item in companion_updates()}))
-    return f"companions of {epochs} from {_UPDATES.name} {hashlib.sha256(_UPDATES.read_bytes()).hexdigest()[:12]}"
-
-
-def with_companion_updates(table: StarTable) -> StarTable:
-    """Return the table with the companions of its stars where the updates have them; absent stars are passed over."""
-    rows = {name: index for index, name in enumerate(table.column("name").tolist())}
-    changed = {name: table.column(name).tolist() for name in table.columns if name.startswith("companion_")}
-    for pair in companion_updates():
-        for item in (pair, pair.reversed):
-            row = rows.get(item.star)
-            if row is None:
-                continue
-            place = f"derived:orbit of {item.reference}"
-            values: dict[str, object] = {
-                "companion_name": item.companion,
-                "companion_sep_arcsec": item.separation_arcsec,
-                "companion_pa_deg": item.pa_deg,
-                "companion_epoch_yr": item.epoch_yr,
-                "companion_src": place,
-                "companion_pa_src": place,
-            }
-            if math.isfinite(item.delta_v_mag):
-                values["companion_delta_v_mag"] = item.delta_v_mag
-                values["companion_delta_v_src"] = f"derived:V of the companion in {item.reference}"
-            for name, value in values.items():
-                changed[name][row] = value
-    columns = {name: _frozen(np.array(cells)) for name, cells in changed.items()}
-    return replace(table, columns=MappingProxyType({**table.columns, **columns}))

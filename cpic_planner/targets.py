@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from catalogs import Catalogue, StarTable, open_catalogue, resolve_star
+from catalogs import POSITION_ERROR, Catalogue, StarTable, open_catalogue, resolve_star, stability_limit, stars_at
 from cpic_core import FloatArray, InputError, IntArray, NDArray
-from simulator.config import ASSUMED_PA_DEG
+from cpic_planner.queries import default_instrument
+from simulator.config import checked_utc, julian_year
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,11 +23,13 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger(__name__)
 CatalogSource = Catalogue | str | Path
 _NUMBERS = ("ra_deg", "dec_deg", "distance_pc", "v_mag", "teff_k", "log_g", "metallicity", "luminosity_lsun")
+OLD_YR = 10.0
+"""A companion without an orbit has an old place where it was seen longer ago, or nobody says when."""
 
 
 @dataclass(frozen=True)
 class Targets:
-    """Columns of ``n`` stars as arrays; missing companions are NaN, and position angles that are not known.
+    """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN.
 
     ``roll_deg`` is the roll of the telescope at which they are observed.
     """
@@ -44,11 +47,13 @@ class Targets:
     luminosity_lsun: FloatArray
     companion_separation_arcsec: FloatArray
     companion_pa_deg: FloatArray
+    companion_position_error_arcsec: FloatArray
     companion_v_mag: FloatArray
     companion_teff_k: FloatArray
     flags: tuple[tuple[str, ...], ...]
     companions: Literal["on", "off"] = "on"
     roll_deg: float = 0.0
+    date_utc: str = ""
 
     def __len__(self) -> int:
         return len(self.name)
@@ -88,8 +93,14 @@ class Targets:
         return replace(self, **chosen)
 
 
-def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "on") -> Targets:
-    """Targets of a star table.
+def targets_from_table(
+    table: StarTable,
+    *,
+    companions: Literal["on", "off"] = "on",
+    date_utc: str | None = None,
+    orbits: bool = True,
+) -> Targets:
+    """Targets of a star table, where they and their companions stand at a date.
 
     A companion without its own temperature shares the star's (flagged ``companion_colour_assumed``).
 
@@ -98,7 +109,18 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
     table : StarTable
     companions : {"on", "off"}, optional
         ``on``: light of known stellar companions counts; ``off``: it is left out.
+    date_utc : str, optional
+        UTC; by default the start of the mission of the shipped instrument.
+    orbits : bool, optional
+        Whether companions follow their orbits.
+
+    Raises
+    ------
+    InputError
+        For a text that is no date.
     """
+    utc = checked_utc("date_utc", default_instrument().mission.start_utc if date_utc is None else date_utc)
+    table = stars_at(table, julian_year(utc), orbits=orbits)
     if companions not in ("on", "off"):
         raise InputError("companions", companions, allowed="on, off")
 
@@ -111,15 +133,29 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
     companion_v = number("v_mag") + number("companion_delta_v_mag")
     located = np.isfinite(companion_v) & np.isfinite(number("companion_sep_arcsec"))
     pa = number("companion_pa_deg")
-    assumed = located & ~np.isfinite(pa)
+    age_yr = julian_year(utc) - number("companion_epoch_yr")
     flags, close_companion = [], np.asarray(table.column("close_companion"), bool)
-    for own, close, has, guessed in zip(text("quality_flags"), close_companion, located, assumed, strict=True):
+    rows = zip(
+        text("name").tolist(),
+        text("quality_flags").tolist(),
+        close_companion.tolist(),
+        located.tolist(),
+        np.isfinite(pa).tolist(),
+        (age_yr <= OLD_YR).tolist(),
+        strict=True,
+    )
+    for star, own, close, has, has_angle, recent in rows:
         names = [flag for flag in own.split(";") if flag]
+        limit = stability_limit(star)
+        if limit is not None and not limit.within_fit:
+            names.append("stability_extrapolated")
         if has:
             names.append("companion_light_on" if companions == "on" else "companion_light_off")
             names.append("companion_colour_assumed")
-            if guessed:
-                names.append("companion_pa_assumed")
+            if not has_angle:
+                names.append("companion_pa_unknown")
+            if not recent:
+                names.append("companion_position_old")
         elif close:
             names.append("companion_light_unknown")
         flags.append(tuple(names))
@@ -129,12 +165,14 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
         sp_type=text("sp_type"),
         **{name: number(name) for name in _NUMBERS},
         companion_separation_arcsec=number("companion_sep_arcsec"),
-        companion_pa_deg=np.where(assumed, ASSUMED_PA_DEG, pa),
+        companion_pa_deg=pa,
+        companion_position_error_arcsec=np.where(located, number(POSITION_ERROR), np.nan),
         companion_v_mag=companion_v,
         companion_teff_k=number("teff_k"),
         flags=tuple(flags),
         companions=companions,
         roll_deg=0.0,
+        date_utc=utc,
     )
 
 
@@ -155,6 +193,7 @@ def rank_sample(
     dwarfs_only: bool = False,
     singles_only: bool = False,
     companions: Literal["on", "off"] = "on",
+    date_utc: str | None = None,
 ) -> Targets:
     """The stars that a ranking returns.
 
@@ -174,9 +213,12 @@ def rank_sample(
         Whether only stars without a close companion are kept.
     companions : {"on", "off"}, optional
         ``on``: light of known stellar companions counts; ``off``: it is left out.
+    date_utc : str, optional
+        Of the places, as of `targets_from_table`.
     """
-    table = _sample(as_catalogue(catalog), v_mag_max, dwarfs_only=dwarfs_only, singles_only=singles_only)
-    return targets_from_table(table, companions=companions)
+    chosen = as_catalogue(catalog)
+    table = _sample(chosen, v_mag_max, dwarfs_only=dwarfs_only, singles_only=singles_only)
+    return targets_from_table(table, companions=companions, date_utc=date_utc, orbits=chosen.orbits)
 
 
 def _sample(
@@ -222,7 +264,11 @@ def sample_text(catalogue: Catalogue, v_mag_max: float | None, dwarfs_only: bool
 
 
 def find_target(
-    name: str, *, companions: Literal["on", "off"] = "on", catalog: CatalogSource = "snapshot"
+    name: str,
+    *,
+    companions: Literal["on", "off"] = "on",
+    catalog: CatalogSource = "snapshot",
+    date_utc: str | None = None,
 ) -> tuple[Targets, str]:
     """One star of a catalogue by any name people use, and a note when the name was ambiguous.
 
@@ -234,15 +280,18 @@ def find_target(
         ``on``: light of known stellar companions counts; ``off``: it is left out.
     catalog : CatalogSource, optional
         Star table: ``snapshot``, ``latest``, ``simbad_2012``, or a file.
+    date_utc : str, optional
+        Of the places, as of `targets_from_table`.
 
     Raises
     ------
     InputError
         If no star has that name; with the nearest suggestions.
     """
-    table = as_catalogue(catalog).table
-    match = resolve_star(name, table)
-    return targets_from_table(table.select([match.index]), companions=companions), match.note
+    chosen = as_catalogue(catalog)
+    match = resolve_star(name, chosen.table)
+    row = chosen.table.select([match.index])
+    return targets_from_table(row, companions=companions, date_utc=date_utc, orbits=chosen.orbits), match.note
 
 
 def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
@@ -255,7 +304,8 @@ def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
         ``cpic catalog refresh`` made; ``"simbad_2012"``, the snapshot with companions where they were first
         listed; or a table file (CSV, ECSV, VOTable, FITS).
     **cuts
-        ``v_mag_max`` (default 7, none for a file of one's own), ``dwarfs_only``, ``singles_only`` as in `rank_sample`.
+        ``v_mag_max`` (default 7, none for a file of one's own), ``dwarfs_only``, ``singles_only``, ``companions`` and
+        ``date_utc`` as in `rank_sample`.
 
     Returns
     -------
@@ -269,17 +319,18 @@ def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
     """
     import pandas as pd
 
-    known = ("v_mag_max", "dwarfs_only", "singles_only", "companions")
+    known = ("v_mag_max", "dwarfs_only", "singles_only", "companions", "date_utc")
     for key in cuts:
         if key not in known:
             raise InputError(key, cuts[key], allowed="no such cut", hint=f"known cuts: {', '.join(known)}")
     catalogue = as_catalogue(source)
-    companions = cuts.pop("companions", "on")
+    where = {name: cuts.pop(name) for name in ("companions", "date_utc") if name in cuts}
     table = _sample(catalogue, **cuts)
-    targets = targets_from_table(table, companions=companions)
-    columns = {name: values for name, values in vars(targets).items() if name not in ("flags", "companions")}
+    targets = targets_from_table(table, orbits=catalogue.orbits, **where)
+    columns = {name: values for name, values in vars(targets).items() if isinstance(values, np.ndarray)}
     labels = [f"{quantity}_src" for quantity in columns]
     origins = {label: table.column(label) for label in labels if label in table.columns}
     frame = pd.DataFrame(columns | {"flags": ["|".join(flags) for flags in targets.flags]} | origins)
     frame.attrs["catalogue"] = catalogue.provenance
+    frame.attrs["date_utc"] = targets.date_utc
     return frame

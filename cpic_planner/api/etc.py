@@ -212,8 +212,7 @@ def checked(
 def _answered(question: EtcQuestion) -> list[EtcAnswer]:
     """The answers about all stars of a question."""
     model = model_of(question)
-    named = stars_named(question.target, question.companions, question.catalog)
-    stars = [as_asked(question, star) for star in named]
+    stars = [as_asked(question, star) for star in stars_named(question)]
     if not stars:
         return []
     together = question.separation_arcsec is not None and question.n_frames is None
@@ -323,7 +322,7 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     if time_s is None and question.snr is None and not question.detect:
         time_s = DEFAULT_TIME_S
     model = model_of(question)
-    stars = Targets.joined(stars_named(question.target, question.companions, question.catalog))
+    stars = Targets.joined(stars_named(question))
     names = ("snr", "detect", "separation_arcsec", "planet")
     goal: dict[str, Any] = {name: getattr(question, name) for name in names}
     best = best_of(model, stars, time_s=time_s, **goal)

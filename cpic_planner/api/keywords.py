@@ -13,9 +13,8 @@ from pydantic.fields import FieldInfo
 
 from cpic_core import numeric_context
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.queries import Question, Strategy, asked_of, default_instrument, kind_of, spelled
-from cpic_planner.queries.shared import OnOff
-from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_target
+from cpic_planner.queries import Question, Strategy, asked_of, default_instrument, kind_of, observed_utc, spelled
+from cpic_planner.targets import Targets, as_catalogue, find_target
 from simulator.config import limits_of, unit_of
 
 
@@ -32,10 +31,10 @@ def _default_model(bands: tuple[str, ...] | None, strategy: Strategy | None) -> 
     return build_model(default_instrument(), bands, strategy)
 
 
-def stars_named(names: Sequence[str], companions: OnOff, catalog: CatalogSource) -> list[Targets]:
-    """Return each named star as a target of its own."""
-    table = as_catalogue(catalog)
-    return [find_target(name, companions=companions, catalog=table)[0] for name in names]
+def stars_named(question: Any) -> list[Targets]:
+    """Return each star that a question names as a target of its own."""
+    where = {"catalog": as_catalogue(question.catalog), "companions": question.companions}
+    return [find_target(name, date_utc=observed_utc(question), **where)[0] for name in question.target]
 
 
 R = TypeVar("R")

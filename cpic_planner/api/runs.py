@@ -17,6 +17,7 @@ from cpic_planner.api.keywords import model_of, stars_named, takes
 from cpic_planner.etc import EtcModel
 from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
+from simulator.config import checked_utc
 
 _QUIET = {"out": None, "images": 0, "workers": 1}
 
@@ -43,7 +44,8 @@ def prepared(question: queries.RankQuestion) -> Prepared:
     """
     table = as_catalogue(question.catalog)
     cuts = {name: getattr(question, name) for name in ("v_mag_max", "dwarfs_only", "singles_only")}
-    targets = rank_sample(catalog=table, companions=question.companions, **cuts)
+    date_utc = queries.observed_utc(question)
+    targets = rank_sample(catalog=table, companions=question.companions, date_utc=date_utc, **cuts)
     sample = sample_text(table, *cuts.values())
     counted, notes = counted_planets(question), table.notes
     if isinstance(counted, KnownChoice):
@@ -149,7 +151,7 @@ def confirm_targets(question: queries.StarImagesQuestion) -> list[results.Confir
 
     return confirm_stars(
         model_of(question),
-        stars_named(question.target, question.companions, question.catalog),
+        stars_named(question),
         time_s=question.time_s,
         planet=question.planet,
         workers=question.workers,
@@ -191,8 +193,7 @@ def simulate_products(question: queries.SimulateQuestion) -> results.SimulationR
     """
     from cpic_planner.simulation import simulate, simulation_from
 
-    given = {"settings": question.settings, "changes": question.changes, "instrument": question.instrument}
-    simulation, _ = simulation_from(question.what, **given)
+    simulation, _ = simulation_from(question.what, **question.given)
     return simulate(simulation, question.out, truth=question.truth, **question.how).result
 
 
@@ -216,11 +217,12 @@ def visibility_of(
     from cpic_planner.survey.visibility.result import visibility_result
 
     config, mission = load_visibility(question.limits), question.instrument.mission
+    start_utc = checked_utc("start_utc", question.start_utc or queries.observed_utc(question))
     table = as_catalogue(question.catalog)
     stars: dict[str, Targets] = {}
     remarks = list(table.notes)
     for name in question.target:
-        star, remark = find_target(name, catalog=table)
+        star, remark = find_target(name, catalog=table, date_utc=question.date_utc or start_utc)
         stars.setdefault(str(star.name[0]), star)
         remarks += [remark] if remark else []
     for remark in remarks:
@@ -229,7 +231,7 @@ def visibility_of(
         Targets.joined(list(stars.values())),
         config,
         mission.orbit,
-        start_utc=question.start_utc or mission.start_utc,
+        start_utc=start_utc,
         n_days=question.n_days,
         step_days=question.step_days,
         catalogue=table.provenance,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import metadata
@@ -16,7 +17,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import catalogs
-from catalogs import Cuts, Refreshed, RefreshError, TapService, data_dir, ecsv_text, file_name, parse_refreshed
+from catalogs import (
+    POSITION_ERROR_ARCSEC,
+    Cuts,
+    Refreshed,
+    RefreshError,
+    TapService,
+    data_dir,
+    ecsv_text,
+    file_name,
+    parse_refreshed,
+)
 from catalogs.refresh import refresh
 from cpic_core import InputError, write_text
 from cpic_planner.cli.options import JsonOption, console, error_line, note, print_json
@@ -176,10 +187,10 @@ def info(as_json: JsonOption = False) -> None:
     screen = console()
     screen.print(f"[bold]{facts['vintage']}[/bold]")
     _table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in facts["counts"]))
-    forms = {"star": "", "companion": "", "separation_arcsec": ".2f", "pa_deg": ".1f", "epoch_yr": "g", "reference": ""}
-    pairs = (tuple(format(row[name], form) for name, form in forms.items()) for row in facts["companion_updates"])
-    heads = ("star", "companion", "arcsec", "PA (deg)", "in", "orbit")
-    _table(screen, "Companions that have moved (--catalog simbad_2012: as first listed)", heads, pairs)
+    grades = Counter(row["grade"] for row in facts["binary_orbits"])
+    rows = ((str(grade), str(count), f"{POSITION_ERROR_ARCSEC[grade]:g}") for grade, count in sorted(grades.items()))
+    heads = ("grade of the orbit", "pairs", "error of a place (arcsec)")
+    _table(screen, "Companions that follow their orbits (--json lists them; --catalog simbad_2012: none)", heads, rows)
     files = ((row["file"], row["packages"], row["licence"]) for row in facts["files"])
     _table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     planets = facts["known_planets"]

@@ -82,6 +82,7 @@ def etc(
     from catalogs import open_catalogue
     from cpic_planner.api import as_asked, closed_forms, model_of
     from cpic_planner.etc import etc_result
+    from cpic_planner.queries import observed_utc
     from cpic_planner.targets import find_target
 
     refuse_together({"--budget": budget, "--json": as_json}, "JSON holds every budget")
@@ -89,7 +90,8 @@ def etc(
     check_plot(plot)
     table = open_catalogue(question.catalog)
     note(*table.notes)
-    star, about = find_target(question.target[0], companions=question.companions, catalog=table)
+    name, date_utc = question.target[0], observed_utc(question)
+    star, about = find_target(name, companions=question.companions, catalog=table, date_utc=date_utc)
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
     star, model = as_asked(question, star), model_of(question)

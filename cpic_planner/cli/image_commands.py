@@ -172,8 +172,7 @@ def simulate(
         return
     from cpic_planner import simulation
 
-    changed = {"settings": question.settings, "changes": question.changes, "instrument": question.instrument}
-    made, remarks = simulation.simulation_from(question.what, **changed)
+    made, remarks = simulation.simulation_from(question.what, **question.given)
     note(*remarks)
     if dry_run:
         planned = simulation.simulation_estimate(made, truth=question.truth, workers=question.workers)

@@ -83,9 +83,9 @@ def known(
     choice = KnownChoice.at(planets, question.date_utc, question.albedo, question.instrument, **draws)
     note(*table.notes, *choice.table.notes)
     if star is None:
-        targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max)
+        targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max, date_utc=choice.date_utc)
     else:
-        targets, remark = find_target(star, catalog=table)
+        targets, remark = find_target(star, catalog=table, date_utc=choice.date_utc)
         note(*filter(None, [remark]))
         name = str(targets.name[0])
         if not choice.table.listed_rows_of(name):

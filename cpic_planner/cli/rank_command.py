@@ -84,7 +84,7 @@ def rank(
     ready = prepared(question)
     note(*ready.notes)
     if explain is not None:
-        star, remark = find_target(explain, companions=question.companions, catalog=ready.catalogue)
+        star, remark = find_target(explain, catalog=ready.catalogue)
         note(*filter(None, [remark]))
         name = str(star.name[0])
         if name not in set(ready.targets.name.tolist()):

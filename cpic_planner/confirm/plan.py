@@ -22,6 +22,7 @@ from cpic_planner.queries import (
     ReferencePlanet,
     SimulatorOverrides,
     audited,
+    observed_utc,
     refuse_counting,
 )
 from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets, planet_record, rank_targets
@@ -263,6 +264,7 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     targets = rank_sample(
         catalog=catalogue,
         companions=config.companions,
+        date_utc=observed_utc(config),
         v_mag_max=config.v_mag_max,
         dwarfs_only=config.dwarfs_only,
         singles_only=config.singles_only,
@@ -385,6 +387,7 @@ def _result(config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapp
         reference_planet=planet_record(config.planet),
         catalogue=rank.catalogue,
         sample=rank.sample,
+        date_utc=rank.date_utc,
         n_ranked=len(rank.targets),
         counts=rank.counts,
         counts_limited_by=rank.counts_limited_by,

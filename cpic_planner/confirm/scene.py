@@ -135,6 +135,7 @@ def scene_target(scene: Scene) -> Targets:
         luminosity_lsun=number(star.luminosity_lsun),
         companion_separation_arcsec=number(companion.separation_arcsec if companion else None),
         companion_pa_deg=number(companion.pa_deg if companion else None),
+        companion_position_error_arcsec=number(None),
         companion_v_mag=number(companion.v_mag if companion else None),
         companion_teff_k=number(companion.teff_k, float(teff[0])) if companion else number(None),
         flags=((),),

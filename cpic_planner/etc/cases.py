@@ -270,6 +270,7 @@ def etc_result(
         v_mag=float(target.v_mag[0]),
         distance_pc=float(target.distance_pc[0]),
         catalogue=catalogue,
+        date_utc=target.date_utc,
         note=note,
         reference_planet=record,
         best_band=best_band(answers),

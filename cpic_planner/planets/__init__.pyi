@@ -8,7 +8,7 @@ from cpic_planner.planets.known_draws import (
     quantiles as quantiles,
 )
 from cpic_planner.planets.laws import chosen_entry as chosen_entry
-from cpic_planner.planets.orbits import OrbitingPlanets as OrbitingPlanets, OrbitPlaces as OrbitPlaces
+from cpic_planner.planets.orbits import OrbitingPlanets as OrbitingPlanets
 from cpic_planner.planets.population import (
     Planets as Planets,
     PopulationChoice as PopulationChoice,

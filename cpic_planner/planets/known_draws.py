@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from catalogs import KnownPlanetTable
+from catalogs import ORBIT, KnownPlanetTable, OrbitPlaces
 from cpic_core import ArrayLike, FloatArray, InputError, check_finite, stream
 from cpic_planner.planets.known_rows import QUANTITIES, DrawnRows
-from cpic_planner.planets.orbits import ORBIT, OrbitingPlanets, OrbitPlaces
+from cpic_planner.planets.orbits import OrbitingPlanets
 from cpic_planner.planets.population import Planets
 from simulator.config import AlbedoSpec
 

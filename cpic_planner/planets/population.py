@@ -5,9 +5,10 @@ from typing import Literal
 
 import numpy as np
 
+from catalogs import ORBIT, orbit_places
 from cpic_core import FloatArray, InputError, IntArray, check_whole, stream
 from cpic_planner.planets.laws import chosen_entry
-from cpic_planner.planets.orbits import ORBIT, OrbitingPlanets, orbit_places
+from cpic_planner.planets.orbits import OrbitingPlanets
 from cpic_planner.planets.population_config import QUANTITIES, PopulationConfig, load_population
 from cpic_planner.queries import MAX_PLANETS, N_PLANETS
 from cpic_planner.results import PopulationRecord

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
+from catalogs import ECCENTRICITY_MAX
 from cpic_core import FloatArray, InputError, IntArray, Provenance, split_sourced
 from cpic_planner.planets.laws import Law, read_law
-from cpic_planner.planets.orbits import ECCENTRICITY_MAX
 from cpic_planner.queries import ReferencePlanet
 from simulator import config
 from simulator.config.scene import paths_beside
@@ -106,7 +106,7 @@ class PopulationConfig(_Quantities):
     radius_rjup, semi_major_axis_au, eccentricity, inclination_deg, argument_of_pericentre_deg, node_deg, \
 mean_anomaly_deg : Law
         Laws of `cpic_planner.planets.laws`; a number stands for one value. The elements of the orbit are defined in
-        `cpic_planner.planets.orbits.orbit_places`.
+        `catalogs.orbits.orbit_places`.
     albedo : AlbedoSpec
         What `simulator.config.light.albedo_spec` reads; all planets of a kind share it, except that an albedo without
         ``insolation_au`` follows each planet's own light.

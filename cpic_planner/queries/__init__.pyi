@@ -46,6 +46,7 @@ from cpic_planner.queries.shared import (
     ReferencePlanet as ReferencePlanet,
     Strategy as Strategy,
     default_instrument as default_instrument,
+    observed_utc as observed_utc,
 )
 from cpic_planner.queries.simulate import SimulateQuestion as SimulateQuestion
 from cpic_planner.queries.written_values import (

@@ -12,9 +12,10 @@ from catalogs import resolve_star
 from cpic_core import InputError
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import Parts, called
+from cpic_planner.queries.changes import Change, changed
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.overrides import SimulatorOverrides
-from simulator.config import Scene, load_scene
+from simulator.config import Scene, Utc, checked_utc, load_scene
 from simulator.knobs import Dial, dial_of
 
 REALISATIONS = 8
@@ -183,6 +184,12 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
         read=load_scene,
         accepts="Scene, mapping, str or Path",
     )
+    date_utc: Utc | None = asked(
+        None,
+        "Date of the observation, UTC: that of the light of the sky; a scene has places of its own.",
+        option="--date",
+        unset="the mission's start",
+    )
     time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
         None, "Wall time per band, readouts and reference frames included.", unset="36000"
     )
@@ -195,6 +202,13 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
         None, "Run one more realisation frame by frame, with every effect.", unset="with {fidelity} standard"
     )
     out: Path | None = asked(None, "Output folder.", unset="print only", physics=False)
+
+    @classmethod
+    def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
+        if "date_utc" in tree:
+            start = Change(key="mission.start_utc", value=checked_utc("date_utc", tree["date_utc"]))
+            tree["instrument"] = changed(shared.read_instrument(tree.get("instrument")), (start,))
+        return super()._read(tree)
 
     @model_validator(mode="after")
     def _frames(self) -> Self:

@@ -38,7 +38,11 @@ class KnownQuestion(shared.InstrumentQuestion, shared.CatalogQuestion, shared.Kn
 
 
 class VisibilityQuestion(shared.CatalogQuestion):
-    """Say when stars can be seen from the orbit of the telescope, and for how long per orbit."""
+    """Say when stars can be seen from the orbit of the telescope, and for how long per orbit.
+
+    The places of the stars are those of ``date_utc``, which is also the first day where none is given, and of the first
+    day without it.
+    """
 
     KIND: ClassVar[str] = "visibility"
 
@@ -50,7 +54,7 @@ class VisibilityQuestion(shared.CatalogQuestion):
         accepts="str or sequence of str",
     )
     start_utc: str | None = asked(
-        None, "First day, UTC, e.g. 2028-01-01.", option="--start", unset="that of the mission"
+        None, "First day, UTC, e.g. 2028-01-01.", option="--start", unset="{date_utc}, else that of the mission"
     )
     n_days: int = asked(365, "How many days.", option="--days")
     step_days: float = asked(1.0, "Time between orbits that are looked at; of the Moon, at most 1.")

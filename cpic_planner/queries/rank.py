@@ -36,16 +36,13 @@ class CountedPlanetsQuestion(shared.KnownPlanetsQuestion):
     )
 
     def check_planets(self) -> None:
-        """Refuse a population beside known planets, and a date without them."""
+        """Refuse a population beside known planets."""
         if self.known_planets is not None and "population" in self.model_fields_set:
             taken, hint = (
                 f"given with {called('known_planets')}",
                 "known planets stand instead of a hypothetical population",
             )
             raise InputError("population", taken, allowed="one of the two", hint=hint)
-        if self.known_planets is None and self.date_utc is not None:
-            allowed = f"only with {called('known_planets')}"
-            raise InputError("date_utc", self.date_utc, allowed=allowed, hint="nothing else depends on a date")
 
 
 class RankedQuestion(shared.InstrumentQuestion, shared.CutsQuestion, CountedPlanetsQuestion):

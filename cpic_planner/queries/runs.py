@@ -19,8 +19,7 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
     """Everything that decides a plan, but for the star table.
 
     ``v_mag_max`` None: 7, or all of a table of one's own. ``known_planets``
-    (`catalogs.known_planets.load_known_planets`) stands instead of ``population``, with ``n_planets`` draws of each at
-    ``date_utc``, the start of the mission by default.
+    (`catalogs.known_planets.load_known_planets`) stands instead of ``population``, with ``n_planets`` draws of each.
     """
 
     KIND: ClassVar[str] = "plan"
@@ -29,7 +28,7 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
     out: Path = asked(Path("cpic-plan"), "Output folder; an interrupted run continues there.", physics=False)
 
 
-_SAMPLE = ("universes", "seed", "start_utc", "duration_days", "slot_days")
+_SAMPLE = ("universes", "seed", "start_utc", "date_utc", "duration_days", "slot_days")
 UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "catalog", "instrument", "known_planets")
 """Fields that stand instead of those of `cpic_planner.survey.strategy_file.UniverseConfig`, which checks them."""
 
@@ -56,6 +55,12 @@ class WhatIfQuestion(RunQuestion):
     universes: int | None = asked(None, "Synthetic universes.", ge=2, le=10_000_000, unset="1000")
     seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, unset="1")
     start_utc: str | None = asked(None, "Begin of the survey, UTC.", option="--start")
+    date_utc: str | None = asked(
+        None,
+        "Date of the places of stars and their companions in all visits, UTC.",
+        option="--date",
+        unset="the begin of the survey",
+    )
     duration_days: float | None = asked(None, "Length of the survey in days.", option="--days")
     slot_days: float | None = asked(None, "Step of the calendar in days.")
     observed: str | None = asked(None, "Observation log (CSV): plan what is left of the survey.", read=str)

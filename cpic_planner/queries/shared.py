@@ -280,6 +280,19 @@ class CatalogQuestion(Question):
         command=str,
         accepts="str, Path or Catalogue",
     )
+    # It counts by the places that it gives, which are in the hashes of results.
+    date_utc: config.Utc | None = asked(
+        None,
+        "Date of the observation, UTC: stars, companions and known planets stand where they are then.",
+        option="--date",
+        unset="the mission's start",
+        physics=False,
+    )
+
+
+def observed_utc(question: Any) -> str:
+    """Return the date of the observation that a question about stars is asked for."""
+    return str(question.date_utc or question.instrument.mission.start_utc)
 
 
 class StarsQuestion(CatalogQuestion):
@@ -312,9 +325,6 @@ class KnownPlanetsQuestion(Question):
         "beside it, and off leaves them out.",
         physics=False,
         read=str,
-    )
-    date_utc: config.Utc | None = asked(
-        None, "Date of the known planets' places, UTC.", option="--date", unset="the mission's start", physics=False
     )
 
 

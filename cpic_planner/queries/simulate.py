@@ -136,8 +136,19 @@ class SimulateQuestion(RunQuestion):
         parts=SwitchParts,
         accepts="mapping of str to bool",
     )
+    date_utc: str | None = asked(
+        None,
+        "Date of the places of the stars of a table and of their companions, UTC.",
+        option="--date",
+        unset="{start_utc}",
+    )
     truth: bool = asked(True, "Write the truth beside the products.")
     out: Path = asked(Path("out/simulate"), "Output folder; an interrupted run continues there.", physics=False)
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Settings of `cpic_planner.simulation.inputs.simulation_from`."""
+        return {name: getattr(self, name) for name in ("settings", "changes", "instrument", "date_utc")}
 
     @property
     def settings(self) -> dict[str, Any]:

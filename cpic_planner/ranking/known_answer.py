@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs import resolve_star, snapshot_vintage
+from catalogs import resolve_star, snapshot_vintage, stars_at
 from cpic_core import FloatArray, InputError, check_whole
 from cpic_planner.etc import EtcModel, check_range, reflected_contrast
 from cpic_planner.planets import (
@@ -27,7 +27,7 @@ from cpic_planner.ranking.known_completeness import KnownChoice
 from cpic_planner.results import KnownBand, KnownHole, KnownPlanetRow, KnownResult, KnownTrack, KnownWindow, Quantiles
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue
 from cpic_planner.version import __version__
-from simulator.config import MAX_SEPARATION_ARCSEC, AlbedoSpec, content_hash, scenes_from_table
+from simulator.config import MAX_SEPARATION_ARCSEC, AlbedoSpec, content_hash, julian_year, scenes_from_table
 
 
 def known_scene(
@@ -58,15 +58,16 @@ def known_scene(
         If the star is unknown or has no known planets.
     """
     number = check_whole("draw", draw, 0, choice.n_draws - 1)
-    stars = as_catalogue(catalog).table
-    match = resolve_star(star, stars)
+    chosen = as_catalogue(catalog)
+    match = resolve_star(star, chosen.table)
     rows = choice.table.rows_of(match.name)
     if not rows:
         raise InputError("star", star, allowed="a star with known planets", hint=choice.table.provenance)
     uniforms = known_uniforms(choice.table, rows, choice.n_draws, choice.seed)[:, number : number + 1]
     drawn = draw_known(choice.table, rows, uniforms, epoch_mjd=choice.mjd)
-    distance_pc = float(np.asarray(stars.column("distance_pc"), float)[match.index])
-    scene = scenes_from_table(stars.select([match.index]))[0].model_dump(mode="json", exclude_none=True)
+    place = stars_at(chosen.table.select([match.index]), julian_year(choice.date_utc), orbits=chosen.orbits)
+    distance_pc = float(np.asarray(place.column("distance_pc"), float)[0])
+    scene = scenes_from_table(place)[0].model_dump(mode="json", exclude_none=True)
     planets = []
     for k, row in enumerate(rows):
         at = {name: float(values[0, 0]) for name, values in vars(places_at(drawn, k, [choice.mjd])).items()}

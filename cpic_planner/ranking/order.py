@@ -294,6 +294,7 @@ def rank_targets(
         config_hash=setting.digest(targets),
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         sample=sample,
+        date_utc=targets.date_utc,
         time_s=setting.time_s,
         sigma=model.strategy.sigma,
         reference_library=model.strategy.library,

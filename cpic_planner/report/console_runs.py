@@ -51,7 +51,7 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> N
         "Detected: at least half of the visits show the planet if its place is known; blind %: probability that a "
         "search finds it that does not know the place. "
         f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
-        f"Stars: {rank.sample}. {rank.catalogue}",
+        f"Stars{f' on {rank.date_utc[:10]}' * bool(rank.date_utc)}: {rank.sample}. {rank.catalogue}",
     )
 
 

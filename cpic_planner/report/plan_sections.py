@@ -215,6 +215,14 @@ def _targets(report: PlanReport) -> Iterator[doc.Block]:
         yield doc.Group(f"target-{number}", title, list(_target(target, report.images)))
 
 
+def _companion_text(star: results.RankedTarget) -> str:
+    """Where the nearest companion stands, with the error of its place."""
+    angle, error = star.companion_pa_deg, star.companion_position_error_arcsec
+    text = f"{significant(star.companion_separation_arcsec, 3)} arcsec"
+    text += "" if error is None else f" ± {significant(error, 1)}"
+    return text + (", position angle not known" if angle is None else f", position angle {round(angle)} deg")
+
+
 def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> Iterator[doc.Block]:
     star, name = target.ranked, pretty_name(target.name)
     facts: list[tuple[doc.Inline, doc.Inline]] = [
@@ -226,7 +234,7 @@ def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> I
     if star.luminosity_lsun is not None:
         facts.append(("Luminosity", [f"{significant(star.luminosity_lsun)} L", doc.Mark("sub", "☉")]))
     if star.companion_separation_arcsec is not None:
-        facts.append(("Nearest known companion", f"{significant(star.companion_separation_arcsec)} arcsec"))
+        facts.append(("Nearest known companion", _companion_text(star)))
     sunlight = star.ref_planet_insolation_au
     lit = "" if sunlight is None else f" (sunlight of {significant(sunlight)} au)"
     facts += [
@@ -277,6 +285,7 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
             ("Realisations", f"{plan.realisations} of each target and band{once}."),
             ("Sample", f"{plan.sample}."),
             ("Catalogue", f"{plan.catalogue}."),
+            ("Places of stars and companions", f"those of {plan.date_utc[:10] or 'no date that is recorded'}."),
             ("Instrument", image_figures.instrument_fact(plan)),
         ]
     )

@@ -101,7 +101,7 @@ def limit_curves(plan: PlanResult, model: EtcModel, targets: Targets | None = No
     for target in plan.targets[:MAX_LIMITS]:
         row = target.ranked
         if targets is None:
-            star, _ = find_target(target.name, companions=plan.companions)
+            star, _ = find_target(target.name, companions=plan.companions, date_utc=plan.date_utc or None)
         else:
             star = targets.select(targets.name == target.name)
         zone = model.metrics[row.band]

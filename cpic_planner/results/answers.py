@@ -184,6 +184,7 @@ class EtcResult(Result):
     v_mag: float
     distance_pc: float
     catalogue: str
+    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
     note: str
     reference_planet: ReferencePlanetRecord | None
     best_band: str | None

@@ -185,6 +185,7 @@ class PlanResult(ImagedResult):
     reference_planet: ReferencePlanetRecord
     catalogue: str
     sample: str
+    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
     n_ranked: int
     counts: dict[str, int]
     counts_limited_by: dict[str, int] = Field(

@@ -43,8 +43,8 @@ class RankedTarget(Row):
     v_mag: float
     sp_type: str = column("spectral type as catalogued", label="type")
     distance_pc: float
-    ra_deg: float | None = column("ICRS right ascension at the catalogue epoch, deg; null if not listed")
-    dec_deg: float | None = column("ICRS declination at the catalogue epoch, deg; null if not listed")
+    ra_deg: float | None = column("ICRS right ascension at the date, deg; null if not listed")
+    dec_deg: float | None = column("ICRS declination at the date, deg; null if not listed")
     separation_arcsec: float = column("projected separation of the reference planet, arcsec")
     contrast: float
     band: str = column("best band")
@@ -85,7 +85,11 @@ class RankedTarget(Row):
     ref_planet_distance_au: float = column("true star-planet distance, au")
     ref_planet_insolation_au: float | None = column("distance from the Sun of equal insolation, r / sqrt(L), au")
     luminosity_lsun: float | None = column("bolometric luminosity, solar units")
-    companion_separation_arcsec: float | None = column("nearest known companion, arcsec")
+    companion_separation_arcsec: float | None = column("nearest known companion, at the date, arcsec")
+    companion_pa_deg: float | None = optional("its position angle east of north, deg; null where not known")
+    companion_position_error_arcsec: float | None = optional(
+        "standard error of its place: by the grade of its orbit, or how far it can have moved since it was seen"
+    )
     flags: list[str] = column("caveats, see the documentation of flags")
 
 
@@ -97,6 +101,7 @@ class RankResult(Result):
     config_hash: str
     catalogue: str
     sample: str = Field(description="which rows of the catalogue are returned")
+    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
     time_s: float = Field(description="wall time per target and band, s")
     sigma: float = Field(description="detection level whose false-alarm probability the thresholds keep")
     reference_library: str = Field(description="reference library of the subtraction")

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from catalogs import NAMED_TABLES, open_catalogue
+from catalogs import NAMED_TABLES, Catalogue, open_catalogue, stars_at
 from cpic_core import InputError, load_mapping
 from cpic_planner.jobs import Cost
 from cpic_planner.results import ModellingRecord, PlannedSequenceRow, SimulationEstimate
@@ -53,6 +53,7 @@ def simulation_from(
     settings: Mapping[str, Any] | None = None,
     changes: Mapping[str, Any] | None = None,
     instrument: Instrument | Mapping[str, Any] | str | Path | None = None,
+    date_utc: str | None = None,
 ) -> tuple[SimulationConfig, tuple[str, ...]]:
     """One simulation of everything that is named.
 
@@ -68,6 +69,8 @@ def simulation_from(
         Values that replace those of every sequence; see `simulator.config.scene_files.simulation_of`.
     instrument : Instrument, mapping, str or Path, optional
         In place of the default one and of those of the simulations.
+    date_utc : str, optional
+        Date of the places of the stars of tables and of their companions, UTC; that of the first frame by default.
 
     Returns
     -------
@@ -99,6 +102,7 @@ def simulation_from(
     sequences: list[SequenceConfig] = []
     described = ""
     whole: Instrument | None = None
+    dated = False
     for item in what:
         read = _read(item, instrument)
         if isinstance(read, SimulationConfig):
@@ -106,15 +110,23 @@ def simulation_from(
             described = read.description
             sequences += read.sequences
             continue
-        name, scenes, remarks = read
+        name, found, remarks = read
         names.append(name)
         notes += remarks
         if whole is None:
             whole = instrument if isinstance(instrument, Instrument) else config.load_instrument(instrument)
-        sequences += [config.validate(SequenceConfig, own | {"scene": scene, "instrument": whole}) for scene in scenes]
+        if isinstance(found, Catalogue):
+            when = date_utc or (changes or {}).get("start_utc") or whole.mission.start_utc
+            epoch_yr = config.julian_year(config.checked_utc("date_utc", when))
+            found = config.scenes_from_table(stars_at(found.table, epoch_yr, orbits=found.orbits))
+            dated = True
+        sequences += [config.validate(SequenceConfig, own | {"scene": scene, "instrument": whole}) for scene in found]
     if whole is None:
         for key, value in own.items():
             raise InputError(key, value, allowed="for scenes and tables; a simulation names its own")
+    if date_utc is not None and not dated:
+        allowed = "together with a table of stars; scenes and simulations have places of their own"
+        raise InputError("date_utc", date_utc, unit="UTC", allowed=allowed)
     title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     description = described if len(names) == 1 else ""
     return config.simulation_of(title, sequences, description=description, changes=changes), tuple(notes)
@@ -128,8 +140,10 @@ def _presets() -> str:
     return f"presets: {', '.join((*config.preset_names('simulation'), *config.preset_names('scene')))}"
 
 
-def _read(item: SimulationInput, instrument: Any) -> SimulationConfig | tuple[str, Sequence[Scene], Sequence[str]]:
-    """A simulation, or scenes with the name of what they come from and remarks."""
+def _read(
+    item: SimulationInput, instrument: Any
+) -> SimulationConfig | tuple[str, Sequence[Scene] | Catalogue, Sequence[str]]:
+    """A simulation, or scenes or a table of stars with the name of what they come from and remarks."""
     if isinstance(item, SimulationConfig):
         return config.load_simulation(item, instrument=instrument)
     if isinstance(item, Scene):
@@ -154,7 +168,7 @@ def _read(item: SimulationInput, instrument: Any) -> SimulationConfig | tuple[st
                 load_mapping(path, "scene", (*config.SCENE_KEYS, *config.SIMULATION_KEYS)), path, instrument
             )
     stars = open_catalogue(name if name in NAMED_TABLES else path)
-    return path.stem, config.scenes_from_table(stars.table), stars.notes
+    return path.stem, stars, stars.notes
 
 
 def _read_mapping(

@@ -5,10 +5,10 @@ from functools import partial
 
 import numpy as np
 
-from catalogs import KnownPlanetTable, star_key
+from catalogs import KnownPlanetTable, OrbitPlaces, star_key
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray
 from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, frame_problem, planet_offsets
-from cpic_planner.planets import OrbitPlaces, PopulationConfig, draw_population
+from cpic_planner.planets import PopulationConfig, draw_population
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
 from cpic_planner.ranking.completeness import completeness

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from catalogs import OrbitPlaces
 from cpic_core import ArrayLike, BoolArray, FloatArray
 from cpic_planner.etc import (
     EtcModel,
@@ -18,7 +19,6 @@ from cpic_planner.etc import (
     stack_noise,
     threshold_array,
 )
-from cpic_planner.planets import OrbitPlaces
 from cpic_planner.ranking import inside_zone
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import PlanetSample

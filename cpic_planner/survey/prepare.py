@@ -69,7 +69,11 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
         model = assumed_model(instrument, strategy, bands)
         cuts = strategy.targets
         targets = rank_sample(
-            catalog=catalogue, v_mag_max=cuts.v_mag_max, dwarfs_only=cuts.dwarfs_only, singles_only=cuts.singles_only
+            catalog=catalogue,
+            v_mag_max=cuts.v_mag_max,
+            dwarfs_only=cuts.dwarfs_only,
+            singles_only=cuts.singles_only,
+            date_utc=universe.date_utc or universe.start_utc,
         )
         looked.append(screen(strategy, model, targets, known, universe.seed))
         advance(f"{strategy.name}: stars")

@@ -29,6 +29,8 @@ class UniverseConfig(FrozenModel):
     Attributes
     ----------
     start_utc : str
+    date_utc : str
+        Date of the places of stars and their companions in all visits; the start where it is not given.
     duration_days, slot_days : float
         Length of the survey, and step of its calendar.
     instrument, visibility, catalog, known_planets : str
@@ -44,6 +46,7 @@ class UniverseConfig(FrozenModel):
     """
 
     start_utc: Utc = "2028-01-01T00:00:00"
+    date_utc: Utc | None = None
     duration_days: Annotated[Real, Field(ge=1, le=36525)] = 3652.0
     slot_days: Annotated[Real, Field(ge=1, le=400)] = 30.0
     instrument: str = "cpic_default"

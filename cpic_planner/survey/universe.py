@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from catalogs import KnownPlanetTable
+from catalogs import KnownPlanetTable, OrbitPlaces
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, stream
-from cpic_planner.planets import OrbitingPlanets, OrbitPlaces, PopulationConfig, chosen_entry, draw_known
+from cpic_planner.planets import OrbitingPlanets, PopulationConfig, chosen_entry, draw_known
 from cpic_planner.planets.known_rows import QUANTITIES as KNOWN_QUANTITIES
 from cpic_planner.planets.population_config import QUANTITIES
 from cpic_planner.targets import Targets

@@ -11,11 +11,11 @@ import numpy as np
 from mpmath import mp, mpf
 from oracle import ClosedForm
 
+from catalogs import eccentric_anomaly, orbit_places
 from cpic_planner.etc import ApertureRates, FrameCamera, stack_noise
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.etc.noise import SPECKLE_COHERENCE, snr_paper
 from cpic_planner.planets.laws import read_law
-from cpic_planner.planets.orbits import eccentric_anomaly, orbit_places
 from simulator.camera.noise import mean_projection_um
 from simulator.config import load_instrument
 from simulator.detectors import clean_fraction
@@ -258,7 +258,7 @@ def chord(depth: mpf, longest: mpf) -> mpf:
 
 FORMS = [
     ClosedForm(
-        "cpic_planner.planets.orbits.eccentric_anomaly",
+        "catalogs.orbits.eccentric_anomaly",
         "-2 to 100 rad, eccentricity 0 to 0.999",
         ANOMALIES,
         eccentric_anomaly,
@@ -266,7 +266,7 @@ FORMS = [
     ),
     *(
         ClosedForm(
-            f"cpic_planner.planets.orbits.orbit_places, {name}",
+            f"catalogs.orbits.orbit_places, {name}",
             "1e-3 to 1e3 au, eccentricity 0 to 0.999, nearly edge-on too",
             ORBITS,
             *place(name),

@@ -10,12 +10,11 @@ import refusals_camera
 from refusal import Refusal
 
 import simulator
-from catalogs import position_angle, separation_arcsec, tangent_offset
+from catalogs import eccentric_anomaly, orbit_places, position_angle, separation_arcsec, tangent_offset
 from catalogs.coordinates import propagate
 from catalogs.stellar_physics import bolometric_correction, gravity, mass_from_luminosity, radius_from_luminosity
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.planets.laws import read_law
-from cpic_planner.planets.orbits import eccentric_anomaly, orbit_places
 from cpic_planner.validation import aperture_sum, aperture_weights, combine, contrast, filled, scale_library
 from simulator.camera.noise import mean_projection_um
 from simulator.detectors import clean_fraction
@@ -211,14 +210,14 @@ REFUSALS = [
         )
     ),
     *(
-        Refusal("cpic_planner.planets.orbits.eccentric_anomaly", eccentric_anomaly, given, says)
+        Refusal("catalogs.orbits.eccentric_anomaly", eccentric_anomaly, given, says)
         for given, says in (
             ((NAN, 0.1), "mean_anomaly_rad = nan rad: not accepted; allowed: finite numbers"),
             ((0.1, 1.0), "eccentricity = 1.0: not accepted; allowed: 0 to 0.999"),
         )
     ),
     Refusal(
-        "cpic_planner.planets.orbits.orbit_places",
+        "catalogs.orbits.orbit_places",
         orbit_places,
         (0.0, 0, 0, 0, 0, 0),
         "semi_major_axis_au = 0.0 au: not accepted; allowed: above 0",

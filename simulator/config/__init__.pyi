@@ -100,4 +100,5 @@ from simulator.config.telescope import (
     OrbitConfig as OrbitConfig,
     Utc as Utc,
     checked_utc as checked_utc,
+    julian_year as julian_year,
 )

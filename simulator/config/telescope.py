@@ -7,7 +7,7 @@ One camera of the instrument with what is in front of it: what differs between t
 
 import re
 from dataclasses import dataclass
-from datetime import date
+from datetime import date, datetime
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo
@@ -19,6 +19,7 @@ from simulator.config.detector import AnyDetector, Detector, InfraredDetector
 FIRST_YEAR, LAST_YEAR = 1972, 2100
 """Years of every date of the project: from the first of UTC on, both included."""
 
+_J2000 = datetime(2000, 1, 1, 12)
 _UTC = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d(?:\.\d{1,9})?))?)?Z?", re.ASCII)
 
 
@@ -47,6 +48,12 @@ def checked_utc(key: str, value: Any) -> str:
         if hour < 24 and minute < 60 and in_minute and _is_day(year, month, day):
             return f"{found[1]}-{found[2]}-{found[3]}T{hour:02d}:{minute:02d}:{second}"
     raise InputError(key, value, unit="UTC", allowed=f"a time as 2028-01-01T00:00:00, {FIRST_YEAR} to {LAST_YEAR}")
+
+
+def julian_year(utc: str) -> float:
+    """Return the Julian epoch of a time as `checked_utc` writes it; the minute between UTC and TT is passed over."""
+    day = datetime.fromisoformat(utc[:19].replace(":60", ":59"))
+    return 2000.0 + (day - _J2000).total_seconds() / (365.25 * 86400.0)
 
 
 def _is_day(year: int, month: int, day: int) -> bool:

@@ -71,7 +71,7 @@ def test_bound_pair_shares_the_better_parallax(stars: StarTable) -> None:
 
 def test_measured_companion_of_alpha_centauri() -> None:
     """Hipparcos saw B at 19.1 arcsec, PA 215 deg, at 1991.25; seen from B the angle turns by 180 deg."""
-    stars = load_stars(updates=False)
+    stars = load_stars()
     one, two = by_name(stars, "alf Cen A"), by_name(stars, "alf Cen B")
     assert one["companion_name"] == "alf Cen B"
     assert one["companion_sep_arcsec"] == pytest.approx(19.1, abs=0.1)
@@ -86,7 +86,7 @@ def test_measured_companion_of_alpha_centauri() -> None:
     [("16 Cyg A", 39.4, 133.4), ("61 Cyg A", 30.0, 148.0), ("psi Dra A", 30.1, 15.0), ("gam2 Del", 9.3, 267.0)],
 )
 def test_wide_pairs_of_the_double_star_literature(name: str, sep_arcsec: float, pa_deg: float) -> None:
-    star = by_name(load_stars(updates=False), name)
+    star = by_name(load_stars(), name)
     assert star["companion_sep_arcsec"] == pytest.approx(sep_arcsec, abs=0.3)
     assert star["companion_pa_deg"] == pytest.approx(pa_deg, abs=1.5)
 

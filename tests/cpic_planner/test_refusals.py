@@ -1,9 +1,9 @@
 """What populations, orbits and tables of targets refuse, each in one line."""
 
+from catalogs import orbit_places
 from cpic_planner.planets import draw_population, load_population
 from cpic_planner.planets.known_rows import radius_from_mass
 from cpic_planner.planets.laws import read_law
-from cpic_planner.planets.orbits import orbit_places
 from cpic_planner.targets import load_targets
 
 READERS = {

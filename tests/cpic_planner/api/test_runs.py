@@ -65,3 +65,35 @@ def test_values_that_are_varied():
 def test_what_is_refused(refused, given, text):
     message = refused("", compare_strategies, ONE, **given)
     assert message.startswith(text)
+
+
+def test_the_date_places_stars_and_is_the_first_day_unless_another_is_given():
+    stars = ["61 Cyg A"]
+    dated = star_visibility(stars, date_utc="2030-01-01", n_days=3)
+    assert dated.start_utc == "2030-01-01T00:00:00"
+    later = star_visibility(stars, date_utc="2060-01-01", start_utc="2030-01-01", n_days=3)
+    assert later.start_utc == dated.start_utc
+    # 30 years at 3.2 arcsec a year in declination (van Leeuwen 2007).
+    moved = later.targets[0].dec_deg - dated.targets[0].dec_deg
+    assert moved * 3600.0 == pytest.approx(30.0 * 3.269, rel=0.01)
+
+
+def test_a_scene_is_observed_at_the_date():
+    from cpic_planner.queries import ConfirmQuestion
+
+    asked = ConfirmQuestion.of({"scene": "paper_example", "date_utc": "2031-02-03"})
+    assert asked.instrument.mission.start_utc == "2031-02-03T00:00:00"
+    plain = ConfirmQuestion.of({"scene": "paper_example"})
+    assert plain.content_hash != asked.content_hash
+
+
+def test_the_survey_takes_its_places_from_its_begin_or_the_date(monkeypatch):
+    from cpic_planner.survey import prepare
+
+    seen = []
+    sample = prepare.rank_sample
+    monkeypatch.setattr(prepare, "rank_sample", lambda **cuts: seen.append(cuts["date_utc"]) or sample(**cuts))
+    once = {"strategies": [{"name": "once", "targets": {"names": ["eps Eri"]}, "visit": {"bands": ["F520"]}}]}
+    for given in ({}, {"date_utc": "2031-01-01"}):
+        compare_strategies(once, universes=2, duration_days=60.0, start_utc="2029-01-01", **given)
+    assert seen == ["2029-01-01T00:00:00", "2031-01-01T00:00:00"]

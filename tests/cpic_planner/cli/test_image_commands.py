@@ -15,7 +15,7 @@ COMMAND = "plan"
         (["--simulator-overrides", "read_noise=x-1"], ["read_noise", "finite, at least 0"]),
         (["--simulator-overrides", "nothing.yaml"], ["nothing.yaml", "throughput=x0.7"]),
         (["--band", "F1265"], ["F1265", "near-infrared"]),
-        (["--date", "2030-01-01"], ["--date", "only with --known-planets"]),
+        (["--date", "tomorrow"], ["--date = tomorrow UTC"]),
         (["--known-planets", "snapshot", "--population", "giants"], ["--population", "--known-planets"]),
         (["--known-planets", "nowhere.csv"], ["--known-planets = nowhere.csv"]),
         (["--known-planets", "snapshot", "--date", "soon"], ["--date = soon UTC"]),

@@ -155,12 +155,6 @@ def test_rank_refuses_what_has_no_meaning_with_known_planets(call, options, says
     assert says in err
 
 
-def test_rank_refuses_a_date_alone(call):
-    status, _, err = call("rank", "--date", "2030-01-01")
-    assert status == 2
-    assert "only with --known-planets" in err
-
-
 def test_catalog_tells_of_planets(call, done):
     out, _ = done("catalog", "info", "--json")
     told = json.loads(out)["known_planets"]

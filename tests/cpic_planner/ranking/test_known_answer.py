@@ -57,7 +57,8 @@ def test_all_planets_of_a_star_and_its_companion():
     assert scene.stars == ()
     pair = load_scene(known_scene("16 Cyg B", choice()))
     assert [planet.name for planet in pair.planets] == ["16 Cyg B b"]
-    assert pair.stars[0].separation_arcsec == pytest.approx(39.45)
+    # 39.45 arcsec in 1991 (Hipparcos), growing by 15 mas a year: the orbit of Marcy et al. 1999, at the date.
+    assert pair.stars[0].separation_arcsec == pytest.approx(39.97, abs=0.03)
 
 
 def test_planets_beyond_the_field_are_left_out(tmp_path):

@@ -34,7 +34,7 @@ def test_ecsv_round_trip_with_units_descriptions_and_masks(rank):
     table = Table.read(text, format="ascii.ecsv")
     assert table.colnames == list(RankedTarget.model_fields)
     units = {name: table[name].unit for name in table.colnames if table[name].unit}
-    assert len(units) == 16
+    assert len(units) == 18
     assert units["v_mag"] == u.mag
     assert units["ref_planet_distance_au"] == u.AU
     assert units["completeness_per_hour"] == 1 / u.h

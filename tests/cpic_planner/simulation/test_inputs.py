@@ -64,6 +64,22 @@ def test_the_snapshot_is_a_table():
     assert len(found.sequences) > 1000
 
 
+@pytest.mark.parametrize(
+    ("date_utc", "changes", "arcsec"),
+    [("2030-01-01", {}, 10.35), (None, {"start_utc": "2030-01-01"}, 10.35), (None, {}, 10.12)],
+)
+def test_stars_of_a_table_stand_where_they_are_at_the_date(tmp_path, date_utc, changes, arcsec):
+    """Alpha Centauri B, whose orbit (Akeson et al. 2021) takes it from 10.12 arcsec in 2028.0 to 10.35 in 2030.0."""
+    found, _ = simulation_from(["snapshot"], settings={"band": "F662"}, changes=changes, date_utc=date_utc)
+    scene = next(item.scene for item in found.sequences if item.scene.name == "alf Cen A")
+    assert scene.stars[0].separation_arcsec == pytest.approx(arcsec, abs=0.01)
+
+
+def test_a_date_needs_a_table():
+    with pytest.raises(InputError, match="date_utc = 2031-01-01 UTC: not accepted; allowed: together with a table"):
+        simulation_from(["paper_example"], settings={"band": "F662"}, date_utc="2031-01-01")
+
+
 def test_calibration_kinds_need_nothing():
     found, _ = simulation_from([], settings={"kind": "BIAS"}, changes={"frames": 10})
     (only,) = found.sequences

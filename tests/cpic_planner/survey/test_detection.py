@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from catalogs import ORBIT, OrbitPlaces
 from cpic_planner.etc import aperture_rates, build_model, stack_noise
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.etc.questions import signal_to_noise
-from cpic_planner.planets import OrbitPlaces, draw_population, load_population
-from cpic_planner.planets.orbits import ORBIT
+from cpic_planner.planets import draw_population, load_population
 from cpic_planner.planets.population_config import QUANTITIES
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking.completeness import completeness

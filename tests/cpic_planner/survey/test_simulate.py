@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import cpic_planner.survey.simulate as module
-from cpic_planner.planets import OrbitPlaces, Planets, draw_population, load_population
+from catalogs import OrbitPlaces
+from cpic_planner.planets import Planets, draw_population, load_population
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey

@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.integrate import solve_ivp
 
-from catalogs import load_known_planets, star_key
+from catalogs import ORBIT, load_known_planets, orbit_places, star_key
 from cpic_planner.planets import load_population
-from cpic_planner.planets.orbits import ORBIT, orbit_places
 from cpic_planner.survey.universe import (
     BLOCK,
     NEW,

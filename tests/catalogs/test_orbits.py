@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from cpic_planner.planets.orbits import ECCENTRICITY_MAX, eccentric_anomaly, orbit_places
+from catalogs import ECCENTRICITY_MAX, eccentric_anomaly, orbit_places
 
 ECCENTRICITIES = (0.0, 1e-8, 0.05, 0.3, 0.7, 0.9, 0.99, ECCENTRICITY_MAX)
 

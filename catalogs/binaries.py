@@ -1,0 +1,274 @@
+"""Orbits of visual binaries: where companions stand at a date, and where they leave room for planets.
+
+``data/binary_orbits.csv`` is kept by hand: the relative orbit of one pair a row, with its reference and the date at
+which its source was read. Both stars of a pair get each other, the second with the position angle turned by 180 deg.
+ORB6 is the Sixth Catalog of Orbits of Visual Binary Stars (US Naval Observatory, public). Left out are orbits of a
+photocentre (grade 9), incomplete ones (grade 7), pairs that are arcminutes apart, and two orbits that no stars of such
+colours can follow (104 Tau, HD 90508). Of several companions of a star the one with the largest flux over squared
+separation has the row.
+"""
+
+import csv
+import functools
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Self
+
+import numpy as np
+
+from catalogs.orbits import orbit_places
+from catalogs.stars import load_stars
+from cpic_core import ArrayLike, BoolArray, FloatArray
+
+_FILE = Path(__file__).resolve().parent / "data" / "binary_orbits.csv"
+_TEXTS = ("star", "companion", "designation", "wds", "reference", "date", "note")
+POSITION_ERROR_ARCSEC: Mapping[int, float] = MappingProxyType({1: 0.02, 2: 0.04, 3: 0.08, 4: 0.11, 5: 0.20, 8: 0.02})
+"""Standard error of a predicted place by the grade of the orbit, arcsec.
+
+ORB6 grades orbits from 1 (definitive) to 5 (indeterminate), and 8 where only visibilities were measured ("usually of
+quite high quality"); it states no errors of places. These numbers compare its issues of 2008 and 2025: of pairs wider
+than 1 arcsec whose orbit was replaced by one of the same or a better grade, 68 % of the places in 2010 and 2015 by the
+older orbit lie as close to those by the newer one (12, 36, 36, 107 and 182 places of grades 1 to 5). Pairs of 0.2 to 1
+arcsec agree with this to 0.03 arcsec.
+"""
+UNRESOLVED_ARCSEC = 0.1
+"""A pair that is never wider than this is one source of light, whose V the star's row has."""
+_ELEMENTS = (
+    "period_yr",
+    "periastron_yr",
+    "semi_major_axis_arcsec",
+    "eccentricity",
+    "inclination_deg",
+    "omega_deg",
+    "node_deg",
+)
+_DYNAMICAL_GRADES = (1, 2, 3, 8)
+_FIT_MASS_RATIO = (0.1, 0.9)
+_FIT_ECCENTRICITY_MAX = 0.8
+
+
+@dataclass(frozen=True)
+class BinaryOrbit:
+    """The orbit of a companion around a star.
+
+    Parameters
+    ----------
+    star, companion : str
+        Names as in the star table; the companion need not have a row there.
+    designation, wds : str
+        Discoverer's designation, and designation in the Washington Double Star Catalog.
+    period_yr : float
+        Julian years.
+    periastron_yr : float
+        Julian epoch of a passage of the periastron.
+    semi_major_axis_arcsec, eccentricity, inclination_deg, node_deg, omega_deg : float
+        Of the relative orbit; the node east of north, the argument of the periastron from it along the motion.
+    grade : int
+        That of ORB6, see `POSITION_ERROR_ARCSEC`.
+    delta_v_mag : float
+        Companion's V less that of the star's row; nan where the star table's value stays, or none is known.
+    star_mass_msun, companion_mass_msun : float
+        Published masses; nan where there are none.
+    reference, date, note : str
+        Publication or its code in ORB6, when its source was read, remarks.
+    """
+
+    star: str
+    companion: str
+    designation: str
+    wds: str
+    period_yr: float
+    periastron_yr: float
+    semi_major_axis_arcsec: float
+    eccentricity: float
+    inclination_deg: float
+    node_deg: float
+    omega_deg: float
+    grade: int
+    delta_v_mag: float
+    star_mass_msun: float
+    companion_mass_msun: float
+    reference: str
+    date: str
+    note: str
+
+    @property
+    def reversed(self) -> Self:
+        """The same orbit as seen from the companion."""
+        return replace(
+            self,
+            star=self.companion,
+            companion=self.star,
+            node_deg=(self.node_deg + 180.0) % 360.0,
+            delta_v_mag=-self.delta_v_mag,
+            star_mass_msun=self.companion_mass_msun,
+            companion_mass_msun=self.star_mass_msun,
+        )
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the two are ever wider apart than `UNRESOLVED_ARCSEC`."""
+        return self.semi_major_axis_arcsec * (1.0 + self.eccentricity) > UNRESOLVED_ARCSEC
+
+
+@functools.cache
+def binary_orbits() -> tuple[BinaryOrbit, ...]:
+    """Return the rows of ``binary_orbits.csv``, one for each pair. It is read once per process."""
+    with _FILE.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    return tuple(map(_orbit, rows))
+
+
+def _orbit(row: Mapping[str, str]) -> BinaryOrbit:
+    cells: dict[str, Any] = {
+        name: text if name in _TEXTS else int(text) if name == "grade" else float(text or math.nan)
+        for name, text in row.items()
+    }
+    return BinaryOrbit(**cells)
+
+
+@functools.cache
+def orbits_by_star() -> Mapping[str, BinaryOrbit]:
+    """Return the orbit of the companion of each star, as seen from it."""
+    pairs = binary_orbits()
+    seen = {pair.companion: pair.reversed for pair in pairs} | {pair.star: pair for pair in pairs}
+    return MappingProxyType(seen)
+
+
+@functools.cache
+def orbits_vintage() -> str:
+    """Return in one line what the orbits are: how many, how new, file, and the first digits of its checksum."""
+    newest = max(orbit.date for orbit in binary_orbits())
+    digest = hashlib.sha256(_FILE.read_bytes()).hexdigest()[:12]
+    return f"companions on {len(binary_orbits())} orbits read until {newest} ({_FILE.name} {digest})"
+
+
+def companion_places(orbits: Sequence[BinaryOrbit], epoch_yr: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return where companions stand.
+
+    Parameters
+    ----------
+    orbits : sequence of BinaryOrbit
+    epoch_yr : array_like
+        Julian epochs; broadcasts against the orbits.
+
+    Returns
+    -------
+    separation_arcsec, pa_deg : ndarray
+        Separation, and position angle east of north from 0 to 360.
+    """
+    period, periastron, axis, e, tilt, omega, node = (
+        np.array([getattr(orbit, name) for orbit in orbits], float) for name in _ELEMENTS
+    )
+    # From a parsec away, one au is one arcsec.
+    places = orbit_places(axis, e, tilt, omega, node, 360.0 * (np.asarray(epoch_yr, float) - periastron) / period)
+    pa = np.rad2deg(np.arctan2(places.east_au, places.north_au)) % 360.0
+    return np.hypot(places.east_au, places.north_au), pa
+
+
+@dataclass(frozen=True)
+class StabilityLimit:
+    """Where a companion on its orbit leaves planets alone.
+
+    Parameters
+    ----------
+    critical_au : float
+        Largest semi-major axis of a stable orbit around the star itself; 0 where none is stable.
+    circumbinary_au : float
+        Smallest one of a stable orbit around both stars.
+    within_fit : bool
+        Whether the pair lies in the range of the fit, mass ratio 0.1 to 0.9 and eccentricity to 0.8; else the limits
+        are extrapolated, and no more than an indication.
+    mass_ratio : float
+        Mass of the companion over that of both.
+    semi_major_axis_au, eccentricity : float
+        Of the binary.
+    source : str
+        Orbit, and where the masses come from.
+    """
+
+    critical_au: float
+    circumbinary_au: float
+    within_fit: bool
+    mass_ratio: float
+    semi_major_axis_au: float
+    eccentricity: float
+    source: str
+
+    def stable(self, semi_major_axis_au: ArrayLike) -> BoolArray:
+        """Tell for planets of these semi-major axes whether the binary leaves them on their orbits."""
+        axis = np.asarray(semi_major_axis_au, float)
+        return np.asarray((axis < self.critical_au) | (axis > self.circumbinary_au))
+
+
+@functools.cache
+def stability_limit(star_name: str) -> StabilityLimit | None:
+    """Return the limits of Holman and Wiegert 1999 (AJ 117, 621, equations 1 and 3) for planets of a star.
+
+    They are for planets that begin on circular orbits in the plane of the binary, over 10 000 of its periods: ``a/a_b =
+    0.464 - 0.380 mu - 0.631 e + 0.586 mu e + 0.150 e^2 - 0.198 mu e^2`` around one star, ``1.60 + 5.10 e - 2.22 e^2 +
+    4.12 mu - 4.27 e mu - 5.09 mu^2 + 4.61 e^2 mu^2`` around both. Retrograde planets are stable to 1.25 times the
+    first, steeply inclined ones to half of it (Quarles et al. 2020, AJ 159, 80).
+
+    Parameters
+    ----------
+    star_name : str
+        As in the star table.
+
+    Returns
+    -------
+    StabilityLimit or None
+        None where no orbit of a companion is known, or one that asks for more than ten times the star's mass.
+    """
+    orbit = orbits_by_star().get(star_name)
+    distance_pc, mass_msun = _of_row(star_name, "distance_pc"), _of_row(star_name, "mass_msun")
+    if orbit is None or distance_pc is None or mass_msun is None:
+        return None
+    axis_au = orbit.semi_major_axis_arcsec * distance_pc
+    own = mass_msun if math.isnan(orbit.star_mass_msun) else orbit.star_mass_msun
+    total = axis_au**3 / orbit.period_yr**2
+    if total > 10.0 * own:
+        return None
+    mu, masses = _mass_ratio(orbit, own, total)
+    e = orbit.eccentricity
+    around_one = 0.464 - 0.380 * mu - 0.631 * e + 0.586 * mu * e + 0.150 * e**2 - 0.198 * mu * e**2
+    less = min(mu, 1.0 - mu)
+    around_both = 1.60 + 5.10 * e - 2.22 * e**2 + 4.12 * less - 4.27 * e * less - 5.09 * less**2 + 4.61 * e**2 * less**2
+    return StabilityLimit(
+        critical_au=max(0.0, around_one * axis_au),
+        circumbinary_au=around_both * axis_au,
+        within_fit=_FIT_MASS_RATIO[0] <= mu <= _FIT_MASS_RATIO[1] and e <= _FIT_ECCENTRICITY_MAX,
+        mass_ratio=mu,
+        semi_major_axis_au=axis_au,
+        eccentricity=e,
+        source=f"orbit of {orbit.reference}, grade {orbit.grade}; {masses}",
+    )
+
+
+@functools.cache
+def _rows() -> Mapping[str, int]:
+    return {name: row for row, name in enumerate(load_stars().column("name").tolist())}
+
+
+def _of_row(name: str, column: str) -> float | None:
+    return float(load_stars().columns[column][_rows()[name]]) if name in _rows() else None
+
+
+def _mass_ratio(orbit: BinaryOrbit, own: float, total: float) -> tuple[float, str]:
+    """Return the companion's share of the mass of both, and where it comes from, by the star's mass and the orbit's."""
+    if math.isfinite(orbit.companion_mass_msun):
+        return orbit.companion_mass_msun / (own + orbit.companion_mass_msun), "published masses"
+    dynamical = 1.0 - own / total
+    if orbit.grade in _DYNAMICAL_GRADES and dynamical > 0.0:
+        return dynamical, "mass of both by Kepler's third law, the star's as in the star table"
+    mass = _of_row(orbit.companion, "mass_msun")
+    if mass is not None:
+        return mass / (own + mass), "masses as in the star table"
+    # A poor orbit can ask for a companion of no mass, or for one that outweighs the brighter star.
+    if 0.0 < dynamical <= 0.5:
+        return dynamical, "mass of both by Kepler's third law, the star's as in the star table"
+    return 0.5, "equal masses assumed, as the orbit gives none"
