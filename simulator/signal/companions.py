@@ -209,7 +209,7 @@ def _grid(metrics: PsfMetrics, step_pixels: float) -> tuple[FloatArray, FloatArr
     high = (math.floor(zone.outer_arcsec / pixel) + 0.5) * pixel - radius
     cells = max(1, round((high - low) / (step_pixels * pixel)))
     step = (high - low) / cells
-    rows, columns = zone.axes(low + step * (np.arange(cells) + 0.5))
+    rows, columns = zone.axes(np.asarray(low + step * (np.arange(cells) + 0.5), np.float64))
     y, x = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))
     return x, y, step
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from catalogs import ORBIT, OrbitPlaces
-from cpic_planner.etc import aperture_rates, build_model, stack_noise
+from cpic_planner.etc import aperture_rates, build_model, diagonal_pa_deg, stack_noise
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.planets import draw_population, load_population
@@ -85,7 +85,6 @@ def test_one_planet_on_the_diagonal_as_the_etc_has_it(model, name):
     one, rho, contrast = star(name), 0.6, 2e-8
     answer = signal_to_noise(model, one, time_s=7200.0, separation_arcsec=rho, bands=["F520"], contrast=contrast)[0]
     setting = Setting("F520", answer.exposure_s, answer.n_frames, answer.em_gain, answer.time_s)
-    # The ETC stands its planet in the quadrant of +x, +y, which is position angle 315 at roll 0.
     au = rho * float(one.distance_pc[0])
     phase = 40.0
     lambert = (np.sin(np.deg2rad(phase)) + np.deg2rad(180 - phase) * np.cos(np.deg2rad(phase))) / np.pi
@@ -95,7 +94,7 @@ def test_one_planet_on_the_diagonal_as_the_etc_has_it(model, name):
     )
     radius_km = distance * 149597870.7 * np.sqrt(contrast / (albedo * lambert))
     bodies = face_on(1, au, radius_rjup=radius_km / 71492.0)
-    pa = np.deg2rad(315.0)
+    pa = np.deg2rad(diagonal_pa_deg(model, one, "F520"))
     for roll in (0.0, 33.0):
         turned = pa + np.deg2rad(roll)
         place = OrbitPlaces(
