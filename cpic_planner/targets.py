@@ -29,7 +29,10 @@ OLD_YR = 10.0
 
 @dataclass(frozen=True)
 class Targets:
-    """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN."""
+    """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN.
+
+    ``roll_deg`` is the roll of the telescope at which they are observed.
+    """
 
     name: NDArray[np.str_]
     hip: IntArray
@@ -49,6 +52,7 @@ class Targets:
     companion_teff_k: FloatArray
     flags: tuple[tuple[str, ...], ...]
     companions: Literal["on", "off"] = "on"
+    roll_deg: float = 0.0
     date_utc: str = ""
 
     def __len__(self) -> int:
@@ -167,6 +171,7 @@ def targets_from_table(
         companion_teff_k=number("teff_k"),
         flags=tuple(flags),
         companions=companions,
+        roll_deg=0.0,
         date_utc=utc,
     )
 

@@ -15,13 +15,16 @@ from cpic_core import NDArray, write_npz
 from simulator.config import Instrument, load_instrument, preset_names
 from simulator.imaging import metrics_key
 from simulator.imaging.build import dig
-from simulator.imaging.store import DIGITS, measure, shipped_file, to_arrays
+from simulator.imaging.store import DIGITS, MAP_DIGITS, measure, shipped_file, to_arrays
 
 
-def _packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Arrays as a rounded file holds them: bytes of equal weight side by side, which compress; no halo map."""
-    packed = {name: array for name, array in arrays.items() if name != "halo_map"}
-    for name, digits in DIGITS.items():
+def _packed(arrays: Mapping[str, NDArray[Any]], exact: bool) -> dict[str, NDArray[Any]]:
+    """Arrays as a file holds them: those that are rounded as bytes of equal weight side by side, which compress.
+
+    A rounded file has no halo map, which follows from the others.
+    """
+    packed = {name: array for name, array in arrays.items() if exact or name != "halo_map"}
+    for name, digits in (MAP_DIGITS if exact else DIGITS).items():
         fraction, exponent = np.frexp(arrays[name])
         short = np.ldexp(np.round(np.ldexp(fraction, digits)), exponent - digits).astype("<f4")
         packed[name] = np.moveaxis(short.view(np.uint8).reshape(*short.shape, 4), -1, 0)
@@ -58,7 +61,7 @@ def rebuild(folder: str | Path, *, holes: bool = True) -> list[Path]:
         key, arrays = metrics_key(instrument, band), measure(instrument, band)
         exact = instrument.name == "cpic_default" and band in instrument.visible_bands()
         written.append(Path(folder) / shipped_file("metrics", key, band).name)
-        write_npz(written[-1], (arrays if exact else _packed(arrays)) | {"key": np.asarray(key)})
+        write_npz(written[-1], _packed(arrays, exact) | {"key": np.asarray(key)})
     return written
 
 

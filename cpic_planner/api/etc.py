@@ -35,24 +35,25 @@ _ENDLESS_S = 1e12
 _TRIAL_CONTRAST = 1e-8
 
 
-def at_distance(star: Targets, distance_pc: float | None) -> Targets:
-    """Return a star as it is, or the same star in the sky from elsewhere.
+def as_asked(question: EtcQuestion, star: Targets) -> Targets:
+    """Return a star at the roll of a question, and at its distance if it has one.
 
     Parameters
     ----------
+    question : EtcQuestion
+        The star's luminosity follows the square of its ``distance_pc``.
     star : Targets
         One star.
-    distance_pc : float, optional
-        Its luminosity follows the square of the distance.
 
     Raises
     ------
     InputError
         For a distance out of range.
     """
-    if distance_pc is None:
+    star = replace(star, roll_deg=question.observation_roll_deg)
+    if question.distance_pc is None:
         return star
-    there = check_range("distance_pc", distance_pc, 0.01, 1e5, "pc")
+    there = check_range("distance_pc", question.distance_pc, 0.01, 1e5, "pc")
     brighter = (there / star.distance_pc) ** 2
     return replace(star, distance_pc=np.array([there]), luminosity_lsun=star.luminosity_lsun * brighter)
 
@@ -211,8 +212,7 @@ def checked(
 def _answered(question: EtcQuestion) -> list[EtcAnswer]:
     """The answers about all stars of a question."""
     model = model_of(question)
-    named = stars_named(question)
-    stars = [at_distance(star, question.distance_pc) for star in named]
+    stars = [as_asked(question, star) for star in stars_named(question)]
     if not stars:
         return []
     together = question.separation_arcsec is not None and question.n_frames is None

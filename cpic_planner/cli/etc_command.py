@@ -80,7 +80,7 @@ def etc(
       cpic etc "eps Eri" --band F662 --detect --tolerance 0.05
     """
     from catalogs import open_catalogue
-    from cpic_planner.api import at_distance, closed_forms, model_of
+    from cpic_planner.api import as_asked, closed_forms, model_of
     from cpic_planner.etc import etc_result
     from cpic_planner.queries import observed_utc
     from cpic_planner.targets import find_target
@@ -94,7 +94,7 @@ def etc(
     star, about = find_target(name, companions=question.companions, catalog=table, date_utc=date_utc)
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
-    star, model = at_distance(star, question.distance_pc), model_of(question)
+    star, model = as_asked(question, star), model_of(question)
     answers = _checked(question, model, star, closed_forms(question, model, star))
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
     hypothetical = None if question.contrast_limit or question.contrast is not None else planet

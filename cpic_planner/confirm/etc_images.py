@@ -114,7 +114,7 @@ def _task(
     assert answer.em_gain is not None
     assert answer.contrast is not None
     frames = validation.Frames(answer.exposure_s, answer.n_frames, answer.em_gain)
-    place = planet_offsets(model, answer.band, answer.separation_arcsec)
+    place = planet_offsets(model, star, answer.band, answer.separation_arcsec)
     expected = validation.expected_of(model, star, answer.band, place, answer.contrast, frames)
     chosen: validation.ImageSettings = {"seed": seed, "fidelity": dial.fidelity}
     if dial.fidelity == "custom":
@@ -129,7 +129,7 @@ def _scene(
     """The star with its planet on the diagonal; a grey one stands as far from it as gives it the contrast."""
     body = planet or ReferencePlanet(phase_deg=_PHASE_DEG, albedo=albedo_spec(_GREY))
     distance = float(reference_distance_au(star, np.array([separation]), body)[0, 0])
-    pa_deg = diagonal_pa_deg(model.metrics[band].zone, model.instrument.detector.parity)
+    pa_deg = diagonal_pa_deg(model, star, band)
     zodis = model.instrument.sky.exozodi_zodis
     scene = validation.target_scene(star, body, separation, distance, pa_deg, exozodi_zodis=zodis)
     if planet is not None:
@@ -227,7 +227,7 @@ def _light_ratio(
         return seen.light.static_e_s
 
     planet_e_s = light_e_s(scene) - light_e_s(scene.without_planets())
-    x_arcsec, y_arcsec = planet_offsets(model, answer.band, answer.separation_arcsec)
+    x_arcsec, y_arcsec = planet_offsets(model, star, answer.band, answer.separation_arcsec)
     x = np.full((1, 1), x_arcsec, dtype=np.float64)
     y = np.full((1, 1), y_arcsec, dtype=np.float64)
     rates = aperture_rates(model, star, answer.band, x, y, np.full((1, 1), answer.contrast))

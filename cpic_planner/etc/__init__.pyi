@@ -37,10 +37,8 @@ from cpic_planner.etc.model import (
     build_model as build_model,
     check_range as check_range,
     diagonal as diagonal,
-    diagonal_pa_deg as diagonal_pa_deg,
     hole_notes as hole_notes,
     place_status as place_status,
-    planet_offsets as planet_offsets,
     usable_range_arcsec as usable_range_arcsec,
 )
 from cpic_planner.etc.noise import (
@@ -59,6 +57,7 @@ from cpic_planner.etc.planet import (
     reference_notes as reference_notes,
     reflected_contrast as reflected_contrast,
 )
+from cpic_planner.etc.quadrants import diagonal_pa_deg as diagonal_pa_deg, planet_offsets as planet_offsets
 from cpic_planner.etc.questions import contrast_limit as contrast_limit
 from cpic_planner.etc.rates import (
     ApertureRates as ApertureRates,

@@ -14,9 +14,10 @@ from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.detection import default_law, threshold_array
 from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
 from cpic_planner.etc.frames import FrameChoice, FrameProblem
-from cpic_planner.etc.model import EtcModel, check_range, hole_notes, place_status, planet_offsets, usable_range_arcsec
+from cpic_planner.etc.model import EtcModel, check_range, hole_notes, place_status, usable_range_arcsec
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
 from cpic_planner.etc.planet import reference_contrast, reference_distance_au, reference_notes
+from cpic_planner.etc.quadrants import QUADRANTS, planet_offsets
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
 from cpic_planner.planets import excluded_by_rv
 from cpic_planner.queries import ReferencePlanet
@@ -26,6 +27,7 @@ from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
 from simulator.knobs import Dial
+from simulator.signal import quadrant_of
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 
@@ -52,7 +54,7 @@ class Planets:
 
 @dataclass(frozen=True)
 class BandCases:
-    """All stars and planets in one band; arrays ``(n_star, n_planet)`` or ``(n_planet,)``."""
+    """All stars and planets in one band; arrays ``(n_star, n_planet)``, ``(1, n_planet)`` or ``(n_planet,)``."""
 
     model: EtcModel
     targets: Targets
@@ -131,12 +133,19 @@ class BandCases:
             notes.append(SKY_PLACE_UNKNOWN)
         threshold = float(self.threshold[planet])
         inside = self.places[planet][0] is Status.OK
+
+        def of_case(values: FloatArray) -> float:
+            return float(np.broadcast_to(values, self.contrast.shape)[star, planet])
+
+        x, y = of_case(self.x_arcsec), of_case(self.y_arcsec)
         return {
             "target": str(self.targets.name[star]),
             "band": self.band,
             "separation_arcsec": float(self.planets.separation_arcsec[planet]),
             "threshold": threshold if inside and np.isfinite(threshold) else None,
-            "core_throughput": float(self.rates.core[0, planet]) if inside else None,
+            "core_throughput": of_case(self.rates.core) if inside else None,
+            "quadrant": QUADRANTS[quadrant_of(x, y)] if inside else None,
+            "roll_deg": self.targets.roll_deg,
             "flags": tuple(notes),
         }
 
@@ -211,10 +220,11 @@ def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, f
     places = tuple(place_status(model, band, float(value)) for value in place)
     inside = np.array([status is Status.OK for status, _, _ in places])
     # What has no answer (a place outside the hole, no light) is carried along as something that can be solved.
-    x, y = planet_offsets(model, band, np.where(inside, place, np.mean(usable_range_arcsec(model.instrument, band))))
+    solvable = np.where(inside, place, np.mean(usable_range_arcsec(model.instrument, band)))
+    x, y = planet_offsets(model, targets, band, solvable[None, :])
     contrast = _contrasts(model, targets, band, planets)
     light = np.where(inside, np.maximum(contrast, _FAINTEST), _ORDINARY)
-    rates = aperture_rates(model, targets, band, x[None, :], y[None, :], light)
+    rates = aperture_rates(model, targets, band, x, y, light)
     threshold = threshold_array(metrics.resolution_elements(place), model.strategy.sigma)
     return BandCases(model, targets, band, planets, places, x, y, contrast, threshold, rates, fixed)
 

@@ -20,7 +20,6 @@ from simulator.camera import aperture_loss_per_s
 from simulator.config import Instrument, content_hash
 from simulator.imaging import HoleZone, PsfMetrics, metrics_key, psf_metrics
 from simulator.passbands import Passbands
-from simulator.target import detector_to_sky
 
 
 @dataclass(frozen=True)
@@ -189,12 +188,6 @@ def diagonal(zone: HoleZone, separation_arcsec: Any) -> tuple[Any, Any]:
     return sign_x * offset, sign_y * offset
 
 
-def diagonal_pa_deg(zone: HoleZone, parity: int) -> float:
-    """Position angle of that diagonal at roll 0."""
-    _, pa = detector_to_sky(*zone.diagonal, parity=parity)
-    return float(pa)
-
-
 def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
     """Diagonal separations between which the whole photometric aperture lies in the controlled zone of a band.
 
@@ -258,25 +251,6 @@ def place_status(model: EtcModel, band: str, separation_arcsec: float) -> tuple[
             text = f"{place}: {moves}, less than its aperture of {least:.3f}"
             return Status.UNREACHABLE, Reason.SMALL_ROLL, text
     return Status.OK, Reason.NONE, ""
-
-
-def planet_offsets(model: EtcModel, band: str, separation_arcsec: Any) -> tuple[Any, Any]:
-    """Detector offsets of a planet: on the diagonal, or half the roll beside it for a library of two rolls.
-
-    Parameters
-    ----------
-    model : EtcModel
-    band : str
-        Name of a band of the instrument, such as ``F520``.
-    separation_arcsec : object
-        Projected separation from the star, arcsec, above 0.
-    """
-    x, y = diagonal(model.metrics[band].zone, separation_arcsec)
-    rolls = model.strategy.rolls_deg
-    if len(rolls) == 1:
-        return x, y
-    half = math.radians(rolls[1])
-    return x * math.cos(half) - y * math.sin(half), x * math.sin(half) + y * math.cos(half)
 
 
 def check_range(key: str, value: float, low: float, high: float, unit: str) -> float:

@@ -1,5 +1,6 @@
 """Mean count rates in the photometric aperture, per target, position and planet."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -8,7 +9,7 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
-from simulator.config import ASSUMED_PA_DEG, Instrument
+from simulator.config import Instrument
 from simulator.detectors import aperture_noise_pixels
 from simulator.effects import sky_rates_e_s_arcsec2, stray_light_map
 from simulator.imaging import PsfMetrics
@@ -16,14 +17,15 @@ from simulator.signal import (
     SpeckleLaw,
     annulus_apertures,
     aperture_exozodi,
-    aperture_wing,
-    companion_column,
+    companion_light,
     lit_rows,
     sky_pixel_e_s,
     speckle_law,
-    wings_variance,
 )
 from simulator.target import sky_to_detector
+
+EVERY_ANGLE_DEG = tuple(np.arange(36) * 10.0 + 2.5)
+"""Position angles over which the light of a companion is averaged whose own is not known."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,8 @@ class ApertureRates:
     ----------
     planet_e_s, halo_e_s, companion_e_s, sky_e_s, exozodi_e_s, dark_e_s : ndarray
         Detected electrons per second in the aperture: planet, residual star light behind the coronagraph, wings of
-        bound companions, sky, dust around the star, dark current.
+        bound companions, sky, dust around the star, dark current. Companions light the hole unevenly: theirs is the
+        mean over the apertures that measure the noise (`simulator.signal.companions`).
     core : ndarray
         Part of a planet's light that its aperture gets (`simulator.imaging.metrics.PsfMetrics.core_throughput`).
     speckle : SpeckleLaw
@@ -138,8 +141,8 @@ def aperture_rates(
     Notes
     -----
     ``rate = F_phot * area * t_opt * QE * core(x, y)``: ``core`` holds apodizer, mask and aperture loss, so that
-    every loss is counted once. A companion leaves the light of its PSF wings, smoothed over
-    0.15 arcsec, at roll angle 0.
+    every loss is counted once. A companion stands where its position angle has it at the targets' roll; one without
+    position angle leaves the mean of its light over all of them.
     """
     instrument, metrics, strategy = model.instrument, model.metrics[band], model.strategy
     star = _star_e_s(model, band, targets, targets.v_mag, targets.teff_k)
@@ -159,7 +162,7 @@ def aperture_rates(
     reference = model.library_noise(band, star)
     smear = _smear(model, band, x, star, companion.column_e_s, sky)
     brightest, peak_planet = star * reference.peak, planet_total * metrics.peak_off_axis
-    peak_companion = companion.aperture_e_s / area
+    peak_companion = companion.brightest_e_s.reshape((-1,) + (1,) * (dims - 1)) / area
     noise_pixels = float(aperture_noise_pixels(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))
     return ApertureRates(
         planet_e_s=planet_total * core,
@@ -246,17 +249,15 @@ def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s
         Of one frame; broadcasts to ``(n,)``.
     """
     metrics, detector = model.metrics[band], model.instrument.detector_of(band)
-    known = _with_companion(targets)
     over = np.zeros(len(targets), bool)
-    if not known.any():
-        return over
-    near = targets.select(known)
-    rate, (x, y) = _companion_e_s(model, band, near), _companion_place(model, near)
-    column, row = (part / metrics.pixel_scale_arcsec for part in (x, y))
-    on_frame = (detector.star_column + column >= 0) & (detector.star_column + column < detector.n_columns)
-    on_frame &= (detector.star_row + row >= 0) & (detector.star_row + row < detector.n_rows)
-    peak = rate * metrics.peak_off_axis * np.broadcast_to(np.asarray(exposure_s, float), known.shape)[known]
-    over[known] = on_frame & (peak > detector.full_well_e)
+    exposure = np.broadcast_to(np.asarray(exposure_s, float), over.shape)
+    for chosen, angles in companions_by_place(targets):
+        near = targets.select(chosen)
+        column, row = (part / metrics.pixel_scale_arcsec for part in companion_place(model, near, angles))
+        on_frame = (detector.star_column + column >= 0) & (detector.star_column + column < detector.n_columns)
+        on_frame &= (detector.star_row + row >= 0) & (detector.star_row + row < detector.n_rows)
+        peak = _companion_e_s(model, band, near) * metrics.peak_off_axis * exposure[chosen]
+        over[chosen] = on_frame.any(axis=1) & (peak > detector.full_well_e)
     return over
 
 
@@ -277,40 +278,66 @@ def _companion_e_s(model: EtcModel, band: str, near: Targets) -> FloatArray:
     return _star_e_s(model, band, near, near.companion_v_mag, near.companion_teff_k)
 
 
-def _companion_place(model: EtcModel, near: Targets, roll_deg: float = 0.0) -> tuple[FloatArray, FloatArray]:
-    """Offsets x and y of companions on the detector, ``(k,)``."""
-    parity, pa = model.instrument.detector.parity, near.companion_pa_deg
-    angle = np.where(np.isfinite(pa), pa, ASSUMED_PA_DEG)
-    return sky_to_detector(near.companion_separation_arcsec, angle, roll_deg=roll_deg, parity=parity)
+def companion_place(model: EtcModel, near: Targets, turns_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return the offsets x and y of companions on the detector, ``(k, a)``, arcsec.
+
+    Parameters
+    ----------
+    model : EtcModel
+    near : Targets
+        ``k`` stars with companions.
+    turns_deg : array_like, shape (a,)
+        Rolls relative to that of the targets.
+    """
+    separation, pa_deg = (part[:, None] for part in (near.companion_separation_arcsec, near.companion_pa_deg))
+    turned = np.nan_to_num(pa_deg) - near.roll_deg - np.asarray(turns_deg, float)
+    return sky_to_detector(separation, turned, parity=model.instrument.detector.parity)
 
 
 class _Companion(NamedTuple):
-    """Light of bound companions, ``(n, ...)``: in apertures, in the columns under them, and what references leave."""
+    """Light of bound companions, ``(n, ...)``: in apertures, in the columns under them, and what references leave.
+
+    And in the brightest aperture of the hole, ``(n,)``.
+    """
 
     aperture_e_s: FloatArray
     column_e_s: FloatArray
     left_e2_s2: FloatArray
+    brightest_e_s: FloatArray
+
+
+def companions_by_place(targets: Targets) -> Iterator[tuple[NDArray[np.bool_], tuple[float, ...]]]:
+    """Yield stars whose companions' place is known with the one angle, then the others with all of them.
+
+    Parameters
+    ----------
+    targets : Targets
+    """
+    lit, unknown = _with_companion(targets), np.isnan(targets.companion_pa_deg)
+    for chosen, angles in ((lit & ~unknown, (0.0,)), (lit & unknown, EVERY_ANGLE_DEG)):
+        if chosen.any():
+            yield chosen, angles
 
 
 def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> _Companion:
-    """Light of companions for apertures at (x, y), at roll 0."""
+    """Light of companions for apertures at (x, y)."""
     metrics, strategy, detector = model.metrics[band], model.strategy, model.instrument.detector_of(band)
     upright = (-1,) + (1,) * max(0, x.ndim - 1)
     shape = np.broadcast_shapes((len(targets), *upright[1:]), x.shape)
-    found = _Companion(*np.zeros((3, *shape)))
-    known = _with_companion(targets)
-    if not known.any():
-        return found
-    near = targets.select(known)
-    star = _companion_e_s(model, band, near).reshape(upright)
-    there = [part.reshape(upright) for part in _companion_place(model, near)]
-    here = [np.broadcast_to(part, shape)[known] for part in (x, y)]
-    wing = aperture_wing(metrics, here[0] - there[0], here[1] - there[1])
-    active = detector.sections["active"][0]
-    column = companion_column(metrics, here[0] - there[0], there[1], wing, star_row=detector.star_row, rows=active)
-    places = [_companion_place(model, near, turn) for turn in strategy.reference_library.wings_deg(strategy)]
-    found.aperture_e_s[known], found.column_e_s[known] = star * wing, star * column
-    found.left_e2_s2[known] = star**2 * wings_variance(metrics, places, strategy.annulus_lambda_d, np.hypot(*here))
+    aperture, column, left = np.zeros((3, *shape))
+    found = _Companion(aperture, column, left, np.zeros(len(targets)))
+    active, rolls = detector.sections["active"][0], strategy.reference_library.wings_deg(strategy)
+    rows = active.start - detector.star_row, active.stop - detector.star_row
+    for chosen, angles in companions_by_place(targets):
+        near = targets.select(chosen)
+        place, *difference = (companion_place(model, near, np.add(angles, roll)) for roll in (0.0, *rolls))
+        here = [np.broadcast_to(part, shape)[chosen] for part in (x, y)]
+        width = strategy.annulus_lambda_d
+        light = companion_light(metrics, place, difference, width, *here, rows=rows)
+        rate = _companion_e_s(model, band, near)
+        star = rate.reshape(upright)
+        found.aperture_e_s[chosen], found.column_e_s[chosen] = star * light.aperture, star * light.column
+        found.left_e2_s2[chosen], found.brightest_e_s[chosen] = star**2 * light.left, rate * light.brightest
     return found
 
 

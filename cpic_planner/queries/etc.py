@@ -78,6 +78,9 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
     exact: bool = asked(
         False, "Use all of the time, although the walk of the wavefront can make a shorter visit better."
     )
+    observation_roll_deg: float = asked(
+        0.0, "Roll of the telescope: it turns companions, and with them the quadrant that is darkest.", ge=-360, le=360
+    )
     strategy: shared.Strategy = shared.asked_strategy()
     distance_pc: float | None = asked(None, "Distance, instead of the catalogue's.")
     fidelity: shared.Fidelity | None = asked(None, "Closed forms alone, or checked in images.", unset="quick")

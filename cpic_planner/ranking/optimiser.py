@@ -232,7 +232,7 @@ class _Search:
     def places(self, separation_arcsec: FloatArray) -> _Places:
         """Rates and contrasts at the separations."""
         model, band = self.model, self.band
-        x, y = etc.planet_offsets(model, band, separation_arcsec)
+        x, y = etc.planet_offsets(model, self.targets, band, separation_arcsec)
         contrast = etc.reference_contrast(model, self.targets, band, separation_arcsec, self.planet)
         elements = model.metrics[band].resolution_elements(separation_arcsec)
         threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
@@ -342,9 +342,7 @@ class _Search:
             peak_columns_e_s=column(chosen.rates.peak_columns_e_s),
             peak_hole_e_s=column(chosen.rates.peak_in_hole_e_s),
             tail_e_s=column(chosen.rates.register_tail_e_s),
-            core_throughput=column(
-                model.metrics[band].core_throughput(*etc.planet_offsets(model, band, chosen.separation_arcsec))
-            ),
+            core_throughput=column(chosen.rates.core),
             extrapolated=np.full(n, bool(beyond)),
             outside=np.full(n, refused.value),
         )

@@ -190,9 +190,24 @@ def _print_remarks(result: EtcResult, console: Console) -> None:
         print_note(console, f"Note: {result.note}")
     print_note(
         console,
-        "Positions on the diagonal of a quadrant. Wall time counts readouts and reference frames. SNR has the planet's "
-        "own noise, significance has not.",
+        f"Positions on the diagonal of {_quadrant_text(result)}. Wall time counts readouts and reference frames. SNR "
+        "has the planet's own noise, significance has not.",
     )
+
+
+def _quadrant_text(result: EtcResult) -> str:
+    """The quadrants of the planets, by band where they differ, and the roll."""
+    quadrants = {row.band: row.quadrant for row in result.answers if row.quadrant is not None}
+    if not quadrants:
+        return "a quadrant"
+    roll = f"at roll {result.answers[0].roll_deg:g} deg"
+    if len(set(quadrants.values())) == 1:
+        return f"the {next(iter(quadrants.values()))} quadrant {roll}"
+    parts = [
+        f"the {quadrant} ({', '.join(band for band in quadrants if quadrants[band] == quadrant)})"
+        for quadrant in dict.fromkeys(quadrants.values())
+    ]
+    return f"{' and '.join(parts)} quadrant {roll}"
 
 
 def _answer(row: EtcAnswer) -> str:

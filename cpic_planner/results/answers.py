@@ -134,6 +134,11 @@ class EtcAnswer(Row):
     snr_paper: float | None = optional("SNR by Eqs. 3 and 4 of Zhu et al. 2025, for comparison")
     level: float | None = optional("SNR or significance that the answer reaches or refers to")
     core_throughput: float | None = None
+    quadrant: str | None = optional(
+        "dark quadrant on the detector whose diagonal the planet stands on, +x right and +y up: the one with the least "
+        "light of a companion; null outside the hole and in older results"
+    )
+    roll_deg: float = column("roll of the telescope: position angle of the detector's +y axis", default=0.0)
     exposure_limited_by: str = ""
     gain_limited_by: str = ""
     gain_caps: dict[str, float] = column(default={})

@@ -120,7 +120,7 @@ def _fixed(model: EtcModel, targets: Targets, visit: VisitRule, best: OptimalSet
     camera = model.camera(band)
     if visit.exposure_s is not None:
         camera = replace(camera, exposure_min_s=visit.exposure_s, exposure_max_s=visit.exposure_s)
-    x, y = planet_offsets(model, band, best.separation_arcsec[:, None])
+    x, y = planet_offsets(model, targets, band, best.separation_arcsec[:, None])
     rates = aperture_rates(model, targets, band, x, y, best.contrast[:, None])
     problem = frame_problem(rates, camera, model.strategy, objective="significance", em_gain=visit.em_gain)
     choice = best_in_visit(problem, model.visit_s(best.time_s)[:, None])

@@ -239,7 +239,7 @@ def _at_place(rule: DetectionRule, known: ArrayLike) -> BoolArray:
 
 
 def rolled(star: Targets, roll_deg: float) -> Targets:
-    """The star as a rolled detector sees it: its companion stands elsewhere.
+    """The star as a rolled detector sees it: its companion stands elsewhere on it.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def rolled(star: Targets, roll_deg: float) -> Targets:
     roll_deg : float
         Roll of the telescope, degrees; turns the sky on the detector.
     """
-    return replace(star, companion_pa_deg=(star.companion_pa_deg - roll_deg) % 360.0)
+    return replace(star, roll_deg=roll_deg % 360.0)
 
 
 LOWEST_LATITUDE_DEG = 10.0

@@ -158,6 +158,7 @@ def target_scene(
 def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", exozodi_zodis: float = 0.0) -> Scene:
     """Scene of one star with planets, and its nearest known companion if that is near and located.
 
+    Images of it are at roll 0: the companion stands where the target's roll puts it, as the planets have to.
     ``name`` is that of the scene, the star's by default; ``exozodi_zodis`` adds a face-on disc of dust
     (`simulator.signal.light`).
 
@@ -176,7 +177,10 @@ def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", 
     sometimes = {key: _known(getattr(target, key)[0]) for key in columns}
     star = SceneStar.model_validate({"name": str(target.name[0])} | always | sometimes)
     place = ("separation_arcsec", "pa_deg", "v_mag", "teff_k")
-    near = companion_of(star.model_dump(), **{key: _known(getattr(target, f"companion_{key}")[0]) for key in place})
+    seen = {key: _known(getattr(target, f"companion_{key}")[0]) for key in place}
+    if seen["pa_deg"] is not None:
+        seen["pa_deg"] = (seen["pa_deg"] - target.roll_deg) % 360.0
+    near = companion_of(star.model_dump(), **seen)
     stars = tuple(SceneStar(**body) for body in near)
     disc = exozodi_disc(exozodi_zodis)
     extended = () if disc is None else (disc,)
@@ -278,9 +282,8 @@ def prepare_task(
     """
     best = best_in_band(model, target, band, time_s, planet)
     separation = float(best.separation_arcsec[0])
-    parity = model.instrument.detector.parity
     # Two rolls put it to either side of the diagonal; the ETC counts one of them.
-    pa_deg = etc.diagonal_pa_deg(model.metrics[band].zone, parity)
+    pa_deg = etc.diagonal_pa_deg(model, target, band)
     if not 1 <= best.n_frames[0] <= MAX_FRAMES:
         status, reason = no_frame_status(best, 0, model.camera(band))
         if best.n_frames[0] > MAX_FRAMES:
@@ -301,7 +304,7 @@ def prepare_task(
     zodis = (overrides or SimulatorOverrides()).instrument(model.instrument).sky.exozodi_zodis
     scene = target_scene(target, planet, separation, distance, pa_deg, exozodi_zodis=zodis)
     expected = expected_of(
-        model, target, band, etc.planet_offsets(model, band, separation), float(best.contrast[0]), frames
+        model, target, band, etc.planet_offsets(model, target, band, separation), float(best.contrast[0]), frames
     )
     return task_of(model, scene, band, frames, [expected], overrides=overrides, **settings)
 

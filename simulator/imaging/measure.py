@@ -136,6 +136,7 @@ POINT = 1e-6  # width of a point that only jitter widens, pixels
 FIELD_ARCSEC = 17.2  # the frame's diagonal and a margin: companions' wings across the whole detector
 FRAME_ARCSEC = 8.75  # half side of the frame
 WING_STEP_ARCSEC = 0.15
+NEAR_ARCSEC, NEAR_STEP_LAMBDA_D = 8.0, 0.6  # half side and step of the map of apertures around a source
 
 
 def stamp_figures(imager: Imager, on_axis: FloatArray, off_axis: FloatArray) -> dict[str, object]:
@@ -171,8 +172,11 @@ def _circle_energy(imager: Imager) -> float:
     return circle * (radius / pixel) ** 2
 
 
-def _wings(imager: Imager) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Azimuthal mean of the unmasked PSF in rings one pixel wide, its means over small boxes, its sums over columns."""
+def _wings(imager: Imager) -> dict[str, object]:
+    """Azimuthal mean of the unmasked PSF in rings one pixel wide, its means over small boxes, its sums over columns.
+
+    And its sums over apertures near the source.
+    """
     pixel = imager.pixel_scale_arcsec
     half = int(np.ceil(FIELD_ARCSEC / pixel))
     pixels = np.arange(-half, half + 1)
@@ -186,7 +190,19 @@ def _wings(imager: Imager) -> tuple[FloatArray, FloatArray, FloatArray]:
     low, high = centre - box, centre + box + 1
     table = cumulative_table(image)
     sums = table[np.ix_(high, high)] - table[np.ix_(low, high)] - table[np.ix_(high, low)] + table[np.ix_(low, low)]
-    return totals[: half + 1] / counts[: half + 1], sums / (2 * box + 1) ** 2, image.sum(axis=0)
+    weights = overlap_weights(imager.aperture_radius_arcsec / pixel)
+    step = max(1, round(NEAR_STEP_LAMBDA_D * imager.lambda_d_arcsec / pixel))
+    reach = int(NEAR_ARCSEC / pixel / step) * step
+    near = slice(half - reach - len(weights) // 2, half + reach + len(weights) // 2 + 1)
+    inside = slice(len(weights) // 2, -(len(weights) // 2), step)
+    return {
+        "wing_profile": totals[: half + 1] / counts[: half + 1],
+        "wing_map": sums / (2 * box + 1) ** 2,
+        "wing_map_step_arcsec": WING_STEP_ARCSEC,
+        "column_profile": image.sum(axis=0),
+        "aperture_map": aperture_sums(image[near, near], weights)[inside, inside],
+        "aperture_map_step_arcsec": step * pixel,
+    }
 
 
 def _register_tail(rows: FloatArray, offset_arcsec: FloatArray, intervals: Sequence[tuple[float, float]]) -> float:
@@ -236,7 +252,6 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
     frame = (wide or imager).image(coarse, coarse)
     hole, (_, columns) = imager.zone.covers(offset, offset), imager.zone.intervals()
     floor = measure_floor(imager, psd_slope)
-    profile, wing_map, column_profile = _wings(wide or imager)
     stamp = slice(half - len(on_axis) // 2, half + len(on_axis) // 2 + 1)
     beyond = np.concatenate([frame[: stamp.start, stamp], frame[stamp.stop :, stamp]])
     values = imager.geometry.figures() | stamp_figures(imager, on_axis, off_axis)
@@ -249,13 +264,9 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
         "peak_on_axis_columns": float(frame[:, hole.any(axis=0)].max()),
         "register_tail": _register_tail(frame[hole.any(axis=1)], offset, columns),
         "column_light": on_axis.sum(axis=0) + beyond.sum(axis=0),
-        "column_profile": column_profile,
         "source_noise_fraction": _source_noise_fraction(imager),
-        "wing_profile": profile,
-        "wing_map": wing_map,
-        "wing_map_step_arcsec": WING_STEP_ARCSEC,
     }
-    values |= {f"floor_{name}": array for name, array in vars(floor).items()}
+    values |= _wings(wide or imager) | {f"floor_{name}": array for name, array in vars(floor).items()}
     return PsfMetrics.from_arrays({name: np.asarray(value) for name, value in values.items()})
 
 

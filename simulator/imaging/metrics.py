@@ -10,6 +10,7 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, InputError, NDArray
 from simulator.imaging.aperture import core_from_table, overlap_weights
 from simulator.imaging.geometry import BandGeometry, HoleMode, HoleSide, HoleStatus, HoleZone
+from simulator.imaging.sampling import bilinear
 
 TINY = 1e-300  # light behind the mask, for logarithms
 
@@ -162,6 +163,11 @@ class PsfMetrics(StampMetrics):
         the source stands in the middle.
     wing_map_step_arcsec : float
         Step of that map.
+    aperture_map : ndarray, shape (q, q), q odd
+        Light of an unmasked source in whole apertures at offsets ``y, x`` of ... -1, 0, 1 ... steps from it, as far as
+        8 arcsec along an axis.
+    aperture_map_step_arcsec : float
+        Step of that map, about 0.6 lambda/D.
     floor_visit_nm : ndarray, shape (g,)
         Visit offsets at which the speckle floor was measured.
     floor_separation_arcsec : ndarray, shape (s,)
@@ -181,6 +187,8 @@ class PsfMetrics(StampMetrics):
     wing_profile: FloatArray
     wing_map: FloatArray
     wing_map_step_arcsec: float
+    aperture_map: FloatArray
+    aperture_map_step_arcsec: float
     floor_visit_nm: FloatArray
     floor_separation_arcsec: FloatArray
     floor_sigma: FloatArray
@@ -222,7 +230,7 @@ class PsfMetrics(StampMetrics):
         margin = self.aperture_radius_arcsec / self.pixel_scale_arcsec + 1
         inside = (np.minimum(row, column) >= margin) & (np.maximum(row, column) <= n - 1 - margin)
         row, column = np.where(inside, row, 0.0), np.where(inside, column, 0.0)
-        near = np.exp(_bilinear(np.log(np.maximum(self.halo_map, TINY)), row, column))
+        near = np.exp(bilinear(np.log(np.maximum(self.halo_map, TINY)), row, column))
         return np.where(inside, near, self.wing(np.hypot(x, y)) * self.aperture_pixels)
 
     @functools.cached_property
@@ -275,8 +283,30 @@ class PsfMetrics(StampMetrics):
         along = np.abs(x) > np.abs(y)
         x, y = np.where(along, x / far, x), np.where(along, y, y / far)
         column, row = (np.clip(part, -edge, edge) / step + last // 2 for part in (x, y))
-        result: FloatArray = np.exp(_bilinear(np.log(self.wing_map), row, column)) / far**2
+        result: FloatArray = np.exp(bilinear(np.log(self.wing_map), row, column)) / far**2
         return result
+
+    @property
+    def aperture_map_half_arcsec(self) -> float:
+        """Largest offset along an axis of the map of apertures."""
+        return len(self.aperture_map) // 2 * self.aperture_map_step_arcsec
+
+    def source_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Light of an unmasked source in apertures at offsets (x, y) from it; beyond the map that of smooth wings.
+
+        Parameters
+        ----------
+        x_arcsec, y_arcsec : array_like
+            Offset from the source, arcsec; they broadcast. Linear between the map's apertures, which overlap.
+        """
+        x, y = np.broadcast_arrays(np.asarray(x_arcsec, float), np.asarray(y_arcsec, float))
+        half, step = len(self.aperture_map) // 2, self.aperture_map_step_arcsec
+        far = np.maximum(np.abs(x), np.abs(y)) > self.aperture_map_half_arcsec
+        column, row = (np.where(far, 0.0, part / step + half) for part in (x, y))
+        light = bilinear(self.aperture_map, row, column)
+        if far.any():
+            light[far] = self.wing_at(x[far], y[far]) * self.aperture_pixels
+        return light
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Fraction of the circle of that radius that lies inside the dark quadrants."""
@@ -334,7 +364,7 @@ class PsfMetrics(StampMetrics):
         else:
             bins = self.floor_separation_arcsec
             row = np.interp(np.asarray(separation_arcsec, dtype=np.float64), bins, np.arange(bins.size))
-            middle = np.exp(_bilinear(logs[1:], row, column))
+            middle = np.exp(bilinear(logs[1:], row, column))
         result: FloatArray = middle * np.minimum(offset / grid[0], 1.0) * np.maximum(offset / grid[-1], 1.0) ** 2
         return result
 
@@ -366,14 +396,3 @@ class PsfMetrics(StampMetrics):
             else:
                 values[field.name] = array.item()
         return cls(**values)
-
-
-def _bilinear(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
-    """Bilinear interpolation at fractional indices, which broadcast."""
-    row, column = np.broadcast_arrays(row, column)
-    i = np.clip(row.astype(int), 0, table.shape[0] - 2)
-    j = np.clip(column.astype(int), 0, table.shape[1] - 2)
-    p, q = row - i, column - j
-    left = table[i, j] * (1 - p) * (1 - q) + table[i + 1, j] * p * (1 - q)
-    value: FloatArray = left + table[i, j + 1] * (1 - p) * q + table[i + 1, j + 1] * p * q
-    return value

@@ -237,3 +237,21 @@ def open_pixels(n_pixels: int, pixel_arcsec: float, half_width_arcsec: float) ->
     centre, width = centred_offsets(n_pixels), half_width_arcsec / pixel_arcsec
     part = 1.0 - np.clip(np.minimum(centre + 0.5, width) - np.maximum(centre - 0.5, -width), 0.0, 1.0)
     return np.outer(part, part)
+
+
+def bilinear(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
+    """Return a table between its nodes, linear along both axes; beyond them as its last cells go on.
+
+    Parameters
+    ----------
+    table : ndarray, shape (n, m)
+    row, column : ndarray
+        Fractional indices; they broadcast.
+    """
+    row, column = np.broadcast_arrays(row, column)
+    i = np.clip(row.astype(int), 0, table.shape[0] - 2)
+    j = np.clip(column.astype(int), 0, table.shape[1] - 2)
+    p, q = row - i, column - j
+    left = table[i, j] * (1 - p) * (1 - q) + table[i + 1, j] * p * (1 - q)
+    value: FloatArray = left + table[i, j + 1] * (1 - p) * q + table[i + 1, j + 1] * p * q
+    return value

@@ -1,14 +1,17 @@
+from simulator.signal.companions import (
+    CompanionLight as CompanionLight,
+    companion_light as companion_light,
+    quadrant_light as quadrant_light,
+    quadrant_of as quadrant_of,
+)
 from simulator.signal.light import (
     annulus_apertures as annulus_apertures,
     aperture_exozodi as aperture_exozodi,
-    aperture_wing as aperture_wing,
-    companion_column as companion_column,
     exozodi_disc as exozodi_disc,
     lit_rows as lit_rows,
     sky_pixel_e_s as sky_pixel_e_s,
     spot as spot,
     wing as wing,
-    wings_variance as wings_variance,
 )
 from simulator.signal.saturation import (
     Wells as Wells,

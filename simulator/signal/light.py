@@ -3,14 +3,12 @@
 One function for each term, of tables of the point-spread function and of numbers; whoever predicts or simulates an
 aperture sums them.
 
-Light of sources off the axis: their wings, and what a subtraction leaves of those of a companion.
+Wings of sources off the axis.
 
 Everything is in units of the light of the source on the clear disc.
 """
 
-import functools
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -62,38 +60,6 @@ def annulus_apertures(metrics: PsfMetrics, half_width_lambda_d: float, separatio
     width = 2.0 * half_width_lambda_d * metrics.lambda_d_arcsec
     length = 2.0 * np.pi * separation * metrics.azimuth_fraction(separation)
     return np.maximum(length * width / (np.pi * metrics.aperture_radius_arcsec**2), 1.0)
-
-
-def companion_column(
-    metrics: PsfMetrics, x_arcsec: ArrayLike, y_arcsec: ArrayLike, wing: ArrayLike, *, star_row: float, rows: slice
-) -> FloatArray:
-    """Return the light of unit companions in the columns under apertures, for each of their pixels.
-
-    Parameters
-    ----------
-    metrics : PsfMetrics
-    x_arcsec : array_like
-        Offsets of the apertures from the companions along the rows; broadcasts.
-    y_arcsec : array_like
-        Offsets of the companions from the star along the columns.
-    wing : array_like
-        Light of the companions in the apertures.
-    star_row : float
-        Row of the star on the detector.
-    rows : slice
-        Active rows.
-
-    Returns
-    -------
-    ndarray
-        Of a companion in the active rows the light of its column; of one beyond them, or behind the mask, that of its
-        wings, as if all rows held as much as the aperture does.
-    """
-    y = np.asarray(y_arcsec, float)
-    row = star_row + y / metrics.pixel_scale_arcsec
-    seen = (row >= rows.start) & (row < rows.stop) & (np.abs(y) >= metrics.mask_half_width_arcsec)
-    column = metrics.source_column_aperture(x_arcsec)
-    return np.where(seen, column, (rows.stop - rows.start) * np.asarray(wing, float))
 
 
 def lit_rows(metrics: PsfMetrics, rows: slice) -> float:
@@ -214,12 +180,6 @@ def _energy_nearby(metrics: PsfMetrics) -> float:
     return metrics.apodizer_energy - 2.0 * math.pi * float(pixel[far] @ metrics.wing_profile[far])
 
 
-# Rms of aperture sums of the wings about their smooth course, over the latter: typical of the visible bands, and good
-# to a factor of two at most single places (tests of this module, against images).
-_STRUCTURE = 0.4
-_STEP_ARCSEC, _N_SEPARATIONS = 0.07, 16
-
-
 def wing(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float) -> FloatArray:
     """Return the unmasked light per pixel at an offset from a source: its ring mean near the core, then the wing map.
 
@@ -245,91 +205,3 @@ def spot(metrics: PsfMetrics, offset: FloatArray, x: float, y: float) -> FloatAr
         Place of the source, arcsec.
     """
     return wing(metrics, (offset - x)[None, :], (offset - y)[:, None])
-
-
-def aperture_wing(metrics: PsfMetrics, x: ArrayLike, y: ArrayLike) -> FloatArray:
-    """Return the smooth light of a source's wings in whole apertures.
-
-    Parameters
-    ----------
-    metrics : PsfMetrics
-    x, y : array_like
-        Offsets of the apertures from the source, arcsec; broadcast.
-    """
-    return metrics.wing_at(x, y) * metrics.aperture_pixels
-
-
-def wings_variance(
-    metrics: PsfMetrics,
-    places: Sequence[tuple[ArrayLike, ArrayLike]],
-    annulus_lambda_d: float,
-    separation_arcsec: FloatArray,
-) -> FloatArray:
-    """Return the spatial variance of aperture sums of what the references leave of companions' light.
-
-    Parameters
-    ----------
-    metrics : PsfMetrics
-    places : sequence of (x, y)
-        Where the ``k`` companions stand, arcsec from the star on the detector: in the science frames, and in the
-        references if these show them too. None where the references show them at the same place: nothing is left.
-    annulus_lambda_d : float
-        Half width of the annulus whose apertures measure the scatter, lambda/D.
-    separation_arcsec : ndarray
-        Of the planets, ``(k or 1, ...)``.
-
-    Returns
-    -------
-    ndarray
-        Shape ``(k, ...)``, in units of the square of the companion's light on the clear disc. It does not average, like
-        that of speckles, and is their like: the mean over whole apertures of an annulus.
-
-    Notes
-    -----
-    Two rolls show the wings at two places, a reference star has none; the library of the same star shows them where the
-    science frames do. With ``W`` the smooth light of the wings in an aperture and the references' ``R``, it is
-    ``var(W - R) + 0.4^2 mean(W^2 + R^2)``: the course over the annulus, and the fine structure about it.
-    """
-    if not places:
-        return np.zeros(separation_arcsec.shape)
-    stood = tuple(np.asarray(part, np.float64).tobytes() for xy in places for part in xy)
-    place, table = _table(metrics, annulus_lambda_d, stood)
-    shape = np.broadcast_shapes((len(table), *(1,) * (separation_arcsec.ndim - 1)), separation_arcsec.shape)
-    at = np.broadcast_to(np.interp(separation_arcsec, place, np.arange(place.size)), shape)
-    low = np.minimum(at.astype(np.intp), place.size - 2)
-    rows = np.arange(len(table)).reshape((-1,) + (1,) * (len(shape) - 1))
-    return np.asarray(table[rows, low] * (low + 1 - at) + table[rows, low + 1] * (at - low))
-
-
-@functools.lru_cache(maxsize=16)
-def _table(metrics: PsfMetrics, annulus_lambda_d: float, stood: tuple[bytes, ...]) -> tuple[FloatArray, FloatArray]:
-    """Separations of planets, and the variance there for each companion, ``(k, s)``; kept for stars that come again."""
-    x, y, place, share = _apertures(metrics, annulus_lambda_d)
-    there = [np.frombuffer(part)[:, None] for part in stood]
-    found = [aperture_wing(metrics, x - there[i], y - there[i + 1]) for i in range(0, len(there), 2)]
-    course = found[0] - found[1] if len(found) > 1 else found[0]
-    variance = _mean(course**2, share) - _mean(course, share) ** 2
-    table = np.maximum(variance, 0.0) + _STRUCTURE**2 * _mean(np.square(found).sum(axis=0), share)
-    table.flags.writeable = False
-    return place, table
-
-
-def _mean(values: FloatArray, share: FloatArray) -> FloatArray:
-    """Mean over apertures ``(k, p)`` with the shares ``(p, s)``, the same bytes for any number of stars."""
-    return np.asarray((values[:, :, None] * share).sum(axis=1))
-
-
-@functools.lru_cache(maxsize=64)
-def _apertures(metrics: PsfMetrics, annulus_lambda_d: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Places x and y of whole apertures in the zone, separations, and the share of each aperture in each annulus."""
-    zone, margin = metrics.zone, metrics.aperture_radius_arcsec
-    low, high = zone.inner_arcsec + margin, zone.outer_arcsec - margin
-    side = np.linspace(low, high, max(2, int(np.ceil((high - low) / _STEP_ARCSEC)) + 1))
-    rows, columns = zone.axes(side)
-    y, x = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))
-    separation = np.hypot(x, y)
-    place = np.linspace(separation.min(), separation.max(), _N_SEPARATIONS)
-    away = np.abs(separation[:, None] - place)
-    reach = np.maximum(annulus_lambda_d * metrics.lambda_d_arcsec, away.min(axis=0))
-    share = (away <= reach).astype(np.float64)
-    return x, y, place, share / share.sum(axis=0)

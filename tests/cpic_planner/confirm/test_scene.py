@@ -152,7 +152,8 @@ def test_a_star_of_the_catalogue_is_the_same_target_through_its_scene():
     model = build_model(load_instrument(), ["F520"])
     frames = Frames(20.0, 100, 400.0)
     ours, theirs = (
-        expected_of(model, star, "F520", planet_offsets(model, "F520", 0.6), 1e-8, frames) for star in (back, target)
+        expected_of(model, star, "F520", planet_offsets(model, star, "F520", 0.6), 1e-8, frames)
+        for star in (back, target)
     )
     assert ours == pytest.approx(theirs)
 

@@ -59,8 +59,9 @@ def test_places_without_an_answer_are_carried_along():
     assert head["threshold"] is None
     assert head["core_throughput"] is None
     assert found.head(0, 1)["core_throughput"] == pytest.approx(
-        float(MODEL.metrics["F520"].core_throughput(found.x_arcsec[1], found.y_arcsec[1]))
+        float(MODEL.metrics["F520"].core_throughput(found.x_arcsec[0, 1], found.y_arcsec[0, 1]))
     )
+    assert (head["quadrant"], found.head(0, 1)["quadrant"]) == (None, "upper right")
 
 
 def test_a_star_without_coordinates_says_that_its_sky_is_assumed():

@@ -15,7 +15,7 @@ from simulator.signal import SpeckleLaw
 
 INSTRUMENT = load_instrument({"sky": {"exozodi_zodis": 3.0}})
 STARS = rank_sample(v_mag_max=4.0)
-PAIR = STARS.select(np.flatnonzero(np.isfinite(STARS.companion_v_mag))[:3])
+PAIR = STARS.select(np.flatnonzero(np.isfinite(STARS.companion_v_mag) & (STARS.companion_separation_arcsec > 4))[:3])
 LIGHT = ("halo", "companion", "sky", "exozodi", "dark")
 LIBRARIES = {
     "same_star": {},

@@ -8,6 +8,7 @@ import pytest
 
 from cpic_planner.etc import build_model, planet_offsets
 from cpic_planner.queries import Strategy
+from cpic_planner.targets import find_target
 from cpic_planner.validation import LibraryPlan, library_plan, roll_photometry, roll_subtract, scale_library
 from cpic_planner.validation.libraries import halo_scale
 from simulator import load_instrument, load_scene, observe
@@ -89,7 +90,7 @@ def test_rolls_stand_where_the_etc_puts_them(parity: int) -> None:
     """Half the roll to either side of the diagonal, in some order."""
     instrument = load_instrument({"detector": {"parity": parity}})
     model = build_model(instrument, ["F520"], STRATEGIES["roll"])
-    x, y = planet_offsets(model, "F520", 0.6)
+    x, y = planet_offsets(model, find_target("tau Cet")[0], "F520", 0.6)
     sign_x, sign_y = model.metrics["F520"].zone.diagonal
     pa = math.degrees(math.atan2(parity * sign_x, sign_y))
     made = plan("roll")

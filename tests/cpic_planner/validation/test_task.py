@@ -53,10 +53,10 @@ def test_the_prediction_is_that_of_the_optimiser():
 
 
 def test_the_planet_of_the_scene_is_the_one_of_the_prediction():
-    model, _, task = prepared("eps Eri", "F662")
+    model, target, task = prepared("eps Eri", "F662")
     scene = validate(Scene, task.scene, where="scene")
     planet = scene_sources(scene, model.instrument, "F662")[1]
-    place = planet_offsets(model, "F662", task.predictions[0]["separation_arcsec"])
+    place = planet_offsets(model, target, "F662", task.predictions[0]["separation_arcsec"])
     assert (planet.x_arcsec, planet.y_arcsec) == pytest.approx(tuple(map(float, place)), abs=1e-9)
     assert planet.contrast == pytest.approx(task.predictions[0]["contrast"], rel=1e-6)
 
@@ -107,7 +107,9 @@ def test_particles_cost_what_they_void():
     instrument = load_instrument({"cosmic_rays": {"peak_rate_per_s_cm2": 100.0}})
     model = build_model(instrument, ["F520"])
     target, _ = find_target("tau Cet")
-    expected = expected_of(model, target, "F520", planet_offsets(model, "F520", 0.5), 1e-8, Frames(100.0, 50, 300.0))
+    expected = expected_of(
+        model, target, "F520", planet_offsets(model, target, "F520", 0.5), 1e-8, Frames(100.0, 50, 300.0)
+    )
     clean = math.exp(-model.loss_per_s("F520") * 100.0)
     assert clean < 0.9
     # All of the variance that is white grows with the frames that are left.

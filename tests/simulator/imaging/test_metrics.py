@@ -6,6 +6,7 @@ from photutils.aperture import CircularAperture, aperture_photometry
 
 from simulator.config import load_instrument
 from simulator.imaging import HoleZone, PsfMetrics, build_imager, psf_metrics, single_band_psf
+from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.build import bare_imager, dark_hole_of
 from simulator.imaging.measure import _wings, stamp_figures
 from simulator.imaging.pupil import draw_aberrations
@@ -160,8 +161,8 @@ def test_wings_keep_their_orientation(metrics):
     maps = draw_aberrations(11, samples=64, opd_rms_nm=60.0, psd_slope=1.0)
     imager = bare_imager(load_instrument(PERFECT), "F662", Knobs(wavelength_nodes=1))
     imager = dataclasses.replace(imager, static=maps)
-    profile, wing_map, _ = _wings(imager)
-    m = PsfMetrics.from_arrays(metrics["F662"].to_arrays() | {"wing_profile": profile, "wing_map": wing_map})
+    wings = {name: np.asarray(value) for name, value in _wings(imager).items()}
+    m = PsfMetrics.from_arrays(metrics["F662"].to_arrays() | wings)
     step, pixel = m.wing_map_step_arcsec, m.pixel_scale_arcsec
     source = (1.2, -0.9)
     places = [(i, j) for i in (-7, -4, 3, 8) for j in (-8, -5, 2, 6)]
@@ -175,6 +176,37 @@ def test_wings_keep_their_orientation(metrics):
     np.testing.assert_allclose(m.wing_at(i, j), exact, rtol=0.02)
     for x, y in ((-i, j), (i, -j), (-i, -j), (j, i)):
         assert np.sqrt(((m.wing_at(x, y) / exact - 1) ** 2).mean()) > 0.15
+
+
+@pytest.mark.parametrize("band", ["F520", "F850"])
+def test_apertures_around_a_source_are_those_of_images(metrics, band):
+    """On the nodes of the map to its rounding, between them in sum; beyond it smooth wings."""
+    m = metrics[band]
+    imager = build_imager(INSTRUMENT, band, Knobs(wavelength_nodes=12))
+    pixel, source = m.pixel_scale_arcsec, (6.0, 5.0)
+    weights = overlap_weights(m.aperture_radius_arcsec / pixel)
+    step, off = round(m.aperture_map_step_arcsec / pixel), np.arange(len(weights)) - len(weights) // 2
+
+    def seen(column, row):
+        y, x = (
+            imager.axis((part + off) * pixel + origin, masked=False, pixel_nodes=1)
+            for part, origin in zip((row, column), source[::-1], strict=True)
+        )
+        return float((imager.image(y, x, source_arcsec=source) * weights).sum())
+
+    rng = np.random.default_rng(8)
+    nodes = rng.integers(-60, 60, (40, 2)) * step
+    exact = np.array([seen(*node) for node in nodes])
+    np.testing.assert_allclose(m.source_aperture(*(nodes * pixel).T), exact, rtol=0.02)
+    between = rng.uniform(-120.0, 120.0, (150, 2)) * step / 2
+    exact = np.array([seen(*place) for place in between])
+    found = m.source_aperture(*(between * pixel).T)
+    assert found.sum() == pytest.approx(exact.sum(), rel=0.05)
+    assert np.sqrt(np.mean(np.log(found / exact) ** 2)) < 0.5
+    edge = m.aperture_map_half_arcsec
+    assert 7.9 < edge <= 8.0
+    far = np.array([edge + 0.01, 0.3]), np.array([-2.0, edge + 2.0])
+    np.testing.assert_array_equal(m.source_aperture(*far), m.wing_at(*far) * m.aperture_pixels)
 
 
 def test_wings_go_on_beyond_the_map_as_they_leave_it(metrics):

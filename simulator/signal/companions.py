@@ -1,0 +1,236 @@
+"""Light of bound companions where the noise of a planet is measured: in the apertures of an annulus of the dark hole.
+
+A companion lights the hole unevenly: its wings are bright along the arms of its own diffraction pattern. Who measures a
+planet takes the scatter of apertures around the star, at the planet's separation, for its noise
+(`cpic_planner.validation.photometry`). The light that makes this scatter is the mean over these apertures, not that at
+the planet; what is left of it after a subtraction is their scatter.
+
+Everything is in units of the light of the companion on the clear disc.
+"""
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpic_core import ArrayLike, FloatArray, IntArray
+from simulator.imaging import PsfMetrics
+
+Place = tuple[FloatArray, FloatArray]
+"""Offsets x and y of ``k`` companions from the star on the detector, arcsec, shape ``(k, a)``: one place each, or ``a``
+of them that are equally likely."""
+
+# Rms of aperture sums of the wings about their smooth course, over the latter, where no map resolves them: typical of
+# the visible bands, and good to a factor of two at most single places (tests of this module, against images).
+_STRUCTURE = 0.4
+# Pixels between apertures: for one place of a companion, and for many that are averaged.
+_STEP_PIXELS, _ROUGH_STEP_PIXELS = 2.0, 6.0
+_N_SEPARATIONS = 16
+# Apertures this many radii from a source hold no pixel of the disc around it that is left out of the background.
+_APART_RADII = 2.5
+
+
+@dataclass(frozen=True)
+class CompanionLight:
+    """Light of unit companions around planets; arrays ``(k, ...)`` in the shape of the planets' places.
+
+    Attributes
+    ----------
+    aperture : ndarray
+        Mean over the apertures of the annulus.
+    column : ndarray
+        The same of whole columns under the apertures, for each of their pixels: what smears into them.
+    left : ndarray
+        Spatial variance of aperture sums of what the references leave, in units of the square of the companion's light.
+        It does not average, like that of speckles.
+    brightest : ndarray, shape (k,)
+        Brightest aperture of the hole.
+    """
+
+    aperture: FloatArray
+    column: FloatArray
+    left: FloatArray
+    brightest: FloatArray
+
+
+def companion_light(
+    metrics: PsfMetrics,
+    place: Place,
+    difference: Sequence[Place],
+    annulus_lambda_d: float,
+    x_arcsec: ArrayLike,
+    y_arcsec: ArrayLike,
+    *,
+    rows: tuple[float, float],
+) -> CompanionLight:
+    """Return the light of companions in the apertures that measure the noise of planets.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    place : Place
+        Where the companions stand in the science frames.
+    difference : sequence of Place
+        Where the difference of science frames and references shows them, the references' place second. None where the
+        references show them at the same place: nothing is left.
+    annulus_lambda_d : float
+        Half width of the annulus, lambda/D.
+    x_arcsec, y_arcsec : array_like
+        Planets' places relative to the star, ``(k or 1, ...)``.
+    rows : tuple of float
+        First active row of the detector and the one after the last, relative to that of the star.
+
+    Notes
+    -----
+    Apertures lie whole in the zone and in the annulus, beside the planet and the companion (1.5 radii around each are
+    no background). They are tabulated for planets on the diagonals of the quadrants at 16 separations.
+
+    Two rolls show the companion at two places, a reference star has none; the library of the same star shows it where
+    the science frames do. With ``W`` the light in an aperture and the references' ``R``, what is left is
+    ``var(W - R)``; beyond the map that resolves the wings ``0.4^2 mean(W^2 + R^2)`` is added for their structure.
+    """
+    x, y = np.asarray(x_arcsec, float), np.asarray(y_arcsec, float)
+    every = [place, *difference]
+    stood = tuple(np.ascontiguousarray(part, np.float64).tobytes() for one in every for part in one)
+    separations, brightest, tables = _tables(metrics, annulus_lambda_d, stood, place[0].shape, rows)
+    k, separation = len(brightest), np.hypot(x, y)
+    shape = np.broadcast_shapes((k, *(1,) * (separation.ndim - 1)), separation.shape)
+    at = np.broadcast_to(np.interp(separation, separations, np.arange(separations.size)), shape)
+    low = np.minimum(at.astype(np.intp), separations.size - 2)
+    quadrant = np.broadcast_to(quadrant_of(x, y), shape)
+    companion = np.arange(k).reshape((-1,) + (1,) * (len(shape) - 1))
+
+    def interpolated(table: FloatArray | None) -> FloatArray:
+        if table is None:
+            return np.zeros(shape)
+        lower, upper = table[companion, quadrant, low], table[companion, quadrant, low + 1]
+        return np.asarray(lower * (low + 1 - at) + upper * (at - low))
+
+    aperture, column, left = (interpolated(table) for table in tables)
+    return CompanionLight(aperture, column, left, brightest)
+
+
+def quadrant_of(x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> IntArray:
+    """Number of the quadrant of a place: 0 upper right (+x, +y), 1 upper left, 2 lower right, 3 lower left.
+
+    Parameters
+    ----------
+    x_arcsec, y_arcsec : array_like
+        Offsets from the star on the detector.
+    """
+    return (np.asarray(x_arcsec) < 0).astype(np.int64) + 2 * (np.asarray(y_arcsec) < 0)
+
+
+def quadrant_light(metrics: PsfMetrics, place: Place) -> FloatArray:
+    """Return the mean light of unit companions in the apertures of each quadrant, ``(k, 4)``; inf in one that is lit.
+
+    Quadrants are those of `quadrant_of`; one that is not controlled is full of starlight.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    place : Place
+        Where the companions stand.
+    """
+    x, y, _ = _grid(metrics, _STEP_PIXELS)
+    light, _ = _apart(metrics, x, y, place)
+    number = quadrant_of(x, y)
+    mean = [light[..., number == part].mean(axis=(1, 2)) if np.any(number == part) else None for part in range(4)]
+    return np.stack([np.full(len(light), np.inf) if part is None else part for part in mean], axis=1)
+
+
+Tables = tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray, FloatArray | None]]
+
+
+@functools.lru_cache(maxsize=64)
+def _tables(
+    metrics: PsfMetrics,
+    annulus_lambda_d: float,
+    stood: tuple[bytes, ...],
+    shape: tuple[int, int],
+    rows: tuple[float, float],
+) -> Tables:
+    """Separations of planets, brightest apertures, and tables ``(k, 4, s)``; kept for stars that come again."""
+    parts = [np.frombuffer(part).reshape(shape) for part in stood]
+    place, *difference = list(zip(parts[::2], parts[1::2], strict=True))
+    step = _STEP_PIXELS if shape[1] == 1 else _ROUGH_STEP_PIXELS
+    x, y, separations, share = _apertures(metrics, annulus_lambda_d, step)
+    light, apart = _apart(metrics, x, y, place)
+    column_x, index = np.unique(x, return_inverse=True)
+    columns = metrics.source_column_aperture(column_x - place[0][..., None])[..., index]
+    row = place[1] / metrics.pixel_scale_arcsec
+    seen = (row >= rows[0]) & (row < rows[1]) & (np.abs(place[1]) >= metrics.mask_half_width_arcsec)
+    # Of a companion beyond the active rows, or behind the mask, the columns hold its wings alone.
+    columns = np.where(seen[..., None], columns, (rows[1] - rows[0]) * light)
+    whole = np.maximum(_over(apart.sum(axis=1), share), 1e-9)
+    means = [_over((part * apart).sum(axis=1), share) / whole for part in (light, columns)]
+    left = None if not difference else _left(metrics, x, y, difference, share)
+    return separations, light.max(axis=2).mean(axis=1), (means[0], means[1], left)
+
+
+def _apart(metrics: PsfMetrics, x: FloatArray, y: FloatArray, place: Place) -> tuple[FloatArray, FloatArray]:
+    """Light of companions in apertures, ``(k, a, p)``, 0 in those on the companion itself, and which are beside it."""
+    dx, dy = x - place[0][..., None], y - place[1][..., None]
+    apart = np.hypot(dx, dy) > _APART_RADII * metrics.aperture_radius_arcsec
+    return metrics.source_aperture(dx, dy) * apart, apart.astype(float)
+
+
+def _left(metrics: PsfMetrics, x: FloatArray, y: FloatArray, places: Sequence[Place], share: FloatArray) -> FloatArray:
+    """Variance over annuli of what a difference leaves, ``(k, 4, s)``: the mean over the companions' places."""
+    found, square, beside = np.zeros((3, *places[0][0].shape, x.size))
+    beside += 1.0
+    for sign, place in zip((1.0, -1.0), places, strict=False):
+        light, apart = _apart(metrics, x, y, place)
+        far = np.maximum(abs(x - place[0][..., None]), abs(y - place[1][..., None])) > metrics.aperture_map_half_arcsec
+        found += sign * light
+        square += far * light**2
+        beside *= apart
+    whole, course, scatter, structure = (
+        _over(part.reshape(-1, x.size), share) for part in (beside, found * beside, found**2 * beside, square * beside)
+    )
+    whole = np.maximum(whole, 1e-9)
+    variance = np.maximum(scatter / whole - (course / whole) ** 2, 0.0) + _STRUCTURE**2 * structure / whole
+    return np.asarray(variance.reshape(*places[0][0].shape, *variance.shape[1:]).mean(axis=1))
+
+
+def _over(values: FloatArray, share: FloatArray) -> FloatArray:
+    """Sum over apertures ``(r, p)`` with the shares ``(p, 4, s)``, the same bytes for any number of rows."""
+    return np.asarray(np.einsum("rp,pqs->rqs", values, share, optimize=False))
+
+
+@functools.lru_cache(maxsize=64)
+def _grid(metrics: PsfMetrics, step_pixels: float) -> tuple[FloatArray, FloatArray, float]:
+    """Places x and y of apertures whose pixels lie in the zone, centres of square cells, and the side of a cell."""
+    zone, radius, pixel = metrics.zone, metrics.aperture_radius_arcsec, metrics.pixel_scale_arcsec
+    # Edges of the pixels whose centres lie in the zone.
+    low = (math.ceil(zone.inner_arcsec / pixel) - 0.5) * pixel + radius
+    high = (math.floor(zone.outer_arcsec / pixel) + 0.5) * pixel - radius
+    cells = max(1, round((high - low) / (step_pixels * pixel)))
+    step = (high - low) / cells
+    rows, columns = zone.axes(np.asarray(low + step * (np.arange(cells) + 0.5), np.float64))
+    y, x = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))
+    return x, y, step
+
+
+@functools.lru_cache(maxsize=64)
+def _apertures(
+    metrics: PsfMetrics, annulus_lambda_d: float, step_pixels: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Places x and y of apertures, separations of planets, and how much each counts in their noise, ``(p, 4, s)``.
+
+    Cells that an edge of the annulus or of a disc cuts count with the part inside.
+    """
+    x, y, step = _grid(metrics, step_pixels)
+    separation, radius = np.hypot(x, y), metrics.aperture_radius_arcsec
+    planet = np.linspace(separation.min(), separation.max(), _N_SEPARATIONS)
+    room = annulus_lambda_d * metrics.lambda_d_arcsec - radius - 0.5 * metrics.pixel_scale_arcsec
+    away = np.abs(separation[:, None] - planet)
+    inside = np.clip((np.maximum(room, away.min(axis=0)) - away) / step + 0.5, 0.0, 1.0)
+    number, offset = np.arange(4)[:, None], planet / np.sqrt(2.0)
+    place = (1 - 2 * (number % 2)) * offset, (1 - 2 * (number // 2)) * offset
+    near = np.hypot(x[:, None, None] - place[0], y[:, None, None] - place[1])
+    beside = np.clip((near - _APART_RADII * radius) / step + 0.5, 0.0, 1.0) * inside[:, None, :]
+    # Where nothing of the annulus is beside the planet, all of it counts.
+    return x, y, planet, np.where(beside.any(axis=0), beside, inside[:, None, :])
