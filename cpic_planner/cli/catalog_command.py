@@ -49,7 +49,7 @@ def info(as_json: JsonOption = False) -> None:
     grades = Counter(row["grade"] for row in facts["binary_orbits"])
     rows = ((str(grade), str(count), f"{POSITION_ERROR_ARCSEC[grade]:g}") for grade, count in sorted(grades.items()))
     heads = ("grade of the orbit", "pairs", "error of a place (arcsec)")
-    table(screen, "Companions that follow their orbits (--json lists them; --catalog simbad_2012: none)", heads, rows)
+    table(screen, "Companions that follow their orbits (--json lists them; --catalog simbad_2012: none)", heads, graded)
     published = facts["published_parameters"]
     screen.print(
         f"Temperatures of {len({row['star'] for row in published})} stars are medians of {len(published)} published "
