@@ -47,7 +47,7 @@ def info(as_json: JsonOption = False) -> None:
     screen.print(f"[bold]{facts['vintage']}[/bold]")
     table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in facts["counts"]))
     grades = Counter(row["grade"] for row in facts["binary_orbits"])
-    rows = ((str(grade), str(count), f"{POSITION_ERROR_ARCSEC[grade]:g}") for grade, count in sorted(grades.items()))
+    graded = ((str(grade), str(count), f"{POSITION_ERROR_ARCSEC[grade]:g}") for grade, count in sorted(grades.items()))
     heads = ("grade of the orbit", "pairs", "error of a place (arcsec)")
     table(screen, "Companions that follow their orbits (--json lists them; --catalog simbad_2012: none)", heads, graded)
     published = facts["published_parameters"]
