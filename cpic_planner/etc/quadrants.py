@@ -13,9 +13,9 @@ import numpy as np
 
 from cpic_core import IntArray
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.rates import companion_place, companions_by_place
+from cpic_planner.etc.rates import companions_of
 from cpic_planner.targets import Targets
-from simulator.signal import quadrant_light, quadrant_of
+from simulator.signal import quadrant_of
 from simulator.target import detector_to_sky
 
 QUADRANTS = ("upper right", "upper left", "lower right", "lower left")
@@ -33,12 +33,10 @@ def dark_quadrants(model: EtcModel, targets: Targets, band: str) -> IntArray:
     band : str
         Name of a band of the instrument, such as ``F520``.
     """
-    metrics = model.metrics[band]
-    found = np.full(len(targets), quadrant_of(*metrics.zone.diagonal))
-    for chosen, angles in companions_by_place(targets):
-        if len(angles) == 1:
-            place = companion_place(model, targets.select(chosen), angles)
-            found[chosen] = np.argmin(quadrant_light(metrics, place), axis=1)
+    found = np.full(len(targets), quadrant_of(*model.metrics[band].zone.diagonal))
+    for chosen, placed, tables in companions_of(model, targets, band):
+        if placed:
+            found[chosen] = np.argmin(tables.quadrants, axis=1)
     return found
 
 

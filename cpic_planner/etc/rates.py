@@ -14,10 +14,11 @@ from simulator.detectors import aperture_noise_pixels
 from simulator.effects import sky_rates_e_s_arcsec2, stray_light_map
 from simulator.imaging import PsfMetrics
 from simulator.signal import (
+    CompanionTables,
     SpeckleLaw,
     annulus_apertures,
     aperture_exozodi,
-    companion_light,
+    companion_tables,
     lit_rows,
     sky_pixel_e_s,
     speckle_law,
@@ -251,9 +252,9 @@ def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s
     metrics, detector = model.metrics[band], model.instrument.detector_of(band)
     over = np.zeros(len(targets), bool)
     exposure = np.broadcast_to(np.asarray(exposure_s, float), over.shape)
-    for chosen, angles in companions_by_place(targets):
+    for chosen, angles in _by_place(targets):
         near = targets.select(chosen)
-        column, row = (part / metrics.pixel_scale_arcsec for part in companion_place(model, near, angles))
+        column, row = (part / metrics.pixel_scale_arcsec for part in _companion_place(model, near, angles))
         on_frame = (detector.star_column + column >= 0) & (detector.star_column + column < detector.n_columns)
         on_frame &= (detector.star_row + row >= 0) & (detector.star_row + row < detector.n_rows)
         peak = _companion_e_s(model, band, near) * metrics.peak_off_axis * exposure[chosen]
@@ -278,17 +279,8 @@ def _companion_e_s(model: EtcModel, band: str, near: Targets) -> FloatArray:
     return _star_e_s(model, band, near, near.companion_v_mag, near.companion_teff_k)
 
 
-def companion_place(model: EtcModel, near: Targets, turns_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the offsets x and y of companions on the detector, ``(k, a)``, arcsec.
-
-    Parameters
-    ----------
-    model : EtcModel
-    near : Targets
-        ``k`` stars with companions.
-    turns_deg : array_like, shape (a,)
-        Rolls relative to that of the targets.
-    """
+def _companion_place(model: EtcModel, near: Targets, turns_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Offsets x and y of ``k`` companions on the detector, ``(k, a)``, at ``a`` rolls beside that of the targets."""
     separation, pa_deg = (part[:, None] for part in (near.companion_separation_arcsec, near.companion_pa_deg))
     turned = np.nan_to_num(pa_deg) - near.roll_deg - np.asarray(turns_deg, float)
     return sky_to_detector(separation, turned, parity=model.instrument.detector.parity)
@@ -306,38 +298,50 @@ class _Companion(NamedTuple):
     brightest_e_s: FloatArray
 
 
-def companions_by_place(targets: Targets) -> Iterator[tuple[NDArray[np.bool_], tuple[float, ...]]]:
-    """Yield stars whose companions' place is known with the one angle, then the others with all of them.
-
-    Parameters
-    ----------
-    targets : Targets
-    """
+def _by_place(targets: Targets) -> Iterator[tuple[NDArray[np.bool_], tuple[float, ...]]]:
+    """Stars whose companions' place is known with the one angle, then the others with all of them."""
     lit, unknown = _with_companion(targets), np.isnan(targets.companion_pa_deg)
     for chosen, angles in ((lit & ~unknown, (0.0,)), (lit & unknown, EVERY_ANGLE_DEG)):
         if chosen.any():
             yield chosen, angles
 
 
+def companions_of(
+    model: EtcModel, targets: Targets, band: str
+) -> Iterator[tuple[NDArray[np.bool_], bool, CompanionTables]]:
+    """Yield which stars have companions of known or unknown position angle, whether it is known, and their light.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
+    detector, strategy = model.instrument.detector_of(band), model.strategy
+    active, rolls = detector.sections["active"][0], strategy.reference_library.wings_deg(strategy)
+    rows = active.start - detector.star_row, active.stop - detector.star_row
+    for chosen, angles in _by_place(targets):
+        near = targets.select(chosen)
+        place, *difference = (_companion_place(model, near, np.add(angles, roll)) for roll in (0.0, *rolls))
+        width = strategy.annulus_lambda_d
+        yield chosen, len(angles) == 1, companion_tables(model.metrics[band], place, difference, width, rows=rows)
+
+
 def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> _Companion:
     """Light of companions for apertures at (x, y)."""
-    metrics, strategy, detector = model.metrics[band], model.strategy, model.instrument.detector_of(band)
     upright = (-1,) + (1,) * max(0, x.ndim - 1)
     shape = np.broadcast_shapes((len(targets), *upright[1:]), x.shape)
     aperture, column, left = np.zeros((3, *shape))
     found = _Companion(aperture, column, left, np.zeros(len(targets)))
-    active, rolls = detector.sections["active"][0], strategy.reference_library.wings_deg(strategy)
-    rows = active.start - detector.star_row, active.stop - detector.star_row
-    for chosen, angles in companions_by_place(targets):
-        near = targets.select(chosen)
-        place, *difference = (companion_place(model, near, np.add(angles, roll)) for roll in (0.0, *rolls))
-        here = [np.broadcast_to(part, shape)[chosen] for part in (x, y)]
-        width = strategy.annulus_lambda_d
-        light = companion_light(metrics, place, difference, width, *here, rows=rows)
-        rate = _companion_e_s(model, band, near)
+    places = [np.atleast_1d(part) for part in (x, y)]
+    for chosen, _, tables in companions_of(model, targets, band):
+        light = tables.around(*(part[chosen] if len(part) == len(targets) else part for part in places))
+        rate = _companion_e_s(model, band, targets.select(chosen))
         star = rate.reshape(upright)
         found.aperture_e_s[chosen], found.column_e_s[chosen] = star * light.aperture, star * light.column
-        found.left_e2_s2[chosen], found.brightest_e_s[chosen] = star**2 * light.left, rate * light.brightest
+        found.left_e2_s2[chosen], found.brightest_e_s[chosen] = star**2 * light.left, rate * tables.brightest
     return found
 
 

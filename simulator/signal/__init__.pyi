@@ -1,7 +1,6 @@
 from simulator.signal.companions import (
-    CompanionLight as CompanionLight,
-    companion_light as companion_light,
-    quadrant_light as quadrant_light,
+    CompanionTables as CompanionTables,
+    companion_tables as companion_tables,
     quadrant_of as quadrant_of,
 )
 from simulator.signal.light import (

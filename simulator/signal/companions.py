@@ -28,6 +28,8 @@ _STRUCTURE = 0.4
 # Pixels between apertures: for one place of a companion, and for many that are averaged.
 _STEP_PIXELS, _ROUGH_STEP_PIXELS = 2.0, 6.0
 _N_SEPARATIONS = 16
+# Companions whose tables are kept, of one band and annulus: 2 kB each.
+_MOST_KEPT = 10_000
 # Apertures this many radii from a source hold no pixel of the disc around it that is left out of the background.
 _APART_RADII = 2.5
 
@@ -45,26 +47,65 @@ class CompanionLight:
     left : ndarray
         Spatial variance of aperture sums of what the references leave, in units of the square of the companion's light.
         It does not average, like that of speckles.
-    brightest : ndarray, shape (k,)
-        Brightest aperture of the hole.
     """
 
     aperture: FloatArray
     column: FloatArray
     left: FloatArray
+
+
+@dataclass(frozen=True)
+class CompanionTables:
+    """Light of ``k`` unit companions for planets on the diagonals of the quadrants.
+
+    Attributes
+    ----------
+    separation_arcsec : ndarray, shape (s,)
+        Of the planets.
+    tables : ndarray, shape (k, 3, 4, s)
+        Fields of `CompanionLight`, by the quadrant of the planet (`quadrant_of`).
+    brightest : ndarray, shape (k,)
+        Light in the brightest aperture of the hole.
+    quadrants : ndarray, shape (k, 4)
+        Mean light in the apertures of each quadrant; inf in one that is not controlled, which is full of starlight.
+    """
+
+    separation_arcsec: FloatArray
+    tables: FloatArray
     brightest: FloatArray
+    quadrants: FloatArray
+
+    def around(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> CompanionLight:
+        """Return the light around planets anywhere in their quadrants.
+
+        Parameters
+        ----------
+        x_arcsec, y_arcsec : array_like
+            Places relative to the star, ``(k or 1, ...)``.
+        """
+        x, y = np.asarray(x_arcsec, float), np.asarray(y_arcsec, float)
+        k, separation = len(self.tables), np.hypot(x, y)
+        shape = np.broadcast_shapes((k, *(1,) * (separation.ndim - 1)), separation.shape)
+        at = np.interp(separation, self.separation_arcsec, np.arange(self.separation_arcsec.size))
+        low = np.minimum(at.astype(np.intp), self.separation_arcsec.size - 2)
+        companion, part = np.arange(k).reshape((-1,) + (1,) * (len(shape) - 1)), at - low
+        quadrant = quadrant_of(x, y)
+        fields = (
+            self.tables[companion, number, quadrant, low] * (1.0 - part)
+            + self.tables[companion, number, quadrant, low + 1] * part
+            for number in range(3)
+        )
+        return CompanionLight(*(np.broadcast_to(field, shape) for field in fields))
 
 
-def companion_light(
+def companion_tables(
     metrics: PsfMetrics,
     place: Place,
     difference: Sequence[Place],
     annulus_lambda_d: float,
-    x_arcsec: ArrayLike,
-    y_arcsec: ArrayLike,
     *,
     rows: tuple[float, float],
-) -> CompanionLight:
+) -> CompanionTables:
     """Return the light of companions in the apertures that measure the noise of planets.
 
     Parameters
@@ -77,39 +118,33 @@ def companion_light(
         references show them at the same place: nothing is left.
     annulus_lambda_d : float
         Half width of the annulus, lambda/D.
-    x_arcsec, y_arcsec : array_like
-        Planets' places relative to the star, ``(k or 1, ...)``.
     rows : tuple of float
         First active row of the detector and the one after the last, relative to that of the star.
 
     Notes
     -----
     Apertures lie whole in the zone and in the annulus, beside the planet and the companion (1.5 radii around each are
-    no background). They are tabulated for planets on the diagonals of the quadrants at 16 separations.
+    no background). Companions that come again are not computed again.
 
     Two rolls show the companion at two places, a reference star has none; the library of the same star shows it where
     the science frames do. With ``W`` the light in an aperture and the references' ``R``, what is left is
     ``var(W - R)``; beyond the map that resolves the wings ``0.4^2 mean(W^2 + R^2)`` is added for their structure.
     """
-    x, y = np.asarray(x_arcsec, float), np.asarray(y_arcsec, float)
-    every = [place, *difference]
-    stood = tuple(np.ascontiguousarray(part, np.float64).tobytes() for one in every for part in one)
-    separations, brightest, tables = _tables(metrics, annulus_lambda_d, stood, place[0].shape, rows)
-    k, separation = len(brightest), np.hypot(x, y)
-    shape = np.broadcast_shapes((k, *(1,) * (separation.ndim - 1)), separation.shape)
-    at = np.broadcast_to(np.interp(separation, separations, np.arange(separations.size)), shape)
-    low = np.minimum(at.astype(np.intp), separations.size - 2)
-    quadrant = np.broadcast_to(quadrant_of(x, y), shape)
-    companion = np.arange(k).reshape((-1,) + (1,) * (len(shape) - 1))
-
-    def interpolated(table: FloatArray | None) -> FloatArray:
-        if table is None:
-            return np.zeros(shape)
-        lower, upper = table[companion, quadrant, low], table[companion, quadrant, low + 1]
-        return np.asarray(lower * (low + 1 - at) + upper * (at - low))
-
-    aperture, column, left = (interpolated(table) for table in tables)
-    return CompanionLight(aperture, column, left, brightest)
+    kept = _kept(metrics, annulus_lambda_d, place[0].shape[1], len(difference), rows)
+    every = np.stack([part for one in (place, *difference) for part in one], axis=1, dtype=np.float64)
+    keys = [companion.tobytes() for companion in every]
+    new = [number for number, key in enumerate(keys) if key not in kept]
+    if new:
+        if len(kept) > _MOST_KEPT:
+            kept.clear()
+            new = list(range(len(keys)))
+        parts = every[new]
+        places = [(parts[:, 2 * number], parts[:, 2 * number + 1]) for number in range(1 + len(difference))]
+        found = _tables(metrics, annulus_lambda_d, places, rows)
+        kept.update({keys[number]: row for number, row in zip(new, zip(*found, strict=True), strict=True)})
+    tables, brightest, quadrants = (np.array(part) for part in zip(*(kept[key] for key in keys), strict=True))
+    step = _STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
+    return CompanionTables(_apertures(metrics, annulus_lambda_d, step)[2], tables, brightest, quadrants)
 
 
 def quadrant_of(x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> IntArray:
@@ -123,39 +158,21 @@ def quadrant_of(x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> IntArray:
     return (np.asarray(x_arcsec) < 0).astype(np.int64) + 2 * (np.asarray(y_arcsec) < 0)
 
 
-def quadrant_light(metrics: PsfMetrics, place: Place) -> FloatArray:
-    """Return the mean light of unit companions in the apertures of each quadrant, ``(k, 4)``; inf in one that is lit.
-
-    Quadrants are those of `quadrant_of`; one that is not controlled is full of starlight.
-
-    Parameters
-    ----------
-    metrics : PsfMetrics
-    place : Place
-        Where the companions stand.
-    """
-    x, y, _ = _grid(metrics, _STEP_PIXELS)
-    light, _ = _apart(metrics, x, y, place)
-    number = quadrant_of(x, y)
-    mean = [light[..., number == part].mean(axis=(1, 2)) if np.any(number == part) else None for part in range(4)]
-    return np.stack([np.full(len(light), np.inf) if part is None else part for part in mean], axis=1)
-
-
-Tables = tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray, FloatArray | None]]
+Row = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @functools.lru_cache(maxsize=64)
-def _tables(
-    metrics: PsfMetrics,
-    annulus_lambda_d: float,
-    stood: tuple[bytes, ...],
-    shape: tuple[int, int],
-    rows: tuple[float, float],
-) -> Tables:
-    """Separations of planets, brightest apertures, and tables ``(k, 4, s)``; kept for stars that come again."""
-    parts = [np.frombuffer(part).reshape(shape) for part in stood]
-    place, *difference = list(zip(parts[::2], parts[1::2], strict=True))
-    step = _STEP_PIXELS if shape[1] == 1 else _ROUGH_STEP_PIXELS
+def _kept(
+    metrics: PsfMetrics, annulus_lambda_d: float, n_places: int, n_difference: int, rows: tuple[float, float]
+) -> dict[bytes, Row]:
+    """Tables, brightest aperture and quadrants of single companions, by their places."""
+    return {}
+
+
+def _tables(metrics: PsfMetrics, annulus_lambda_d: float, places: Sequence[Place], rows: tuple[float, float]) -> Row:
+    """The same of ``k`` companions at once, which stand at the first of the places."""
+    place, *difference = places
+    step = _STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
     x, y, separations, share = _apertures(metrics, annulus_lambda_d, step)
     light, apart = _apart(metrics, x, y, place)
     column_x, index = np.unique(x, return_inverse=True)
@@ -164,10 +181,16 @@ def _tables(
     seen = (row >= rows[0]) & (row < rows[1]) & (np.abs(place[1]) >= metrics.mask_half_width_arcsec)
     # Of a companion beyond the active rows, or behind the mask, the columns hold its wings alone.
     columns = np.where(seen[..., None], columns, (rows[1] - rows[0]) * light)
+    tables = np.zeros((len(light), 3, 4, separations.size))
     whole = np.maximum(_over(apart.sum(axis=1), share), 1e-9)
-    means = [_over((part * apart).sum(axis=1), share) / whole for part in (light, columns)]
-    left = None if not difference else _left(metrics, x, y, difference, share)
-    return separations, light.max(axis=2).mean(axis=1), (means[0], means[1], left)
+    for field, part in enumerate((light, columns)):
+        tables[:, field] = _over((part * apart).sum(axis=1), share) / whole
+    if difference:
+        tables[:, 2] = _left(metrics, x, y, difference, share)
+    quadrants, number = np.full((len(light), 4), np.inf), quadrant_of(x, y)
+    for dark in np.unique(number):
+        quadrants[:, dark] = light[..., number == dark].mean(axis=(1, 2))
+    return tables, light.max(axis=2).mean(axis=1), quadrants
 
 
 def _apart(metrics: PsfMetrics, x: FloatArray, y: FloatArray, place: Place) -> tuple[FloatArray, FloatArray]:

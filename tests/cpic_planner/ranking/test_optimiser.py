@@ -20,7 +20,7 @@ STARS = _BRIGHT.select(
     [
         i
         for i, name in enumerate(_BRIGHT.name)
-        if (i % 13 == 0 or name in ("tau Cet", "alf CMi", "alf Cen A")) and name != "alf Boo"
+        if (i % 13 == 0 or name in ("tau Cet", "alf CMi", "bet Hyi")) and name != "alf Boo"
     ]
 )
 BANDS = MODEL.bands

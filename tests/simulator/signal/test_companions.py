@@ -11,7 +11,7 @@ from cpic_planner.etc import aperture_rates, build_model, stack_noise
 from cpic_planner.queries import Strategy
 from simulator import load_instrument, load_scene, single_band_psf
 from simulator.imaging import aperture_sums, off_axis_light, overlap_weights, window_of
-from simulator.signal import companion_light, quadrant_light, quadrant_of
+from simulator.signal import companion_tables, companions, quadrant_of
 from simulator.target import scene_sources, sky_to_detector
 
 INSTRUMENT = load_instrument()
@@ -35,7 +35,8 @@ def light_of(model, band, star, x, y, rolls=()):
         )
         for roll in (0.0, *rolls)
     )
-    return companion_light(model.metrics[band], place, difference, model.strategy.annulus_lambda_d, x, y, rows=ROWS)
+    width = model.strategy.annulus_lambda_d
+    return companion_tables(model.metrics[band], place, difference, width, rows=ROWS).around(x, y)
 
 
 def left(model, band, star, separation_arcsec):
@@ -216,21 +217,15 @@ def test_many_places_are_averaged():
     metrics, x = model.metrics["F520"], np.array([[0.35, 0.42, 0.5]])
     places = [tuple(part[None] for part in sky_to_detector(4.0, angles - roll, parity=-1)) for roll in (0.0, -15, 15)]
     width = strategy.annulus_lambda_d
-    every = companion_light(metrics, places[0], places[1:], width, x, x, rows=ROWS)
-    one_by_one = [
-        companion_light(
-            metrics,
-            *(lambda own, *two: (own, two))(*[tuple(part[:, i : i + 1] for part in place) for place in places]),
-            width,
-            x,
-            x,
-            rows=ROWS,
-        )
-        for i in range(angles.size)
-    ]
-    for name, tolerance in (("aperture", 0.1), ("column", 0.4), ("left", 0.5), ("brightest", 0.5)):
-        mean = np.mean([getattr(one, name) for one in one_by_one], axis=0)
-        np.testing.assert_allclose(getattr(every, name), mean, rtol=tolerance, err_msg=name)
+    every = companion_tables(metrics, places[0], places[1:], width, rows=ROWS)
+    one_by_one = []
+    for number in range(angles.size):
+        own, *two = [tuple(part[:, number : number + 1] for part in place) for place in places]
+        one_by_one.append(companion_tables(metrics, own, two, width, rows=ROWS))
+    assert every.brightest == pytest.approx(np.mean([one.brightest for one in one_by_one]), rel=0.5)
+    for name, tolerance in (("aperture", 0.1), ("column", 0.4), ("left", 0.5)):
+        mean = np.mean([getattr(one.around(x, x), name) for one in one_by_one], axis=0)
+        np.testing.assert_allclose(getattr(every.around(x, x), name), mean, rtol=tolerance, err_msg=name)
 
 
 def test_a_companion_in_the_hole_is_no_background_itself():
@@ -247,13 +242,14 @@ def test_light_of_quadrants(pa_deg):
     seen = Seen("F662", 4.0, pa_deg)
     number, sums = quadrant_of(seen.offset, seen.offset[:, None]), seen.sums(seen.psf.geometry.hole)
     expected = [np.nanmean(sums[number == part]) for part in range(4)]
-    found = quadrant_light(metrics, tuple(np.reshape(part, (1, 1)) for part in seen.place))
+    place = tuple(np.reshape(part, (1, 1)) for part in seen.place)
+    found = companion_tables(metrics, place, (), 1.5, rows=ROWS).quadrants
     np.testing.assert_allclose(found[0], expected, rtol=0.06)
 
 
 def test_quadrants_that_are_not_dark_are_none():
     metrics = build_model(load_instrument("cpic_2q"), ["F662"]).metrics["F662"]
-    found = quadrant_light(metrics, (np.full((2, 1), 3.0), np.full((2, 1), 4.0)))
+    found = companion_tables(metrics, (np.full((2, 1), 3.0), np.full((2, 1), 4.0)), (), 1.5, rows=ROWS).quadrants
     dark = quadrant_of(*np.array([(1, 1), (1, -1)]).T)
     assert np.isfinite(found[:, dark]).all()
     assert np.isinf(np.delete(found, dark, axis=1)).all()
@@ -261,3 +257,22 @@ def test_quadrants_that_are_not_dark_are_none():
 
 def test_numbers_of_quadrants():
     assert quadrant_of([1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0]).tolist() == [0, 1, 2, 3]
+
+
+def test_companions_that_come_again_are_not_computed_again(monkeypatch):
+    """In any company, and with the same bytes; other rolls and annuli are other companions."""
+    metrics, x = build_model(INSTRUMENT, ["F662"]).metrics["F662"], np.full((1, 1), 0.42)
+    places = np.array([[3.1], [4.2], [-5.3]]), np.array([[2.7], [-1.1], [0.4]])
+    every = companion_tables(metrics, places, (), 1.25, rows=ROWS)
+    computed, tables = [], companions._tables
+    monkeypatch.setattr(companions, "_tables", lambda *given: computed.append(len(given[2][0][0])) or tables(*given))
+    some = companion_tables(metrics, tuple(part[[2, 0]] for part in places), (), 1.25, rows=ROWS)
+    assert computed == []
+    np.testing.assert_array_equal(some.around(x, x).aperture, every.around(x, x).aperture[[2, 0]])
+    companion_tables(metrics, (np.array([[3.1], [9.0]]), np.array([[2.7], [2.7]])), (), 1.25, rows=ROWS)
+    companion_tables(metrics, places, (), 1.26, rows=ROWS)
+    assert computed == [1, 3]
+    monkeypatch.setattr(companions, "_MOST_KEPT", 2)
+    again = companion_tables(metrics, (places[0] + 1.0, places[1]), (), 1.25, rows=ROWS)
+    np.testing.assert_array_equal(companion_tables(metrics, places, (), 1.25, rows=ROWS).tables, every.tables)
+    assert again.tables.shape == every.tables.shape
