@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 # 330 held the house before it knew orbits of binaries, limits of velocities and the archive of planets.
-MOST_MODULES, MOST_LINES, MOST_SKIPS = 345, 400, 20
+MOST_MODULES, MOST_LINES, MOST_SKIPS = 350, 400, 20
 
 
 def sources():

@@ -24,6 +24,7 @@ ALLOWED = {
     "catalogs/binaries.py": "shipped table",
     "catalogs/catalogue.py": "shipped tables",
     "catalogs/names.py": "shipped tables",
+    "catalogs/published_parameters.py": "shipped tables",
     "catalogs/spectra.py": "shipped tables",
     "catalogs/stars.py": "shipped tables",
     "catalogs/velocity_limits.py": "shipped tables",

@@ -89,7 +89,7 @@ def test_known_planets_are_those_of_the_option(done, tmp_path):
             "--json",
         )
         made[source] = WhatIfResult.model_validate_json(out)
-        assert ("planets.csv: 0 of the 176 planets below are changed; 1 is new" in err) == (source == str(table))
+        assert ("planets.csv: 0 of the 235 planets below are changed; 1 is new" in err) == (source == str(table))
     used = {source: result.known_planets for source, result in made.items()}
     assert used["off"] == ""
     assert used[f"none+{table}"].startswith("user's table of 1 planet (planets.csv ")

@@ -211,8 +211,8 @@ def test_every_idealised_row_says_so():
 
 
 def test_the_catalogue_by_what_limits_it(ranking):
-    """A wavefront without drift would detect 24 more reference planets, and 1046 not even then."""
-    assert ranking.counts_limited_by == {"none": 7, "speckles": 24, "photons": 1046}
+    """A wavefront without drift would detect 22 more reference planets, and 1048 not even then."""
+    assert ranking.counts_limited_by == {"none": 7, "speckles": 22, "photons": 1048}
     told = [row.limited_by for row in ranking.targets]
     assert ranking.counts_limited_by == {name: told.count(name) for name in set(told)}
     for row in ranking.targets:
@@ -277,7 +277,7 @@ def test_without_exclusions_all_planets_count(ranking):
 def test_reference_planets_that_velocities_exclude_are_flagged(ranking):
     """The amplitude by Kepler's third law: 28.4 m/s at 1 au for a Jupiter of the Sun."""
     flagged = {row.name for row in ranking.targets if "excluded_by_rv" in row.flags}
-    assert {"tau Cet", "61 Cyg B", "alf Cen B"} <= flagged
+    assert {"tau Cet", "alf Cen B"} <= flagged
     assert not {"alf CMi", "eps Ind", "70 Oph A", "ksi Boo A"} & flagged
     stars = load_stars()
     mass = dict(zip(stars.column("name").tolist(), stars.column("mass_msun").tolist(), strict=True))
