@@ -85,18 +85,22 @@ def unprobed_stars(rank: results.RankResult, first: int) -> list[results.RankedT
 
 
 def velocities_sentence(rank: results.RankResult, first: int) -> str:
-    """Return for which of the first stars more velocities would change the ranking, and what they have to show."""
+    """Return around which of the first stars velocities exclude the reference planet, and where more would help."""
+    found = []
+    excluded = [pretty_name(row.name) for row in rank.targets[:first] if "excluded_by_rv" in row.flags]
+    if excluded:
+        found.append(f"Radial velocities already exclude the reference planet around {', '.join(excluded)}.")
     stars = [
         f"{pretty_name(row.name)} {significant(row.rv_amplitude_m_s, 2)} m/s at "
         f"{significant(row.ref_planet_distance_au, 2)} au"
         for row in unprobed_stars(rank, first)[:_MOST_NAMED]
     ]
-    if not stars:
-        return ""
-    return (
-        f"More radial velocities would change the ranking most where none exclude the reference planet yet; they have "
-        f"to show amplitudes of: {', '.join(stars)}."
-    )
+    if stars:
+        found.append(
+            "More radial velocities would change the ranking most where none exclude the reference planet yet; they "
+            f"have to show amplitudes of: {', '.join(stars)}."
+        )
+    return " ".join(found)
 
 
 def calibration_sentence(result: results.PlanResult | results.ConfirmResult) -> str:

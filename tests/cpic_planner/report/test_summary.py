@@ -3,7 +3,13 @@
 import pytest
 
 from cpic_planner.report.plan_sections import PlanReport, plan_document
-from cpic_planner.report.summary import dial_text, error_text, modelled_groups, modelled_sentence
+from cpic_planner.report.summary import (
+    dial_text,
+    error_text,
+    modelled_groups,
+    modelled_sentence,
+    velocities_sentence,
+)
 from cpic_planner.report.write import page_html
 
 
@@ -85,3 +91,21 @@ def test_a_band_without_a_valid_tier_says_so(plan, rank, make_modelled):
     page = page_html(plan_document(PlanReport(plan.model_copy(update={"targets": [changed]}), rank, {}, {})))
     assert "take --fidelity standard" in page
     assert "✕" in page
+
+
+def test_velocities_exclude_or_are_missing(rank):
+    star, other = rank.targets[0], rank.targets[1]
+    rank = rank.model_copy(
+        update={
+            "targets": [
+                star.model_copy(update={"flags": [*star.flags, "excluded_by_rv"]}),
+                other.model_copy(update={"flags": [], "completeness": 0.1, "rv_amplitude_m_s": 4.14}),
+            ],
+            "population": rank.population.model_copy(update={"exclusions": ["rv"]}),
+        }
+    )
+    told = velocities_sentence(rank, 2)
+    assert told.startswith("Radial velocities already exclude the reference planet around ")
+    assert "amplitudes of: " in told
+    assert " 4.1 m/s at " in told
+    assert "amplitudes" not in velocities_sentence(rank, 1)
