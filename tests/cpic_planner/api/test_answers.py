@@ -88,6 +88,22 @@ def test_answers_say_how_firm_they_are_where_that_is_asked():
     assert [one.fidelity for one in loose] == [one.fidelity for one in quick]
 
 
+def test_a_roll_turns_the_companion_and_the_quadrant():
+    """36 Ophiuchi at 40 deg has an arm of its companion's light in the hole; every answer says where the planet is."""
+    ask = {"time_s": 7200.0, "separation_arcsec": 0.6, "bands": ["F520"], "contrast": 1e-7}
+    (still,), (turned,), (over,), (single,) = (
+        cp.signal_to_noise(name, **ask, observation_roll_deg=roll)
+        for name, roll in (("36 Oph A", 0.0), ("36 Oph A", 40.0), ("36 Oph A", 180.0), ("tau Cet", 40.0))
+    )
+    assert (still.roll_deg, turned.roll_deg) == (0.0, 40.0)
+    assert over.quadrant != still.quadrant
+    assert turned.value < 0.5 * still.value
+    assert single.value == cp.signal_to_noise("tau Cet", **ask)[0].value
+    assert single.quadrant == "upper right"
+    with pytest.raises(cp.InputError, match="observation_roll_deg"):
+        cp.signal_to_noise("tau Cet", **ask, observation_roll_deg=361.0)
+
+
 @pytest.mark.long
 def test_answers_are_checked_in_images_with_their_own_planets():
     planets = [{"radius_rjup": 1.0}, {"radius_rjup": 2.0}]

@@ -9,6 +9,7 @@ import pytest
 
 from cpic_planner.etc import build_model, closed_form_fidelity, planet_offsets, usable_range_arcsec
 from cpic_planner.etc.fidelity import (
+    COMPANION_ERROR,
     PLACE_ERROR,
     PLANET_FLUX_ERROR,
     SPECKLE_RATIO,
@@ -183,6 +184,13 @@ def test_planets_of_the_blind_validator_lie_within_it():
         chance = (float(row["high"]) - float(row["low"])) / 3.92
         allowed = stated_error(band, answer.separation_arcsec, answer.budget)["snr"]
         assert abs(float(row["ratio"]) - 1.0) <= allowed + 2.0 * chance, (row["star"], band)
+
+
+def test_the_light_of_a_companion_carries_its_own_error():
+    alone = stated_error("F662", 0.6, {"companion_e2": 4.0})["snr"]
+    assert alone == pytest.approx(WHITE_SNR_ERROR + COMPANION_ERROR, rel=0.06)
+    assert stated_error("F662", 0.6, {"companion_e2": 1.0, "sky_e2": 1.0})["snr"] < alone
+    assert stated_error("F662", 0.6, {"sky_e2": 1.0})["snr"] == pytest.approx(WHITE_SNR_ERROR)
 
 
 def test_the_wings_of_a_companion_carry_their_own_error():
