@@ -106,7 +106,6 @@ def plan() -> Figures:
         "detected": counts[2],
         **{name: count for count, name in re.findall(r"(\d+) limited by (\w+)", text)},
         **{name: f"{value:.1f}" for name, value in seconds.items()},
-        "optimistic": " ± ".join(search(r"α Cen B \| F850 .*optimistic by ([\d.]+) \+- ([\d.]+)", text).groups()),
         "plan_s": search(r"plan of 5 targets x 4 bands, 2 workers, 1 run \| (\d+) \|", text)[1],
     }
 
