@@ -283,7 +283,7 @@ def compare_strategies(question: queries.WhatIfQuestion) -> results.WhatIfResult
     from cpic_planner.survey import load_strategies, run_whatif, varied, with_universe
 
     config = with_universe(load_strategies(question.strategies), question.shared())
-    config = varied(config, question.vary) if question.vary else config
+    config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
     with contextlib.ExitStack() as stack:
         folder = question.out or stack.enter_context(tempfile.TemporaryDirectory())
         pages = question.out is not None

@@ -38,9 +38,9 @@ def whatif(
 
     New planets are those of the population that what is known of their star still allows (--exclusions: radial
     velocities, stability beside companion stars, known giants); what the same visits would find of the whole
-    population stands beside. --facts plans and plays every strategy again without each of these facts, without what
-    was published on known planets since 2019 and with companion stars where they were first listed, in the same
-    universes, and says which fact moved which number.
+    population stands beside. With --facts, as in the default strategies, every strategy is also planned and played
+    without each of these facts, without what was published on known planets since 2019 and with companion stars where
+    they were first listed, in the same universes, so that the report says which fact moved which number.
 
     Examples:
 
@@ -56,7 +56,7 @@ def whatif(
 
       cpic whatif survey_default --known-planets my_planets.csv
 
-      cpic whatif survey_default --facts --images 0
+      cpic whatif survey_default --no-facts --images 0
 
       cpic whatif survey_default --exclusions none
 
@@ -93,7 +93,7 @@ def whatif(
     )
 
     config = with_universe(_chosen(load_strategies(question.strategies), question.strategy), question.shared())
-    config = varied(config, question.vary) if question.vary else config
+    config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
     note(*(f"varied: {line}" for line in variation_lines(config)))
     table = known_table(config.universe)
     note(*(() if table is None else table.notes))

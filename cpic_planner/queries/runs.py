@@ -81,7 +81,7 @@ class WhatIfQuestion(RunQuestion):
         None,
         "Also plan and play every strategy without each fact that is known (known planets since 2019, radial "
         "velocities, stability, known giants, companion stars), and say which fact moved which number.",
-        unset="no",
+        unset="as the file says; not with values that vary",
     )
     images: int = asked(6, "Detections of each strategy that are simulated as images.", ge=0)
     workers: int = asked(

@@ -49,7 +49,7 @@ class _Sweep:
         return VariedSetting(name=self.name, key=self.key, text=text, value=value, unit=unit, meaning=meaning)
 
 
-def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
+def varied(config: StrategiesConfig, sweeps: Sequence[str], *, facts: bool = False) -> StrategiesConfig:
     """Return every strategy with every combination of values of some keys.
 
     Parameters
@@ -62,6 +62,8 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
         ``exozodi`` need a unit or an x, and their factors are on the numbers of the instrument: ``drift=x2`` doubles
         the offset of a visit and the walk within it; ``drift=0.1nm`` makes the offset 0.1 nm and scales the walk in the
         same ratio.
+    facts : bool
+        Whether every variant is also compared without each fact that is known, which takes several times as long.
 
     Returns
     -------
@@ -98,7 +100,8 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
             made[-1]._varied = (*strategy.varied, *given)
     if len(made) > MAX_STRATEGIES:
         raise InputError("--vary", f"{len(made)} strategies", allowed=f"at most {MAX_STRATEGIES} in all")
-    return config.model_copy(update={"strategies": tuple(made)})
+    universe = config.universe.model_copy(update={"facts": facts})
+    return config.model_copy(update={"strategies": tuple(made), "universe": universe})
 
 
 def variation_lines(config: StrategiesConfig) -> list[str]:
