@@ -77,7 +77,7 @@ def run(installed, work, *arguments):
 
 
 def test_wheel_holds_what_it_needs_and_nothing_else(wheel):
-    assert wheel.stat().st_size <= 10e6
+    assert wheel.stat().st_size <= 12e6  # of which 2.2 MB are the maps that tell the light of companions
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split("/")[0] for name in names}
     assert {top for top in tops if not top.endswith(".dist-info")} == {
