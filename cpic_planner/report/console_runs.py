@@ -280,7 +280,8 @@ def _print_images(strategies: list[results.StrategyOutcome], console: Console) -
             continue
         remark = f"; {sample.note}" if sample.note else ""
         ends = "" if sample.low is None or sample.high is None else f" ({interval_text(sample.low, sample.high)})"
-        counts = f"of {sample.detections} detections simulated as images {sample.found} are found"
+        sequences = f"{sample.images} simulated image sequences (of {sample.detections} detections)"
+        counts = f"{sample.found} of {sequences} show the planet"
         expected = f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}"
         print_plain(console, f"{item.name}: {counts}, {expected}{remark}")
 

@@ -18,7 +18,6 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import decision
-import facts
 import law
 import optics
 import runs
@@ -37,7 +36,6 @@ PARTS: dict[str, Callable[[], Any]] = {
     "completeness": studies.completeness_check,
     "schedules": studies.schedules,
     "decision": lambda: decision.run(HERE),
-    "facts": facts.run,
     "optics": optics.run,
     "seasons": seasons.run,
     "cost": studies.cost,
@@ -60,9 +58,33 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def facts_part(found: dict[str, Any]) -> list[str]:
-    """What changed with what is known: words, and tables with their titles."""
-    return [facts.text(found), *(f"{title}:\n\n{table(head, rows)}" for title, head, rows in facts.tables(found))]
+def facts_part() -> list[str]:
+    """What each fact moved in the default run: the statement of the run, and a table for each kind of planets."""
+    found = decision.default_result(HERE)
+    facts = found.facts
+    assert facts is not None
+    rows = {(row.strategy, row.fact): row for row in facts.rows}
+    head = ["strategy", "all facts", *(fact.heading for fact in facts.facts)]
+    parts = [
+        "## Which fact moved which number\n\n"
+        "The five default strategies planned and played again as if one fact were not known, in the same "
+        f"{found.universe['universes']} universes, and the change with its 90 % interval. {facts.statement}"
+    ]
+    for name, title in (("planets", "all planets"), ("new_planets", "new planets"), ("known_planets", "known planets")):
+        body = []
+        for item in found.strategies:
+            mean = getattr(item, name).mean
+            own = [rows[item.name, fact.name] for fact in facts.facts]
+            cells = [(getattr(row, name).mean, getattr(row, f"{name}_change")) for row in own]
+            body.append(
+                [
+                    item.name,
+                    f"{mean:.3f}",
+                    *(f"{value:.3f} ({change.low:+.3f} to {change.high:+.3f})" for value, change in cells),
+                ]
+            )
+        parts.append(f"Found in a survey, {title}:\n\n{table(head, body)}")
+    return parts
 
 
 def exponent(x: Sequence[float], y: Sequence[float]) -> float:
@@ -145,7 +167,7 @@ def report(found: dict[str, Any]) -> str:
         "# Survey what-ifs\n\nRegenerate with `python reports/whatif/make.py`; everything below is written by it.",
         table(["", "asked", "found", "met"], rows),
         decision.text(found["decision"]),
-        *facts_part(found["facts"]),
+        *facts_part(),
         "## What an assumed contrast means\n\n"
         "A brighter dark hole than the instrument's is that of a mirror whose actuators are off at random, and the "
         "optics are measured with it. A planet around ε Eri at eight places, "

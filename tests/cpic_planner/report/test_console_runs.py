@@ -62,7 +62,8 @@ def test_images_tell_their_correction(compared):
     sample = ImageSample(detections=40, images=120, expected=31.5, found=28, correction=0.889, low=0.75, high=1.02)
     item = result.strategies[0].model_copy(update={"images": sample})
     text = shown(print_whatif, result.model_copy(update={"strategies": [item]}), width=200)
-    assert "of 40 detections simulated as images 28 are found, 31.5 expected; correction 0.89 (0.75 to 1.02)" in text
+    counts = "28 of 120 simulated image sequences (of 40 detections) show the planet"
+    assert f"{counts}, 31.5 expected; correction 0.89 (0.75 to 1.02)" in text
     none = sample.model_copy(
         update={
             "detections": 0,

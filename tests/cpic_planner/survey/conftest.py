@@ -43,12 +43,6 @@ def brute_force():
 
 
 @pytest.fixture(scope="session")
-def facts_report():
-    """The part of the report of what-ifs that compares what was known with what is known."""
-    return _loaded("whatif_facts", Path(__file__).resolve().parents[3] / "reports/whatif/facts.py")
-
-
-@pytest.fixture(scope="session")
 def problems():
     """Small random scheduling problems, and the search through all their schedules."""
     return _loaded("survey_problems", Path(__file__).with_name("problems.py"))
