@@ -1,6 +1,5 @@
 """Planets with which schedules are made, where they stand, and how likely visits are to show them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -50,12 +49,12 @@ class Host:
     known_rows: tuple[int, ...]
 
     def content(self) -> dict[str, Any]:
-        """Everything that decides its planets and their light; known planets by what their rows say."""
-        rows: Mapping[str, NDArray[Any]] = {} if self.known is None else self.known.select(self.known_rows).columns
+        """Everything that decides its planets and their light; known planets by what their published orbits say."""
+        orbits = [] if self.known is None else [self.known.orbits_of(row).columns for row in self.known_rows]
         return {
             "star": self.star.content(),
             "population": None if self.population is None else self.population.content(),
-            "known": {name: cells.astype(str).tolist() for name, cells in rows.items()},
+            "known": [{name: cells.astype(str).tolist() for name, cells in rows.items()} for rows in orbits],
             "rows": list(self.known_rows),
         }
 
