@@ -98,7 +98,7 @@ class BinaryOrbit:
 
     @property
     def reversed(self) -> Self:
-        """The same orbit as seen from the companion."""
+        """Return the same orbit as seen from the companion."""
         return replace(
             self,
             star=self.companion,
@@ -111,7 +111,7 @@ class BinaryOrbit:
 
     @property
     def resolved(self) -> bool:
-        """Whether the two are ever wider apart than `UNRESOLVED_ARCSEC`."""
+        """Tell whether the two are ever wider apart than `UNRESOLVED_ARCSEC`."""
         return self.semi_major_axis_arcsec * (1.0 + self.eccentricity) > UNRESOLVED_ARCSEC
 
 
@@ -172,7 +172,7 @@ def companion_places(orbits: Sequence[BinaryOrbit], epoch_yr: ArrayLike) -> tupl
 
 @dataclass(frozen=True)
 class StabilityLimit:
-    """Where a companion on its orbit leaves planets alone.
+    """Limits of the orbits that stay stable beside a companion star.
 
     Parameters
     ----------

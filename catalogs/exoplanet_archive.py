@@ -12,7 +12,6 @@ Columns: https://exoplanetarchive.ipac.caltech.edu/docs/API_PS_columns.html; Ake
 """
 
 import math
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -34,7 +33,7 @@ ARCHIVE_URL = "https://exoplanetarchive.ipac.caltech.edu/TAP"
 PLANETS_QUERY = "SELECT * FROM ps WHERE sy_dist <= 50"
 """All solutions of planets within 50 pc; the catalogue ends at 40 pc."""
 NARROWER = "ask another service with --url"
-"""How to get an answer of fewer rows, for messages."""
+"""Advice of messages on an answer with too many rows."""
 
 # Column of ours, its error, and the archive's.
 ORBIT = (
@@ -53,7 +52,7 @@ REST = (
     ("star_mass_msun", "star_mass_err_msun", "st_mass"),
 )
 _LIMITS = ("pl_orbeccen", "pl_bmassj")
-"""Of these a limit is kept and flagged; a limit of anything else is no value."""
+"""Columns of which a limit is kept and flagged; a limit of any other column is no value."""
 _TEXTS = {
     "pl_name": "",
     "hostname": "plhostname",
@@ -109,7 +108,7 @@ ARCHIVE, _NEEDED = _columns()
 
 @dataclass(frozen=True)
 class ArchivePlanets:
-    """What the archive says of planets of catalogue stars.
+    """Planets of catalogue stars as the archive has them.
 
     Parameters
     ----------
@@ -137,9 +136,7 @@ def archive_url(service: TapService) -> str:
     InputError
         If ``$CPIC_ARCHIVE_URL`` is no address.
     """
-    if service.url:
-        return service.check_url("url", service.url)
-    return service.check_url(URL_VARIABLE, os.environ.get(URL_VARIABLE, "") or ARCHIVE_URL)
+    return service.address(URL_VARIABLE) or ARCHIVE_URL
 
 
 def read_archive(answer: RawTable, stars: StarTable) -> ArchivePlanets:

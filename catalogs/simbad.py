@@ -5,14 +5,13 @@ temperatures, gravities and metallicities of the same objects, many rows each. S
 ``LIKE 'F%'`` would miss ``sdF8``, ``(G2)V`` or ``dK5``, so types are read here (:mod:`catalogs.simbad_rows`).
 """
 
-import os
 import warnings
 from dataclasses import dataclass
 
 from catalogs.tap_client import TapService, check_range
 
 NARROWER = "ask for less with --v-mag-max or --parallax-min-mas"
-"""How to get an answer of fewer rows, for messages."""
+"""Advice of messages on an answer with too many rows."""
 URL_VARIABLE = "CPIC_SIMBAD_URL"
 """Environment variable with the address of the TAP service to ask, where none is given."""
 
@@ -60,10 +59,8 @@ def service_url(service: TapService) -> str:
     InputError
         If ``$CPIC_SIMBAD_URL`` is no address.
     """
-    if service.url:
-        return service.check_url("url", service.url)
-    if given := os.environ.get(URL_VARIABLE, ""):
-        return service.check_url(URL_VARIABLE, given)
+    if given := service.address(URL_VARIABLE):
+        return given
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         from astroquery.simbad import conf

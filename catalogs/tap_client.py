@@ -93,6 +93,22 @@ class TapService:
         check_range("maxrec", self.maxrec, 1, 2_000_000)
         check_range("max_bytes", self.max_bytes, 1, 2**30)
 
+    def address(self, variable: str) -> str:
+        """Return the base of the address that was given, in ``url`` or an environment variable; empty without either.
+
+        Parameters
+        ----------
+        variable : str
+            Name of the environment variable, which counts where there is no ``url``.
+
+        Raises
+        ------
+        InputError
+            As `check_url`.
+        """
+        name, given = ("url", self.url) if self.url else (variable, os.environ.get(variable, ""))
+        return self.check_url(name, given) if given else ""
+
     def check_url(self, name: str, url: str) -> str:
         """Return the base of an address that may be asked (its ``/sync`` is).
 
