@@ -7,8 +7,9 @@ a diameter was measured, luminosity is that of diameter and temperature of the s
 elsewhere that of V, and the radius follows.
 
 Rows are interferometry and benchmarks, spectroscopy beside them, and spectroscopy of stars that else have a colour
-only; a star without rows has not been found there. The diameters of psi Dra A, HD 16160 and 5 Ser are left out: they
-contradict colour and spectroscopy by over 200 K.
+only; a star without rows has not been found there. A mean or median of the PASTEL catalogue may contain other rows of
+its star. The diameters of psi Dra A, HD 16160 and 5 Ser and the H-band spectrum of HD 16160 (Olander et al. 2025,
+4607 K) are left out: they contradict colour and spectroscopy by over 200 K.
 """
 
 import csv

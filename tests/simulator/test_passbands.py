@@ -1,5 +1,6 @@
 """Band rates: against direct integration of spectra, against the reference Sun, and their speed."""
 
+import csv
 import dataclasses
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs import Albedo, Band, Spectrum, load_albedo, load_bands, load_reference_spectrum, load_stars
+from catalogs import Albedo, Band, Spectrum, load_albedo, load_bands, load_pickles, load_reference_spectrum, load_stars
 from catalogs.spectra import PLANETS, Curve
 from simulator.band_integrals import gauss_rule, v_photon_rate, vega_v_photon_rate
 from simulator.passbands import Passbands
@@ -385,7 +386,7 @@ def test_gauss_rule_of_equal_masses_is_exact() -> None:
     assert gauss_rule(np.array([2.0, 2.0]), np.ones(2), 1)[0] == pytest.approx([2.0])
 
 
-# V-I of single stars of the catalogue, measured by Casagrande et al. 2006 (MNRAS 373, 13, table 1), mag.
+# V-I of stars of the catalogue, mag, measured by Casagrande et al. 2006 (MNRAS 373, 13, table 1).
 MEASURED_V_I = {
     "HD 106516": 0.571,
     "HD 179949": 0.595,
@@ -407,48 +408,17 @@ MEASURED_V_I = {
     "HD 190007": 1.205,
     "HD 215500": 0.771,
 }
-# Bright targets whose spectral type and temperature agree.
-AS_THEIR_TYPE = (
-    "alf CMi",
-    "alf Cen A",
-    "alf Cen B",
-    "eps Eri",
-    "tau Cet",
-    "61 Cyg A",
-    "omi2 Eri",
-    "70 Oph A",
-    "82 Eri",
-    "sig Dra",
-    "bet Hyi",
-    "HD 191408",
-    "pi3 Ori",
-    "chi Dra",
-    "mu Her",
-    "HD 219134",
-    "gam Lep",
-    "bet CVn",
-    "zet Tuc",
-    "mu Cas",
-    "bet Gem",
-    "107 Psc",
-    "ksi Boo A",
-    "bet Com",
-    "61 Vir",
-    "HD 4628",
-    "kap Cet",
-    "HD 102365",
-    "70 Oph B",
-    "bet Vir",
-    "iot Per",
-    "gam Ser",
-    "tet Per",
-    "iot Peg",
-    "61 UMa",
-    "HD 192310",
-    "chi1 Ori",
-    "alf Men",
-    "tet UMa",
-)
+# The first 60 stars of the ranking (its tests compare the names) and their V-I in the system of Cousins where it was
+# observed: Hipparcos says so of a colour by A in its field H42; the others are cited in E. Mamajek's notes on spectral
+# types (github.com/emamajek/SpectralType). No value is of a pair.
+FIRST_TARGETS = list(csv.DictReader((ROOT / "tests/first_targets.csv").read_text(encoding="utf-8").splitlines()))
+# K dwarfs beyond the first 60 of which Hipparcos says the same (ESA 1997, SP-1200, field H42 = A).
+FURTHER_V_I = {"HD 16160": 1.06, "HD 192310": 0.93, "HD 216803": 1.20, "HD 32147": 1.10, "HD 100623": 0.88}
+# Both stars of 70 Oph and of 36 Oph in one aperture: Cousins 1980, SAAO Circ. 1, 234.
+V_I_OF_PAIRS = {("70 Oph A", "70 Oph B"): 0.965, ("36 Oph A", "36 Oph B"): 0.925}
+# Bessell 1990, table 2: the B band, 360 to 560 nm in steps of 10 nm.
+BESSELL_B = [0, 30, 134, 567, 920, 978, 1000, 978, 935, 853, 740, 640, 536, 424, 325, 235, 150, 95, 43, 9, 0]
+SUN_B_V = 0.653  # Ramirez et al. 2012
 
 
 def _catalogue_star(name: str) -> dict[str, Any]:
@@ -466,11 +436,89 @@ def test_red_light_of_catalogue_stars_is_what_was_measured() -> None:
     assert {name for name, ratio in ratios.items() if abs(ratio - 1.0) > 0.05} == {"HD 144579"}
 
 
-@pytest.mark.parametrize("name", AS_THEIR_TYPE)
-def test_bright_targets_are_as_red_as_measured_stars_of_their_type(name: str) -> None:
-    row = _catalogue_star(name)
-    bands = Passbands.from_bands([band for band in load_bands().values() if band.name in ("F720", "F850")])
-    found = bands.star_rate_e_s(0.0, row["teff_k"], row["log_g"], row["metallicity"], 1.0)
-    template = stellar_spectrum(0.0, row["sp_type"], model="pickles")
-    expected = bands.spectrum_rate_e_s(template.wavelength_nm, template.photlam, 1.0)
-    np.testing.assert_allclose(found / expected, 1.0, atol=0.08)
+def _grid_v_i(row: dict[str, Any]) -> float:
+    return _v_minus(row["teff_k"], row["log_g"], row["metallicity"])["I"]
+
+
+def test_red_light_of_the_first_targets_is_what_was_measured() -> None:
+    """Light in I of 35 of the first 60 and 5 others, relative to V, within 5 per cent; the mean of all, within 1.
+
+    The published V-I of 61 Cyg B runs from 1.56 (transformed from the system of Kron) to 1.63 (Gaia), its temperature
+    from 4044 to 4174 K; the grid at the median temperature has 1.52, which is 7 per cent less light in I than 1.60.
+    """
+    measured = FURTHER_V_I | {row["star"]: float(row["v_i_mag"]) for row in FIRST_TARGETS if row["v_i_mag"]}
+    ratios = {name: 10.0 ** (0.4 * (_grid_v_i(_catalogue_star(name)) - v_i)) for name, v_i in measured.items()}
+    assert len(ratios) == 40
+    assert np.mean(list(ratios.values())) == pytest.approx(1.0, abs=0.01)
+    assert {name for name, ratio in ratios.items() if abs(ratio - 1.0) > 0.05} == {"61 Cyg B"}
+    assert ratios["61 Cyg B"] == pytest.approx(1.0, abs=0.08)
+
+
+@pytest.mark.parametrize("pair", V_I_OF_PAIRS)
+def test_red_light_of_pairs_is_what_was_measured_of_both_stars(pair: tuple[str, str]) -> None:
+    rows = [_catalogue_star(name) for name in pair]
+    v = np.array([row["v_mag"] for row in rows])
+    i = v - [_grid_v_i(row) for row in rows]
+    both = 2.5 * np.log10(np.sum(10.0 ** (-0.4 * i)) / np.sum(10.0 ** (-0.4 * v)))
+    assert 10.0 ** (0.4 * (both - V_I_OF_PAIRS[pair])) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.fixture(scope="module")
+def colour_bands() -> Passbands:
+    cousins_i = Curve(np.arange(700.0, 921.0, 10.0), np.array(COUSINS_I) / 1000.0)
+    bessell_b = Curve(np.arange(360.0, 561.0, 10.0), np.array(BESSELL_B) / 1000.0)
+    return Passbands.from_bands(
+        [
+            Band("B", "VIS", 460.0, 200.0, 1.0, 1.0, curve=bessell_b),
+            Band("I", "VIS", 805.0, 160.0, 1.0, 1.0, curve=cousins_i),
+            *(load_bands()[name] for name in ("F720", "F850")),
+        ]
+    )
+
+
+def _rates_at_v_0(bands: Passbands, spectrum: Any, photlam: np.ndarray) -> np.ndarray:
+    """Rates in B, I, F720 and F850 of a spectrum that is normalised to V = 0."""
+    rates = bands.spectrum_rate_e_s(spectrum.wavelength_nm, photlam, 1.0)
+    return rates * vega_v_photon_rate() / v_photon_rate(spectrum.wavelength_nm, photlam)
+
+
+@pytest.fixture(scope="module")
+def templates(colour_bands: Passbands) -> dict[int, np.ndarray]:
+    """B-V and V-I (mag) and the logarithms of the rates in F720 and F850 at V = 0 of the Pickles spectra, by class."""
+    library, sun = load_pickles(), load_reference_spectrum("sun")
+    rates = np.array([_rates_at_v_0(colour_bands, library, photlam) for photlam in library.photlam])
+    solar = _rates_at_v_0(colour_bands, sun, sun.photlam)
+    b_v = SUN_B_V - 2.5 * np.log10(rates[:, 0] / solar[0])
+    v_i = SUN_V_I + 2.5 * np.log10(rates[:, 1] / solar[1])
+    table = np.column_stack([b_v, v_i, np.log(rates[:, 2:])])
+    return {rank: table[library.luminosity_rank == rank] for rank in (3, 4, 5)}
+
+
+UNLIKE_THEIR_TEMPLATE = {
+    "61 Cyg B": "7 per cent less light in I than measured, see the test of V-I",
+    "HD 88230": "4 per cent less light in I than measured, 6 in F850",
+}
+
+
+def test_first_targets_are_as_red_as_measured_spectra_of_their_colour(
+    colour_bands: Passbands, templates: dict[int, np.ndarray]
+) -> None:
+    """Rates in F720 and F850 against measured spectra of the class and V-I of the star, or its B-V without a V-I.
+
+    Beside the spectrum of the printed type eps Ind, called K5V with the colours of K4V, has 22 per cent less: one step
+    of type near K3V is 13 per cent in F850. Within 5 per cent by V-I; within 8 by B-V, which depends on metals too.
+    """
+    unlike = {}
+    for target in FIRST_TARGETS:
+        row = _catalogue_star(target["star"])
+        index = 1 if target["v_i_mag"] else 0
+        own = float(target["v_i_mag"]) if index else row["b_v_mag"]
+        table = templates[{"III": 3, "IV": 4}.get(row["luminosity_class"], 5)]
+        table = table[np.argsort(table[:, index])]
+        expected = np.exp([np.interp(own, table[:, index], table[:, column]) for column in (2, 3)])
+        found = colour_bands.star_rate_e_s(0.0, row["teff_k"], row["log_g"], row["metallicity"], 1.0)[2:]
+        worst = float(np.max(np.abs(found / expected - 1.0)))
+        if worst > (0.05 if index else 0.08):
+            unlike[target["star"]] = worst
+    assert set(unlike) == set(UNLIKE_THEIR_TEMPLATE)
+    assert max(unlike.values()) < 0.10
