@@ -15,16 +15,16 @@ from cpic_core import NDArray, write_npz
 from simulator.config import Instrument, load_instrument, preset_names
 from simulator.imaging import metrics_key
 from simulator.imaging.build import dig
-from simulator.imaging.store import DIGITS, MAP_DIGITS, measure, shipped_file, to_arrays
+from simulator.imaging.store import DIGITS, EXACT_DIGITS, measure, shipped_file, to_arrays
 
 
 def _packed(arrays: Mapping[str, NDArray[Any]], exact: bool) -> dict[str, NDArray[Any]]:
     """Arrays as a file holds them: those that are rounded as bytes of equal weight side by side, which compress.
 
-    A rounded file has no halo map, which follows from the others.
+    No file has the halo map, which follows from the others.
     """
-    packed = {name: array for name, array in arrays.items() if exact or name != "halo_map"}
-    for name, digits in (MAP_DIGITS if exact else DIGITS).items():
+    packed = {name: array for name, array in arrays.items() if name != "halo_map"}
+    for name, digits in (EXACT_DIGITS if exact else DIGITS).items():
         fraction, exponent = np.frexp(arrays[name])
         short = np.ldexp(np.round(np.ldexp(fraction, digits)), exponent - digits).astype("<f4")
         packed[name] = np.moveaxis(short.view(np.uint8).reshape(*short.shape, 4), -1, 0)

@@ -70,6 +70,7 @@ def tables() -> Figures:
     """Return tables of reports, without rows that nothing was asked of."""
     asked = "|  | asked | found | met |"
     headings = {"first_plan": "| instead | reference planets detected"}
+    headings["reach"] = "| drift (nm) | V = 1"
     headings |= dict.fromkeys(("etc_accuracy", "blind_validator", "whatif"), asked)
     return {name: table_of(report(name), heading) for name, heading in headings.items()}
 
@@ -111,13 +112,12 @@ def plan() -> Figures:
 
 
 def whatif() -> Figures:
-    """Return figures of the report of what-ifs: strategies, the law of a detection, seasons, assumed contrasts."""
+    """Return figures of the report of what-ifs: strategies, seasons, assumed contrasts."""
     strategies = {item["name"]: item for item in data("whatif/whatif.json")["strategies"]}
     best = max(strategies.values(), key=lambda item: item["new_planets"]["mean"])
     single = strategies["single_visit"]
     results = data("whatif/results.json")
-    law, seasons, optics = results["detection_law"], results["seasons"], results["optics"]
-    gaussian, tails = law["blind"]["coefficients"][:2]
+    seasons, optics = results["seasons"], results["optics"]
 
     def ends(key: str) -> str:
         return " to ".join(f"{end(row[key] for row in optics):.2f}" for end in (min, max))
@@ -129,10 +129,6 @@ def whatif() -> Figures:
         "single_planets": f"{single['new_planets']['mean']:.2f}",
         "single_h": f"{single['hours']['mean']:.0f}",
         "alarms": f"{best['background_alarms']['mean']:.1f}",
-        "sequences": str(sum(row["realisations"] for row in law["rows"])),
-        "gaussian": f"{math.exp(gaussian):.2f}",
-        "tails": f"{math.exp(gaussian + tails):.2f}",
-        "known": f"{math.exp(law['known']['coefficients'][0]):.2f}",
         "start": seasons["start_utc"][:10],
         "stars": str(seasons["stars"]),
         "days": f"{seasons['days'][2]:.0f}",
@@ -148,6 +144,12 @@ def blind() -> Figures:
     found = data("blind_validator/results.json")["unaltered"]["rows"]
     asked = [row["search_threshold"] for row in found if row["search_threshold"]]
     return {"least": f"{min(asked):.1f}", "most": f"{max(asked):.1f}"}
+
+
+def visits() -> Figures:
+    """Return how the calculator stands against images of programmes of visits."""
+    found = search(r"^\| mean of the references \| \d+ \| ([\d.]+ ± [\d.]+) \|", report("programmes"))
+    return {"ratio": found[1]}
 
 
 def albedo() -> Figures:
@@ -215,6 +217,7 @@ FIGURES: dict[str, Callable[[], Figures]] = {
     "plan": plan,
     "whatif": whatif,
     "blind": blind,
+    "visits": visits,
     "albedo": albedo,
     "imaging": imaging,
     "dial": dial,

@@ -12,18 +12,16 @@ import numpy as np
 from cpic_core import FloatArray, InputError
 from cpic_planner.api.keywords import model_of, stars_named, takes
 from cpic_planner.etc import (
-    BandCases,
     EtcModel,
-    FixedFrames,
+    Group,
     Objective,
-    band_cases,
+    Span,
     check_range,
+    groups_of,
     planets_of,
     questions,
-    smooth_in_visit,
-    smooth_least_visit_s,
 )
-from cpic_planner.queries import DEFAULT_TIME_S, EtcQuestion, OptimiseQuestion, ReferencePlanet
+from cpic_planner.queries import DEFAULT_TIME_S, MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet
 from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer
 from cpic_planner.targets import Targets
@@ -33,6 +31,7 @@ if TYPE_CHECKING:
 
 _ENDLESS_S = 1e12
 _TRIAL_CONTRAST = 1e-8
+_VISITS = ("visits", "reference_visits")
 
 
 def as_asked(question: EtcQuestion, star: Targets) -> Targets:
@@ -98,8 +97,8 @@ def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
     return [axis * math.sin(math.radians(planet.phase_deg)) / float(star.distance_pc[0])]
 
 
-def wall_s(question: EtcQuestion, model: EtcModel, band: str) -> float:
-    """Return the wall time in a band: the given one, or that of the frames.
+def times_of(question: EtcQuestion, model: EtcModel, band: str) -> dict[str, float | None]:
+    """Return the wall times of all visits and of one in a band: the given ones, or those of the frames.
 
     Parameters
     ----------
@@ -109,10 +108,11 @@ def wall_s(question: EtcQuestion, model: EtcModel, band: str) -> float:
         Name of a band of the instrument, such as ``F520``.
     """
     if question.n_frames is None or question.exposure_s is None:
-        return question.wall_s
+        return {"time_s": question.wall_s, "visit_time_s": question.visit_time_s}
     # A hair more, lest rounding lose a frame.
     pace_s = (question.exposure_s + model.camera(band).readout_s) * (1.0 + 1e-12)
-    return float(model.time_s(question.n_frames * pace_s))
+    visit_time_s = float(model.time_s(question.n_frames * pace_s))
+    return {"time_s": (question.strategy.visits or 1) * visit_time_s, "visit_time_s": visit_time_s}
 
 
 def _ask(
@@ -121,14 +121,14 @@ def _ask(
     frames = {"exposure_s": question.exposure_s, "em_gain": question.em_gain}
     common: dict[str, Any] = {"bands": bands, "separation_arcsec": list(places)} | frames
     exact = question.exact or question.n_frames is not None
-    given: dict[str, Any] = {"time_s": wall_s(question, model, bands[0]), "exact": exact}
+    given: dict[str, Any] = times_of(question, model, bands[0]) | {"exact": exact}
     if question.contrast_limit:
         return questions.contrast_limit(model, star, sigma=question.sigma, snr=question.snr, **given, **common)
     planet = list(question.planet) if isinstance(question.planet, tuple) else question.planet
     common |= {"planet": planet, "contrast": None if question.contrast is None else list(question.contrast)}
     if question.asks_time:
         level: dict[str, Any] = {"snr": question.snr, "sigma": question.sigma, "detect": question.detect}
-        return questions.exposure_time(model, star, **level, **common)
+        return questions.exposure_time(model, star, visit_time_s=question.visit_time_s, **level, **common)
     return questions.signal_to_noise(model, star, **given, **common)
 
 
@@ -147,33 +147,40 @@ def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str
         Name of a band of the instrument, such as ``F520``.
     """
     grid = separation_grid(model, band)
-    fixed = FixedFrames(question.exposure_s, question.em_gain)
+    fixed = questions.fixed_frames(model, [band], question.exposure_s, question.em_gain)
     planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
     ratios = (_TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
     best = []
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
-        cases = band_cases(model, star, band, planets_of(list(grid), planet, contrast), fixed)
-        best.append(float(grid[int(np.argmin(_cost(question, model, cases)))]))
+        objective: Objective = "significance" if question.snr is None else "snr"
+        them = planets_of(list(grid), planet, contrast)
+        (group,) = groups_of(model, star, [band], them, fixed, objective, question.snr or question.sigma)
+        best.append(float(grid[int(np.argmin(_cost(question, model, group)))]))
     return best
 
 
-def _cost(question: EtcQuestion, model: EtcModel, cases: BandCases) -> FloatArray:
+def _cost(question: EtcQuestion, model: EtcModel, group: Group) -> FloatArray:
     """Return what to make small, one number a separation; places outside the field cost ``inf``."""
-    objective: Objective = "significance" if question.snr is None else "snr"
-    wanted = question.snr or question.sigma
-    level = np.full(len(cases.planets), wanted) if wanted else cases.threshold
-    problem = cases.problem(objective)
+    (cases,), every = group.cases, group.programmes
+    possible = cases.usable[0] & (np.isfinite(cases.threshold) | (group.value is not None))
+    given = model.strategy.visits
 
-    def missed(visit_s: float) -> FloatArray:
-        with np.errstate(invalid="ignore"):
-            cost = np.sqrt(smooth_in_visit(problem, np.asarray(visit_s)))[0] * level
-        return np.where(cases.usable[0] & ~np.isnan(cost), cost, np.inf)
+    def missed(visits: FloatArray, time_s: float) -> FloatArray:
+        cost = every.missed(visits, time_s)[0][0, 0]
+        return np.where(possible & ~np.isnan(cost), cost, np.inf)
 
     if not question.asks_time:
-        return missed(float(model.visit_s(wall_s(question, model, cases.band))))
-    visit = smooth_least_visit_s(problem, np.broadcast_to(level, cases.contrast.shape))[0]
-    visit = np.where(cases.usable[0], visit, np.inf)
-    return visit if np.isfinite(visit).any() else missed(_ENDLESS_S)
+        times = times_of(question, model, cases.band)
+        span = Span.of(model, times["time_s"], times["visit_time_s"])
+        return missed(group.visits_in(span), span.time_s or 0.0)
+    fixed = np.full((1, *cases.contrast.shape), float(given or 1))
+    if question.visit_time_s is not None:
+        time_s = every.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
+    else:
+        visits = every.quickest() if given is None else fixed
+        time_s = visits * model.time_s(every.solved(visits)[0])
+    cost = np.where(possible, time_s[0, 0], np.inf)
+    return cost if np.isfinite(cost).any() else missed(fixed if given else fixed * MAX_VISITS, _ENDLESS_S)
 
 
 def checked(
@@ -223,16 +230,27 @@ def _answered(question: EtcQuestion) -> list[EtcAnswer]:
     return checked(question, model, stars, answers)
 
 
+def _timed(question: EtcQuestion) -> EtcQuestion:
+    """Return the question; it is refused where it gives no time."""
+    if question.time_s is None and None in (question.strategy.visits, question.visit_time_s):
+        raise InputError("time_s", "missing", allowed="a wall time, or visits and visit_time_s")
+    return question
+
+
 @takes(
-    EtcQuestion, first=("target",), needs=("time_s",), without=("snr", "sigma", "detect", "contrast_limit", "n_frames")
+    EtcQuestion,
+    first=("target",),
+    without=("snr", "sigma", "detect", "contrast_limit", "n_frames"),
+    of_strategy=_VISITS,
 )
 def signal_to_noise(question: EtcQuestion) -> list[EtcAnswer]:
-    """SNR of a planet in a given wall time.
+    """SNR of a planet in a given wall time, which ``visits`` of ``visit_time_s`` give as well.
 
-    How firm the answers have to be is said by ``fidelity``: ``quick`` closed forms alone (the default), ``standard``
-    each checked in sums of simulated frames, ``reference`` frame by frame; or by ``tolerance``, the largest error of
-    planet flux and SNR, for which images are made only where the stated error of the closed forms is larger.
-    ``answer.fidelity`` then holds errors and checks; values stay those of the closed forms.
+    Without a number of visits the best one is chosen. How firm the answers have to be is said by ``fidelity``:
+    ``quick`` closed forms alone (the default), ``standard`` each checked in sums of simulated frames, ``reference``
+    frame by frame; or by ``tolerance``, the largest error of planet flux and SNR, for which images are made only where
+    the stated error of the closed forms is larger. ``answer.fidelity`` then holds errors and checks; values stay those
+    of the closed forms.
 
     Returns
     -------
@@ -251,12 +269,17 @@ def signal_to_noise(question: EtcQuestion) -> list[EtcAnswer]:
     >>> answer.status.value
     'ok'
     """
-    return _answered(question)
+    return _answered(_timed(question))
 
 
-@takes(EtcQuestion, first=("target",), without=("time_s", "contrast_limit", "n_frames", "exact"))
+@takes(
+    EtcQuestion,
+    first=("target",),
+    without=("time_s", "contrast_limit", "n_frames", "exact"),
+    of_strategy=_VISITS,
+)
 def exposure_time(question: EtcQuestion) -> list[EtcAnswer]:
-    """Least wall time of one visit that reaches a level: an SNR, a plain significance, or a detection.
+    """Least wall time of a programme of visits that reaches a level: an SNR, a plain significance, or a detection.
 
     Returns
     -------
@@ -276,9 +299,9 @@ def exposure_time(question: EtcQuestion) -> list[EtcAnswer]:
 @takes(
     EtcQuestion,
     first=("target",),
-    needs=("time_s",),
     without=("detect", "contrast", "contrast_limit", "planet", "n_frames"),
     defaults={"contrast_limit": True},
+    of_strategy=_VISITS,
 )
 def contrast_limit(question: EtcQuestion) -> list[EtcAnswer]:
     """Faintest contrast detected in a given wall time, or of a plain significance or a photometric SNR.
@@ -293,10 +316,10 @@ def contrast_limit(question: EtcQuestion) -> list[EtcAnswer]:
     InputError
         As `signal_to_noise`.
     """
-    return _answered(question)
+    return _answered(_timed(question))
 
 
-@takes(OptimiseQuestion, first=("target",))
+@takes(OptimiseQuestion, first=("target",), of_strategy=_VISITS)
 def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     """Best band, separation, exposure, number of frames and EM gain per target.
 

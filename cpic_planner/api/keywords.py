@@ -15,7 +15,7 @@ from cpic_core import numeric_context
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.queries import Question, Strategy, asked_of, default_instrument, kind_of, observed_utc, spelled
 from cpic_planner.targets import Targets, as_catalogue, find_target
-from simulator.config import limits_of, unit_of
+from simulator.config import FrozenModel, limits_of, unit_of
 
 
 def model_of(question: Any) -> EtcModel:
@@ -48,6 +48,7 @@ def takes(
     needs: Sequence[str] = (),
     without: Sequence[str] = (),
     defaults: Mapping[str, Any] | None = None,
+    of_strategy: Sequence[str] = (),
 ) -> Callable[[Callable[[Q], R]], Callable[..., R]]:
     """Give a function of a question the fields of the question as its keywords, and document them.
 
@@ -62,12 +63,15 @@ def takes(
         Fields that the function does not take.
     defaults : mapping, optional
         Values of fields that the function does not take, or other defaults of those that it takes.
+    of_strategy : sequence of str
+        Fields of the question's strategy that are keywords as well.
     """
     fixed = dict(defaults or {})
     names = [*first, *(name for name in model.model_fields if name not in (*first, *without))]
 
     def made(function: Callable[[Q], R]) -> Callable[..., R]:
         parameters = [_parameter(model, name, name in first, name in needs, fixed) for name in names]
+        parameters += [_parameter(Strategy, name, False, False, {}) for name in of_strategy]
         parameters.sort(key=lambda item: (item.kind, item.kind is item.POSITIONAL_OR_KEYWORD and item.default is None))
         signature = inspect.Signature(parameters, return_annotation=function.__annotations__.get("return"))
 
@@ -75,7 +79,12 @@ def takes(
         @numeric_context()
         def wrapped(*args: Any, **keywords: Any) -> R:
             named = {model.ALIASES.get(name, name): value for name, value in keywords.items()}
-            given = signature.bind(*args, **named).arguments
+            given = dict(signature.bind(*args, **named).arguments)
+            own = {name: given.pop(name) for name in of_strategy if given.get(name) is not None}
+            if own:
+                base = given.get("strategy") or {}
+                tree = base.model_dump(exclude_unset=True) if isinstance(base, Strategy) else dict(base)
+                given["strategy"] = tree | own
             return function(model.of(fixed | given))
 
         wrapped.__signature__ = signature  # type: ignore[attr-defined]
@@ -86,7 +95,7 @@ def takes(
 
 
 def _parameter(
-    model: type[Question], name: str, first: bool, needed: bool, fixed: Mapping[str, Any]
+    model: type[FrozenModel], name: str, first: bool, needed: bool, fixed: Mapping[str, Any]
 ) -> inspect.Parameter:
     info = model.model_fields[name]
     default: Any = inspect.Parameter.empty
@@ -116,7 +125,7 @@ def _documented(text: str, model: type[Question], parameters: Sequence[inspect.P
     """The docstring with a section on the keywords behind its first paragraphs."""
     lines = ["Parameters", "----------"]
     for parameter in parameters:
-        info = model.model_fields[parameter.name]
+        info = (model if parameter.name in model.model_fields else Strategy).model_fields[parameter.name]
         own = asked_of(info)
         said = [spelled(info.description or "")]
         limits, unit = limits_of(info), (own.unit if own else "") or unit_of(parameter.name)

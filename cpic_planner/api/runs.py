@@ -15,7 +15,7 @@ from catalogs import Catalogue
 from cpic_planner import queries, results
 from cpic_planner.api.keywords import model_of, stars_named, takes
 from cpic_planner.etc import EtcModel
-from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets
+from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets, timed_model
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
 from simulator.config import checked_utc
 
@@ -51,8 +51,9 @@ def prepared(question: queries.RankQuestion) -> Prepared:
     if isinstance(counted, KnownChoice):
         targets, sample = counted.stars(targets), f"{sample}; {KNOWN_ONLY}"
         notes = (*notes, *counted.table.notes)
-    asked_for = {"time_s": question.time_s, "planet": question.planet, "population": counted, "score": question.score}
-    return Prepared(model_of(question), targets, table, sample, asked_for, tuple(notes))
+    model, time_s = timed_model(model_of(question), question)
+    asked_for = {"time_s": time_s, "planet": question.planet, "population": counted, "score": question.score}
+    return Prepared(model, targets, table, sample, asked_for, tuple(notes))
 
 
 @takes(queries.RankQuestion)

@@ -36,14 +36,20 @@ def etc(
     --snr, --sigma or --detect ask for the least wall time that reaches it; with --contrast-limit they are the level
     of the limit (--detect if none is given). Without any of these the answer is the SNR in --time-s. Without a
     separation the planet stands where the answer is best in each band: least time, clearest detection, or faintest
-    limit. A given time is an upper bound: the walk of the wavefront can make a shorter visit better.
+    limit. A given time is an upper bound: the walk of the wavefront can make shorter visits better.
+
+    An observation is a programme of visits that are reduced together. Each has a wavefront of its own, so that many
+    visits reach below the speckle floor of one, down to what science and references differ by in every visit. The
+    best number of visits is chosen, the overhead of each counted, unless --visits or --visit-time-s say it; both
+    together set the time.
 
     Status ok says that there is a number, not that the planet is detected: the verdict says that. Detected: at
-    least half of such visits show the planet at its known place (verdict_mode known_place); the probability that a
-    search finds it which does not know the place stands beside it. An answer that is not a detection says what
+    least half of such programmes show the planet to a search that knows no place (verdict_mode blind), or at a known
+    place with --search known_place; both probabilities are stated. An answer that is not a detection says what
     limits it (limited_by), the single change that would make it one in the same time: speckles (no drift of the
-    wavefront), background (no light and noise but the planet's own and the speckles), else photons: the planet is
-    too faint.
+    wavefront), common_speckles (the same, where no number of visits helps), background (no light and noise but the
+    planet's own and the speckles), else photons: the planet is too faint. It also says which number of visits, time,
+    drift or contrast alone would do.
 
     The answers are closed forms, in milliseconds (--fidelity quick). --fidelity standard observes each of them in
     images, drawn as sums of frames until their SNR is known to 5 %, and states flux and SNR of images over closed
@@ -60,6 +66,10 @@ def etc(
       cpic etc "tau Cet" --snr 8
 
       cpic etc "tau Cet" --detect --budget
+
+      cpic etc "eps Ind" --visits 16 --visit-time-s 2700
+
+      cpic etc "eps Ind" --detect --library archive --search known_place
 
       cpic etc "alpha Cen B" --time-s 7200 --separation-arcsec 0.65 --band F520 --band F662 --explain
 
@@ -123,6 +133,8 @@ def in_words(question: EtcQuestion) -> str:
     if question.asks_time:
         return f"wall time for {level}"
     time = report.duration_text(question.wall_s)
+    if question.strategy.visits is not None and question.visit_time_s is not None:
+        time = f"{question.strategy.visits} × {report.duration_text(question.visit_time_s)}"
     if question.n_frames is not None and question.exposure_s is not None:
         time = f"{question.n_frames} × {question.exposure_s:g} s"
     return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"

@@ -103,6 +103,8 @@ def confirm(question: ConfirmQuestion, dry_run: DryRunOption = False, as_json: J
 
       cpic confirm paper_example --band F520 --realisations 2 --fidelity reference --dry-run
 
+      cpic simulate paper_science --band F662 --frames 20 --visits 4 --reference-scene paper_reference
+
       cpic simulate --list-presets
     """
     from cpic_planner.confirm import confirm_job, confirm_scene
@@ -146,7 +148,9 @@ def simulate(
     frame), and never takes finer optics than --fidelity; what it leaves out is printed (with --dry-run before
     anything is made), and stands in header, truth and simulation.json.
 
-    Writes SCI, CAL, Truth and Params, simulation.json and run.json into --out. Stopped half way, it continues when
+    Writes SCI, CAL, Truth and Params, simulation.json and run.json into --out. The visits of a programme (--visits,
+    --reference-visits) begin where windows of the orbit open, and each has such a tree in a folder of its own,
+    visit_001_science, visit_001_reference and so on; programme.json lists them. Stopped half way, it continues when
     started again on the same folder; the files are the same for any number of workers.
 
     Examples:
@@ -165,6 +169,8 @@ def simulate(
 
       cpic simulate paper_example --band F520 --frames 20 --tolerance 0.02 --dry-run
 
+      cpic simulate paper_science --band F662 --frames 20 --visits 4 --reference-scene paper_reference
+
       cpic simulate --list-presets
     """
     if list_presets:
@@ -178,7 +184,7 @@ def simulate(
         planned = simulation.simulation_estimate(made, truth=question.truth, workers=question.workers)
         print_result(planned, as_json, partial(report.print_planned, planned))
         return
-    total = sum(len(list(entry.grid())) * entry.frames for entry in made.sequences)
+    total = sum(entry.total_frames for entry in made.sequences)
     start = partial(simulation.simulate, made, question.out, truth=question.truth, **question.how)
     done = with_progress("frames", total, start, "sequence")
     print_result(done.result, as_json, partial(report.print_simulation, done.result, question.out))

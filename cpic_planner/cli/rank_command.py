@@ -41,15 +41,22 @@ def rank(
     detects, over its wall time. Planets do not count that radial velocities would have shown, that a companion star
     leaves no orbit, or that stand beside a known giant (--exclusions); the same fraction of all planets stands beside
     it. Stars that show none of it, with a score of zero, follow by detection margin.
-    --score chooses another order; the other columns are about a stated reference planet: whether it is detected (at
-    its known place), how likely a search finds it that does not know the place, and what limits it (limited_by: the
-    single change that would make it detected in the given time; see cpic etc --help).
+    Planets are looked for by a search that does not know their place; what a look at known places would detect stands
+    beside it (--search known_place counts that instead).
+    An observation is made of as many visits as are best in the given time, each with an overhead and a wavefront of its
+    own, reduced together; --visits and --visit-time-s fix them.
+    --score chooses another order; the other columns are about a stated reference planet: whether it is detected, how
+    likely a search finds it blind and at its place, and what limits it (limited_by: the single change that would make
+    it detected in the given time; see cpic etc --help). In --json and --out: the visits, the time, the drift and the
+    contrast that would detect it, each changed alone.
 
     Examples:
 
       cpic rank
 
       cpic rank --score detection_margin --band F662 --time-s 7200 --dwarfs --singles --limit 50
+
+      cpic rank --visits 4 --time-s 36000
 
       cpic rank --population solar_system --planets 1000 --plot ranking.png
 

@@ -113,20 +113,40 @@ def _task(
     assert answer.n_frames is not None
     assert answer.em_gain is not None
     assert answer.contrast is not None
-    frames = validation.Frames(answer.exposure_s, answer.n_frames, answer.em_gain)
+    frames_per_visit = answer.frames_per_visit or answer.n_frames
+    frames = validation.Frames(answer.exposure_s, frames_per_visit, answer.em_gain, answer.visits or 1)
     place = planet_offsets(model, star, answer.band, answer.separation_arcsec)
     expected = validation.expected_of(model, star, answer.band, place, answer.contrast, frames)
     chosen: validation.ImageSettings = {"seed": seed, "fidelity": dial.fidelity}
     if dial.fidelity == "custom":
         chosen = {"seed": seed, "tolerance": _SHARE_OF_KNOBS * max(dial.tolerance.values())}
-    scene = _scene(model, star, answer.band, answer.separation_arcsec, answer.contrast, planet)
+    scene = grey_scene(model, star, answer.band, answer.separation_arcsec, answer.contrast, planet)
     return validation.task_of(model, scene, answer.band, frames, [expected], **chosen)
 
 
-def _scene(
-    model: EtcModel, star: Targets, band: str, separation: float, contrast: float, planet: ReferencePlanet | None
+def grey_scene(
+    model: EtcModel,
+    star: Targets,
+    band: str,
+    separation: float,
+    contrast: float,
+    planet: ReferencePlanet | None = None,
 ) -> Scene:
-    """The star with its planet on the diagonal; a grey one stands as far from it as gives it the contrast."""
+    """Return the star with its planet on the diagonal; a grey one stands as far from it as gives it the contrast.
+
+    Parameters
+    ----------
+    model : EtcModel
+    star : Targets
+        One star.
+    band : str
+    separation : float
+        Projected separation from the star, arcsec.
+    contrast : float
+        Of a grey planet.
+    planet : ReferencePlanet, optional
+        Instead of a grey one.
+    """
     body = planet or ReferencePlanet(phase_deg=_PHASE_DEG, albedo=albedo_spec(_GREY))
     distance = float(reference_distance_au(star, np.array([separation]), body)[0, 0])
     pa_deg = diagonal_pa_deg(model, star, band)
@@ -148,8 +168,10 @@ def _drawn(
     if modelling.outcome.value is None:
         raise _Refused(modelling.outcome.status, modelling.outcome.reason, modelling.outcome.message)
     if modelling.dial.fidelity == "reference":
-        if task.n_frames > MAX_FRAMES:
-            text = f"{task.n_frames} frames one by one, at most {MAX_FRAMES}: give less time or longer exposures"
+        if task.n_science_frames > MAX_FRAMES:
+            text = (
+                f"{task.n_science_frames} frames one by one, at most {MAX_FRAMES}: give less time or longer exposures"
+            )
             raise _Refused(Status.INVALID, Reason.TOO_MANY_FRAMES, text)
         for number in itertools.count():
             visits = validation.visit_pair(task, realisation=number, modelling=modelling)
@@ -199,7 +221,7 @@ def _wanted(task: validation.ConfirmTask, dial: Dial, n_apertures: int) -> int:
     snr = expected["snr"]
     wanted = math.ceil((validation.snr_scatter(snr, expected["significance"], n_apertures) / (snr * aim)) ** 2)
     if dial.fidelity == "reference":
-        whole = math.floor(MOST_FRAMES / (task.n_frames * (1.0 + task.strategy["reference_ratio"])))
+        whole = math.floor(MOST_FRAMES / task.n_all_frames)
         return int(max(FEWEST_BY_FRAMES, min(wanted, whole)))
     if dial.fidelity == "custom" and wanted > MOST_FOR_TOLERANCE:
         most = f"at most {MOST_FOR_TOLERANCE}: give a larger tolerance, or fidelity standard"

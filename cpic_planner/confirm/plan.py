@@ -25,7 +25,7 @@ from cpic_planner.queries import (
     observed_utc,
     refuse_counting,
 )
-from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets, planet_record, rank_targets
+from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets, planet_record, rank_targets, timed_model
 from cpic_planner.ranking.sensitivity import sensitivity
 from cpic_planner.results import BandConfirmation, ConfirmedTarget, PlanResult, RankedTarget, RankResult
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
@@ -259,7 +259,7 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
         Star table: ``snapshot``, ``latest``, ``simbad_2012``, or a file.
     """
     refuse_infrared(config.instrument, config.bands)
-    model = build_model(config.instrument, config.bands, config.strategy)
+    model, time_s = timed_model(build_model(config.instrument, config.bands, config.strategy), config)
     catalogue = as_catalogue(catalog)
     targets = rank_sample(
         catalog=catalogue,
@@ -282,7 +282,7 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     rank = rank_targets(
         model,
         targets,
-        time_s=config.time_s,
+        time_s=time_s,
         planet=config.planet,
         population=drawn,
         score=config.score,
@@ -292,9 +292,7 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     chosen = [row for row in rank.targets if row.status != "saturated"][: config.top]
     index = {str(name): i for i, name in enumerate(targets.name)}
     stars = [targets.select([index[row.name]]) for row in chosen]
-    tasks, refused = plan_tasks(
-        model, stars, chosen, time_s=config.time_s, planet=config.planet, **config.image_settings
-    )
+    tasks, refused = plan_tasks(model, stars, chosen, time_s=time_s, planet=config.planet, **config.image_settings)
     return _Prepared(model, catalogue, targets, drawn, rank, chosen, tasks, refused)
 
 

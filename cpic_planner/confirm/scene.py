@@ -13,7 +13,7 @@ from cpic_core import Reason, Status
 from cpic_planner.confirm.plan import RESULT_VERSION, image_tasks, images_cost, refuse_infrared, result_header
 from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, build_model, frame_problem
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
-from cpic_planner.queries import DEFAULT_TIME_S, MAX_FRAMES, ConfirmQuestion, audited
+from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
 from cpic_planner.results import BandConfirmation, ConfirmResult
 from cpic_planner.targets import Targets
 from cpic_planner.validation import (
@@ -184,9 +184,10 @@ def _work(config: ConfirmQuestion) -> _Work:
 def _frames(
     config: ConfirmQuestion, model: EtcModel, target: Targets, band: str, planets: list[Source]
 ) -> Frames | None:
-    """Frames that are given, or the best ones; None where the time holds none."""
+    """Frames of a visit that are given, or the best ones; None where the time holds none."""
+    visits = config.visits
     if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
-        return Frames(config.exposure_s, config.n_frames, config.em_gain)
+        return Frames(config.exposure_s, config.n_frames, config.em_gain, visits)
     metrics, strategy = model.metrics[band], model.strategy
     sign_x, sign_y = metrics.zone.diagonal
     middle = 0.5 * (metrics.hole_inner_arcsec + metrics.hole_outer_arcsec)
@@ -198,14 +199,15 @@ def _frames(
     x, y = np.full((1, 1), place[0]), np.full((1, 1), place[1])
     rates = aperture_rates(model, target, band, x, y, np.full((1, 1), max(contrast, 1e-30)))
     problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=config.em_gain)
-    visit = model.visit_s(DEFAULT_TIME_S if config.time_s is None else config.time_s)
+    visit = model.visit_s(config.each_s)
     if config.n_frames is not None and config.exposure_s is not None:
         visit = np.asarray(config.n_frames * (config.exposure_s + camera.readout_s))
     choice = best_in_visit(problem, visit, whole=config.n_frames is not None)
     n_frames = int(choice.n_frames.flat[0])
     if n_frames < 1:
         return None
-    return Frames(float(choice.exposure_s.flat[0]), min(n_frames, MAX_FRAMES), float(choice.em_gain.flat[0]))
+    exposure_s, em_gain = float(choice.exposure_s.flat[0]), float(choice.em_gain.flat[0])
+    return Frames(exposure_s, min(n_frames, MAX_FRAMES), em_gain, visits)
 
 
 def _inside(metrics: PsfMetrics, planet: Source) -> bool:

@@ -12,13 +12,18 @@ from cpic_planner.etc.cases import (
     BandCases as BandCases,
     FixedFrames as FixedFrames,
     band_cases as band_cases,
+    effective_of as effective_of,
     etc_result as etc_result,
-    planets_of as planets_of,
 )
 from cpic_planner.etc.detection import (
+    MIN_ELEMENTS as MIN_ELEMENTS,
     DetectionLaw as DetectionLaw,
     default_law as default_law,
+    detection_probability as detection_probability,
+    effective_visits as effective_visits,
+    law_of as law_of,
     needed_margin as needed_margin,
+    tail_share as tail_share,
     threshold_array as threshold_array,
     verdict_of as verdict_of,
     visit_chances as visit_chances,
@@ -27,13 +32,17 @@ from cpic_planner.etc.fidelity import closed_form_fidelity as closed_form_fideli
 from cpic_planner.etc.frames import (
     FrameChoice as FrameChoice,
     FrameProblem as FrameProblem,
+    best_exposure_s as best_exposure_s,
     best_in_visit as best_in_visit,
     least_time as least_time,
     smooth_in_visit as smooth_in_visit,
     smooth_least_visit_s as smooth_least_visit_s,
 )
 from cpic_planner.etc.model import (
+    ONE_VISIT as ONE_VISIT,
     EtcModel as EtcModel,
+    Programme as Programme,
+    Span as Span,
     build_model as build_model,
     check_range as check_range,
     diagonal as diagonal,
@@ -49,15 +58,22 @@ from cpic_planner.etc.noise import (
     stack_noise as stack_noise,
 )
 from cpic_planner.etc.planet import (
+    diagonal_pa_deg as diagonal_pa_deg,
     insolation_distance_au as insolation_distance_au,
     kinds_by_albedo as kinds_by_albedo,
     mixture_contrast as mixture_contrast,
+    planet_offsets as planet_offsets,
+    planets_of as planets_of,
     reference_contrast as reference_contrast,
     reference_distance_au as reference_distance_au,
     reference_notes as reference_notes,
     reflected_contrast as reflected_contrast,
 )
-from cpic_planner.etc.quadrants import diagonal_pa_deg as diagonal_pa_deg, planet_offsets as planet_offsets
+from cpic_planner.etc.programmes import (
+    Group as Group,
+    Programmes as Programmes,
+    groups_of as groups_of,
+)
 from cpic_planner.etc.questions import contrast_limit as contrast_limit
 from cpic_planner.etc.rates import (
     ApertureRates as ApertureRates,

@@ -1,13 +1,14 @@
 """Where the noise of an answer comes from, what binds its frames, what would help, and what limits it.
 
-An answer is limited by the single change of the model that would make the planet detected in the given time:
-``none`` where it is detected. ``geometry`` where the dark hole does not cover its place, ``saturation`` where no frame
-is possible. ``speckles`` where it is detected once the wavefront does not drift: everything that no time averages is
-taken away, wings of a companion included. Otherwise ``background`` where it is detected with its own photon noise and
-the speckles alone: no starlight, sky, dust, companion, dark current, smear, clock-induced charge or read noise, in
-science and in reference frames. Otherwise ``photons``: neither change alone is enough, the planet is too faint for the
-time. Exposure, gain and number of frames are the best ones under each change, as are band and separation where the
-question leaves them open. A question for a time that has no answer gets 1e9 s, the longest time that can be given.
+An answer is limited by the single change of the model that would make the planet detected in the given time: ``none``
+where it is detected. ``geometry`` where the dark hole does not cover its place, ``saturation`` where no frame is
+possible. ``speckles`` where it is detected once the wavefront does not drift: everything that no frames average is
+taken away, wings of a companion included; ``common_speckles`` where moreover no number of visits detects it. Otherwise
+``background`` where it is detected with its own photon noise and the speckles alone: no starlight, sky, dust,
+companion, dark current, smear, clock-induced charge or read noise, in science and in reference frames. Otherwise
+``photons``: neither change alone is enough, the planet is too faint for the time. Exposure, gain and number of frames
+are the best ones under each change, as are band and separation where the question leaves them open. A question for a
+time that has no answer gets 1e9 s, the longest time that can be given.
 """
 
 from dataclasses import dataclass, replace
@@ -19,10 +20,11 @@ from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
+from cpic_planner.etc.model import Programme
 from cpic_planner.etc.noise import StackNoise
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.results import LimitText
-from simulator.signal import gain_caps, largest_gain, longest_exposure_s, speckle_law
+from simulator.signal import gain_caps, largest_gain, longest_exposure_s, programme_parts
 
 _EDGE = 1e-6
 EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_gain_max"
@@ -131,30 +133,37 @@ def remedies(cases: BandCases, choice: FrameChoice, noise: StackNoise) -> dict[s
     Returns
     -------
     dict of str to ndarray
-        ``twice_the_time``: as many frames again in one visit. ``half_the_drift``: visit offset and walk.
-        ``half_the_read_noise``, ``half_the_clock_charge``, ``half_the_star_light`` (a darker hole, speckles in
-        proportion), ``four_times_the_reference`` (frames of the library; their time is not counted here).
+        ``twice_the_time``: as many frames again in each visit. ``twice_the_visits``: as many visits again.
+        ``half_the_drift``: visit offset and walk. ``half_the_read_noise``, ``half_the_clock_charge``,
+        ``half_the_star_light`` (a darker hole, speckles in proportion), ``four_times_the_reference`` (frames of the
+        library; their time is not counted here).
     """
     model, band, rates = cases.model, cases.band, cases.rates
     metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
     camera = model.camera(band)
 
-    def snr(light: ApertureRates, cam: FrameCamera = camera, chosen: FrameChoice = choice, ratio: float = 1.0) -> Any:
-        return cases.noise_of(light, cam, chosen, ratio).snr
+    def snr(
+        light: ApertureRates,
+        cam: FrameCamera = camera,
+        chosen: FrameChoice = choice,
+        ratio: float = 1.0,
+        case: BandCases = cases,
+    ) -> Any:
+        return case.noise_of(light, cam, chosen, ratio).snr
 
-    place, half = cases.planets.separation_arcsec[None, :], ("visit_nm", "walk_nm_per_sqrt_hour")
-    width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
-    full = speckle_law(metrics, drift, place, width, ratio)
-    calmer = drift.model_copy(update={name: getattr(drift, name) / 2.0 for name in half})
-    calm = speckle_law(metrics, calmer, place, width, ratio)
-    star = rates.speckle
+    again = Programme.of(strategy, 2.0 * cases.programme.visits, model.time_s(choice.visit_s))
+
+    place, star = cases.planets.separation_arcsec[None, :], rates.speckle
+    laws = programme_parts(metrics, drift, place, strategy.annulus_lambda_d, strategy.reference_ratio, model.timing)
     visit = choice.n_frames * (choice.exposure_s + camera.readout_s)
+    crossed, light = (cases.programme.law(part).variance(visit) for part in laws)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(full.variance(visit) > 0, calm.variance(visit) / full.variance(visit), 1.0)
+        share = np.where(crossed + light > 0, (crossed / 4.0 + light / 16.0) / (crossed + light), 1.0)
     reference_e_s = rates.reference_light_e_s - rates.reference_halo_e_s / 2.0
     darker = replace(rates, halo_e_s=rates.halo_e_s / 2.0, speckle=star.scaled(0.5), reference_light_e_s=reference_e_s)
     changed = {
         "twice_the_time": snr(rates, chosen=replace(choice, n_frames=2.0 * choice.n_frames)),
+        "twice_the_visits": snr(rates, case=replace(cases, programme=again)),
         "half_the_drift": snr(replace(rates, speckle=star.scaled(share))),
         "half_the_read_noise": snr(rates, replace(camera, read_noise_e=camera.read_noise_e / 2.0)),
         "half_the_clock_charge": snr(rates, replace(camera, cic_e=camera.cic_e / 2.0)),
@@ -207,7 +216,13 @@ def reached(problem: FrameProblem, visit_s: FloatArray, level: FloatArray) -> ND
 
 
 def limit_of(
-    status: Status, reason: Reason, *, detected: bool, without_speckles: bool, without_background: bool
+    status: Status,
+    reason: Reason,
+    *,
+    detected: bool,
+    without_speckles: bool,
+    without_background: bool,
+    common: bool = False,
 ) -> LimitText:
     """Return what limits an answer, as the module defines it.
 
@@ -219,6 +234,8 @@ def limit_of(
         Whether the planet is detected as things are.
     without_speckles, without_background : bool
         Whether it is under each change.
+    common : bool
+        Whether no number of visits detects it, of whatever length.
     """
     if status is Status.OUTSIDE_FIELD or reason in _OF_PLACE:
         return "geometry"
@@ -227,5 +244,5 @@ def limit_of(
     if status is Status.OK and detected:
         return "none"
     if without_speckles:
-        return "speckles"
+        return "common_speckles" if common else "speckles"
     return "background" if without_background else "photons"

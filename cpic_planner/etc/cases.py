@@ -3,21 +3,41 @@
 From answers to the result that leaves the program.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, Reason, Status
+from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.detection import default_law, threshold_array
+from cpic_planner.etc.detection import (
+    DetectionLaw,
+    default_law,
+    effective_visits,
+    half_margin,
+    law_of,
+    threshold_array,
+)
 from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
 from cpic_planner.etc.frames import FrameChoice, FrameProblem
-from cpic_planner.etc.model import EtcModel, check_range, hole_notes, place_status, usable_range_arcsec
+from cpic_planner.etc.model import (
+    ONE_VISIT,
+    EtcModel,
+    Programme,
+    hole_notes,
+    place_status,
+    usable_range_arcsec,
+)
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
-from cpic_planner.etc.planet import reference_contrast, reference_distance_au, reference_notes
-from cpic_planner.etc.quadrants import QUADRANTS, planet_offsets
+from cpic_planner.etc.planet import (
+    QUADRANTS,
+    Planets,
+    planet_offsets,
+    reference_contrast,
+    reference_distance_au,
+    reference_notes,
+)
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
 from cpic_planner.planets import excluded_by_rv
 from cpic_planner.queries import ReferencePlanet
@@ -27,7 +47,7 @@ from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
 from simulator.knobs import Dial
-from simulator.signal import quadrant_of
+from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_parts, quadrant_of
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 
@@ -38,18 +58,6 @@ class FixedFrames:
 
     exposure_s: float | None = None
     em_gain: float | None = None
-
-
-@dataclass(frozen=True)
-class Planets:
-    """Planets of a question: projected separations, with a model each or a given contrast each."""
-
-    separation_arcsec: FloatArray
-    models: tuple[ReferencePlanet, ...]
-    contrast: FloatArray | None
-
-    def __len__(self) -> int:
-        return len(self.separation_arcsec)
 
 
 @dataclass(frozen=True)
@@ -67,6 +75,7 @@ class BandCases:
     threshold: FloatArray
     rates: ApertureRates
     fixed: FixedFrames
+    programme: Programme = ONE_VISIT
 
     @property
     def usable(self) -> NDArray[np.bool_]:
@@ -74,20 +83,30 @@ class BandCases:
         inside = np.array([place[0] is Status.OK for place in self.places])
         return np.broadcast_to(inside, self.contrast.shape)
 
-    def problem(self, objective: Objective, contrast: FloatArray | None = None) -> FrameProblem:
-        """Return what the solver needs, for the cases' own contrasts or given ones.
+    def problem(
+        self, objective: Objective, contrast: FloatArray | None = None, programme: Programme | None = None
+    ) -> FrameProblem:
+        """Return what the solver needs, for the cases' own contrasts and programme or given ones.
 
         Parameters
         ----------
         objective : {"snr", "significance"}
         contrast : ndarray, optional
             Contrasts instead of the cases' own, ``(n_star, n_planet)``.
+        programme : Programme, optional
         """
         rates = self.rates if contrast is None else self.rates_at(contrast)
+        made = self.programme if programme is None else programme
+        settings: dict[str, Any] = {"objective": objective, "em_gain": self.fixed.em_gain, "programme": made}
+        return frame_problem(rates, self.camera, self.model.strategy, **settings)
+
+    @property
+    def camera(self) -> FrameCamera:
+        """One frame of the band's camera, of the exposure that is fixed."""
         camera = self.model.camera(self.band)
-        if self.fixed.exposure_s is not None:
-            camera = replace(camera, exposure_min_s=self.fixed.exposure_s, exposure_max_s=self.fixed.exposure_s)
-        return frame_problem(rates, camera, self.model.strategy, objective=objective, em_gain=self.fixed.em_gain)
+        if self.fixed.exposure_s is None:
+            return camera
+        return replace(camera, exposure_min_s=self.fixed.exposure_s, exposure_max_s=self.fixed.exposure_s)
 
     def rates_at(self, contrast: FloatArray) -> ApertureRates:
         """The rates with other contrasts: only the planet's own light follows them."""
@@ -117,7 +136,8 @@ class BandCases:
         """
         strategy = self.model.strategy
         strategy = strategy.model_copy(update={"reference_ratio": ratio * strategy.reference_ratio})
-        return stack_noise(rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera, strategy)
+        frames = choice.exposure_s, choice.n_frames, choice.em_gain
+        return stack_noise(rates, *frames, camera, strategy, self.programme)
 
     def head(self, star: int, planet: int) -> dict[str, Any]:
         """Return the fields of an answer that do not depend on the question.
@@ -169,39 +189,102 @@ class BandCases:
         return (*notes, "excluded_by_rv") if excluded else notes
 
 
-def planets_of(
-    separation_arcsec: float | Sequence[float],
-    planet: ReferencePlanet | Sequence[ReferencePlanet] | None = None,
-    contrast: float | Sequence[float] | None = None,
-) -> Planets:
-    """Return planets from one value or a sequence of each; sequences have one length.
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """SNR or significance that cases have to reach; arrays ``(n_band, n_star, n_planet)``.
+
+    A search asks for more the more of the noise is light of the wavefront's errors, and for less the more visits
+    average it: its level depends on the programme (`cpic_planner.etc.detection.half_margin`).
+
+    Attributes
+    ----------
+    level : ndarray
+        What is to be reached, or thresholds of a search; infinite where no threshold is defined.
+    law : DetectionLaw, optional
+        Law of detections; without one the level is all.
+    at_place : bool
+        Whether the place of a planet is known.
+    averaging : ProgrammeLaw, optional
+        What visits average of the residual, (e-/s)^2.
+    crossed, light : SpeckleLaw, optional
+        Its two parts, of one visit: the cross term with the static field, and the light of the errors.
+    inward : ndarray, optional
+        Width of a resolution element over the separation.
+    """
+
+    level: FloatArray
+    law: DetectionLaw | None = None
+    at_place: bool = False
+    averaging: ProgrammeLaw | None = None
+    crossed: SpeckleLaw | None = None
+    light: SpeckleLaw | None = None
+    inward: FloatArray | None = None
+
+    @classmethod
+    def of(cls, every: Sequence[BandCases], value: float | None = None) -> Self:
+        """Return the level of bands of one camera: a given value, or that of a detection as the strategy searches."""
+        shape = every[0].contrast.shape
+
+        def together(arrays: Iterable[FloatArray]) -> FloatArray:
+            return np.stack([np.broadcast_to(array, shape) for array in arrays])
+
+        def laws(found: Sequence[SpeckleLaw]) -> SpeckleLaw:
+            return SpeckleLaw(*(together(parts) for parts in zip(*found, strict=True)))
+
+        if value is not None:
+            return cls(np.full((len(every), *shape), float(value)))
+        model, thresholds = every[0].model, together(cases.threshold for cases in every)
+        law, strategy = law_of(model, every[0].band), model.strategy
+        if law is None:
+            return cls(thresholds)
+        speckle = [cases.rates.speckle.averaging().scaled(cases.rates.variance_factor) for cases in every]
+        science, reference, common = (laws(parts) for parts in zip(*(law[:3] for law in speckle), strict=True))
+        turned = [law.turned for law in speckle if law.turned is not None]
+        width, ratio, drift = strategy.annulus_lambda_d, strategy.reference_ratio, model.instrument.drift
+        separations = [np.hypot(cases.x_arcsec, cases.y_arcsec) for cases in every]
+        metrics = [model.metrics[cases.band] for cases in every]
+        parts = [
+            [part.averaging().law() for part in programme_parts(one, drift, place, width, ratio, model.timing)]
+            for one, place in zip(metrics, separations, strict=True)
+        ]
+        crossed, light = (laws(found) for found in zip(*parts, strict=True))
+        inward = together(one.lambda_d_arcsec / place for one, place in zip(metrics, separations, strict=True))
+        also = laws(turned) if turned else None
+        averaging = ProgrammeLaw(science, reference, common, drift.correlation_time_h, also)
+        at_place = strategy.search == "known_place"
+        return cls(thresholds / law.calibration, law, at_place, averaging, crossed, light, inward)
+
+    def __call__(
+        self, programme: Programme, problem: FrameProblem, visit_s: FloatArray, inverse: FloatArray
+    ) -> FloatArray:
+        """Return the level of a programme whose visits have this length, and noise over signal squared."""
+        if self.averaging is None or self.crossed is None or self.light is None:
+            return self.of_tails(programme, np.zeros_like(inverse))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            light = self.light.variance(visit_s)
+            speckle = programme.law(self.averaging).variance(visit_s) / problem.signal_e_s**2
+            tails = np.sqrt(light / (light + self.crossed.variance(visit_s)) * speckle / inverse)
+        return self.of_tails(programme, np.minimum(np.nan_to_num(tails), 1.0))
+
+    def of_tails(self, programme: Programme, tails: FloatArray) -> FloatArray:
+        """Return the level of a programme whose noise is light of errors in this part, as rms."""
+        if self.law is None or self.averaging is None or self.inward is None:
+            return np.broadcast_arrays(self.level, tails)[0]
+        independent = effective_of(programme, self.averaging)
+        return self.level * half_margin(self.law, self.at_place, tails, self.inward, independent)
+
+
+def effective_of(programme: Programme, law: ProgrammeLaw) -> FloatArray:
+    """Return the number of independent wavefronts behind the noise of a programme.
 
     Parameters
     ----------
-    separation_arcsec : float or sequence of float
-        Projected, 0 to 120 arcsec.
-    planet : ReferencePlanet or sequence of it, optional
-    contrast : float or sequence of float, optional
-        Instead of a model, 0 to 1.
-
-    Raises
-    ------
-    InputError
-        For values out of range or lengths that differ.
+    programme : Programme
+    law : ProgrammeLaw
+        Which says how long wavefronts remember each other.
     """
-    places = np.atleast_1d(np.asarray(separation_arcsec, dtype=object))
-    bodies = list(planet) if isinstance(planet, Sequence) else [planet or ReferencePlanet()]
-    ratios = None if contrast is None else np.atleast_1d(np.asarray(contrast, dtype=object))
-    sizes = {len(places), len(bodies), 1 if ratios is None else len(ratios)} - {1}
-    if len(sizes) > 1 or 0 in sizes or places.ndim != 1:
-        raise InputError("separation_arcsec", len(places), allowed="as many as there are planets and contrasts, or one")
-    n = max(sizes, default=1)
-    where = np.array([check_range("separation_arcsec", value, 0.0, 120.0, "arcsec") for value in places])
-    given = None
-    if ratios is not None:
-        given = np.broadcast_to(np.array([check_range("contrast", value, 0.0, 1.0, "") for value in ratios]), n)
-    models = tuple(bodies * (n if len(bodies) == 1 else 1))
-    return Planets(np.broadcast_to(where, n), models, given)
+    many = (programme.visits, programme.reference_visits)
+    return effective_visits(*(law.independent(number, programme.gap_s) for number in many))
 
 
 def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, fixed: FixedFrames) -> BandCases:
@@ -226,7 +309,8 @@ def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, f
     light = np.where(inside, np.maximum(contrast, _FAINTEST), _ORDINARY)
     rates = aperture_rates(model, targets, band, x, y, light)
     threshold = threshold_array(metrics.resolution_elements(place), model.strategy.sigma)
-    return BandCases(model, targets, band, planets, places, x, y, contrast, threshold, rates, fixed)
+    programme = Programme.of(model.strategy)
+    return BandCases(model, targets, band, planets, places, x, y, contrast, threshold, rates, fixed, programme)
 
 
 def _contrasts(model: EtcModel, targets: Targets, band: str, planets: Planets) -> FloatArray:

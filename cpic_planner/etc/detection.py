@@ -105,6 +105,7 @@ def _numbers(key: str, value: npt.ArrayLike, allowed: str) -> npt.NDArray[np.flo
 
 INWARD = 0.1
 """Resolution element over separation, ten of them from the star, that the law of a blind search is stated for."""
+_LEAST_WIDTH2 = 1e-6
 
 
 class DetectionLaw(FrozenModel):
@@ -116,10 +117,14 @@ class DetectionLaw(FrozenModel):
         Recovered over predicted SNR of images, and its standard error.
     blind_margin, blind_width, known_margin, known_width : float
         Significance over threshold at which the probability is one half, and the width of the law. For a blind search:
-        in Gaussian noise, ten resolution elements from the star.
+        in Gaussian noise, ten resolution elements from the star, in a single visit.
     blind_tails, blind_inward : float
         What the logarithm of the middle of a blind search gains where all noise is light of the wavefront's errors,
-        and for each unit of resolution element over separation (`half_margin`).
+        and for each unit of resolution element over separation (`half_margin`), in a single visit.
+    blind_visits : float
+        Power of the number of independent wavefronts with which the gain by that light falls.
+    stack_margin, stack_inward, stack_width : float
+        The same as of ``blind_*`` for so many visits that their scatter tells the noise.
     blind_margin_error, known_margin_error : float
         Relative standard errors of the middles.
     """
@@ -130,6 +135,10 @@ class DetectionLaw(FrozenModel):
     blind_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
     blind_tails: Annotated[Real, Field(ge=-10, le=10)] = 0.0
     blind_inward: Annotated[Real, Field(ge=-100, le=100)] = 0.0
+    blind_visits: Annotated[Real, Field(ge=0, le=2)] = 0.25
+    stack_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
+    stack_inward: Annotated[Real, Field(ge=-100, le=100)] = 0.0
+    stack_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
     blind_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
     known_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
     known_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
@@ -163,21 +172,29 @@ def law_of(model: EtcModel, band: str) -> DetectionLaw | None:
     return default_law() if measured else None
 
 
-def needed_margin(model: EtcModel, band: str) -> float:
-    """Return the significance over threshold at which half of the visits detect a planet at a known place.
+def needed_margin(
+    model: EtcModel, band: str, tails: ArrayLike, inward: ArrayLike, visits: ArrayLike = 1.0
+) -> FloatArray:
+    """Return the significance over threshold at which half of the observations detect a planet.
 
     Parameters
     ----------
     model : EtcModel
+        Its strategy says whether the search knows the place.
     band : str
+    tails, inward, visits : array_like
+        As of `half_margin`.
 
     Returns
     -------
-    float
-        By the law of images, or 1 where there is none (`law_of`).
+    ndarray
+        By the law of images, or 1 where none was measured (`law_of`).
     """
     law = law_of(model, band)
-    return 1.0 if law is None else law.known_margin / law.calibration
+    if law is None:
+        return np.ones(np.broadcast_shapes(np.shape(tails), np.shape(inward), np.shape(visits)))
+    at_place = model.strategy.search == "known_place"
+    return np.asarray(half_margin(law, at_place, tails, inward, visits) / law.calibration)
 
 
 def verdict_of(status: Status, detected: bool) -> VerdictText:
@@ -195,7 +212,31 @@ def verdict_of(status: Status, detected: bool) -> VerdictText:
     return "detected" if detected else "measured_not_detected"
 
 
-def half_margin(law: DetectionLaw, at_place: ArrayLike, tails: ArrayLike, inward: ArrayLike) -> FloatArray:
+def effective_visits(visits: ArrayLike, reference_visits: ArrayLike) -> FloatArray:
+    """Return the number of pairs of visits whose mean difference has tails like that of science and reference visits.
+
+    Parameters
+    ----------
+    visits, reference_visits : array_like
+        Independent wavefronts of the science frames and of the reference frames, at least 1.
+
+    Returns
+    -------
+    ndarray
+        ``(1/V + 1/R)^2 / [2 (1/V^3 + 1/R^3)]``: V for R = V, and V/2 for a library of many reference visits.
+
+    Notes
+    -----
+    The light of the wavefront's errors is exponential in a visit. Means of V and of R such variates differ by one of
+    excess kurtosis ``6 (1/V^3 + 1/R^3) / (1/V + 1/R)^2``; that of n pairs of visits, each a Laplace variate, has 3/n.
+    """
+    science, reference = 1.0 / np.asarray(visits, float), 1.0 / np.asarray(reference_visits, float)
+    return np.asarray((science + reference) ** 2 / (2.0 * (science**3 + reference**3)))
+
+
+def half_margin(
+    law: DetectionLaw, at_place: ArrayLike, tails: ArrayLike, inward: ArrayLike, visits: ArrayLike = 1.0
+) -> FloatArray:
     """Return the significance over threshold at which half of the planets are detected.
 
     Parameters
@@ -207,14 +248,25 @@ def half_margin(law: DetectionLaw, at_place: ArrayLike, tails: ArrayLike, inward
         Share of the noise, as rms, that is light of the wavefront's errors (`tail_share`).
     inward : array_like
         Width of a resolution element over the separation.
+    visits : array_like
+        Independent wavefronts behind the noise (`effective_visits`), above 0.
 
     Notes
     -----
-    A search that knows no place holds its false alarms down in noise of any tails: it asks for more where the light of
-    the wavefront's errors is much of the noise, and near the star, where few elements tell what the noise is.
+    ``ln m = t blind_tails V^-blind_visits + g(blind) / V + g(stack) (1 - 1/V)`` with ``g = ln(margin) + inward (i -
+    0.1)``. A search that knows no place holds its false alarms down in noise of any tails: it asks for more where the
+    light of the wavefront's errors is much of the noise. In a single visit it learns the noise from the few elements of
+    the hole; of many visits their scatter tells it, place by place, so that the search asks for less near the star than
+    the small-sample threshold that ``margin`` refers to. Whoever knows the place takes photometry there or the search,
+    whichever asks for less.
     """
-    harder = law.blind_tails * np.asarray(tails) + law.blind_inward * (np.asarray(inward) - INWARD)
-    return np.where(np.asarray(at_place, bool), law.known_margin, law.blind_margin * np.exp(harder))
+    alone = 1.0 / np.asarray(visits, float)
+    outside = np.asarray(inward) - INWARD
+    single = math.log(law.blind_margin) + law.blind_inward * outside
+    stack = math.log(law.stack_margin) + law.stack_inward * outside
+    harder = law.blind_tails * np.asarray(tails) * alone**law.blind_visits + alone * single + (1.0 - alone) * stack
+    blind = np.exp(harder)
+    return np.where(np.asarray(at_place, bool), np.minimum(law.known_margin, blind), blind)
 
 
 def detection_probability(
@@ -224,17 +276,21 @@ def detection_probability(
     tails: ArrayLike,
     inward: ArrayLike,
     *,
+    visits: ArrayLike = 1.0,
     shift: ArrayLike = 0.0,
     calibration: ArrayLike = 1.0,
 ) -> FloatArray:
-    """Return the probability that a visit detects planets, ``Phi(ln(c margin / m) / w)`` with m of `half_margin`.
+    """Return the probability that a search detects planets, ``Phi(ln(c margin / m) / w)`` with m of `half_margin`.
+
+    The square of a blind search's width is that of one visit over V, and that of a stack for the rest. At a known place
+    the larger of two probabilities counts, of photometry there and of the search: neither sees less for knowing more.
 
     Parameters
     ----------
     law : DetectionLaw
     margin : array_like
         Predicted significance over threshold.
-    at_place, tails, inward
+    at_place, tails, inward, visits
         As of `half_margin`.
     shift : array_like
         Standard errors by which the law's middle is off.
@@ -243,13 +299,13 @@ def detection_probability(
     """
     from scipy.special import ndtr
 
-    known = np.asarray(at_place, bool)
-    middle = half_margin(law, known, tails, inward)
-    error = np.where(known, law.known_margin_error, law.blind_margin_error)
-    width = np.where(known, law.known_width, law.blind_width)
+    alone, off = 1.0 / np.asarray(visits, float), np.asarray(shift, float)
+    width = np.sqrt(np.maximum(alone * law.blind_width**2 + (1.0 - alone) * law.stack_width**2, _LEAST_WIDTH2))
     with np.errstate(divide="ignore"):
-        above = np.log(np.asarray(margin) * np.asarray(calibration, float) / middle)
-    return np.asarray(ndtr((above - error * np.asarray(shift, float)) / width))
+        reached = np.log(np.asarray(margin) * np.asarray(calibration, float))
+    blind = (reached - np.log(half_margin(law, False, tails, inward, visits)) - law.blind_margin_error * off) / width
+    known = (reached - math.log(law.known_margin) - law.known_margin_error * off) / law.known_width
+    return np.asarray(ndtr(np.where(np.asarray(at_place, bool), np.fmax(known, blind), blind)))
 
 
 def tail_share(
@@ -282,9 +338,15 @@ class Chances:
 
 
 def visit_chances(
-    model: EtcModel, band: str, separation_arcsec: ArrayLike, visit_s: ArrayLike, noise: StackNoise, margin: ArrayLike
+    model: EtcModel,
+    band: str,
+    separation_arcsec: ArrayLike,
+    visit_s: ArrayLike,
+    noise: StackNoise,
+    margin: ArrayLike,
+    visits: ArrayLike = 1.0,
 ) -> Chances:
-    """Return the probabilities that visits detect planets.
+    """Return the probabilities that visits, or programmes of them, detect planets.
 
     Parameters
     ----------
@@ -296,12 +358,14 @@ def visit_chances(
         Of the visits at the planets' places.
     margin : array_like
         Predicted significance over threshold; 0 for no visit.
+    visits : array_like
+        Independent wavefronts behind the noise of a programme (`effective_visits`).
     """
     law, margins = law_of(model, band), np.asarray(margin, float)
     if law is None:
         return Chances(*np.full((2, *margins.shape), np.nan))
     tails = np.nan_to_num(tail_share(model, band, separation_arcsec, visit_s, noise))
     inward = model.metrics[band].lambda_d_arcsec / np.asarray(separation_arcsec, float)
-    settings: dict[str, Any] = {"tails": tails, "inward": inward, "calibration": law.calibration}
+    settings: dict[str, Any] = {"tails": tails, "inward": inward, "visits": visits, "calibration": law.calibration}
     chances = (detection_probability(law, margins, place, **settings) for place in (False, True))
     return Chances(*(np.broadcast_to(chance, margins.shape) for chance in chances))

@@ -164,7 +164,12 @@ def stated_error(band: str, separation_arcsec: float, budget: Mapping[str, float
     total = sum(terms.values())
     shares = [
         (terms.get(name, 0.0) / total if total > 0 else 0.0, error)
-        for name, error in (("speckle_e2", off), ("companion_wings_e2", WINGS_ERROR), ("companion_e2", COMPANION_ERROR))
+        for name, error in (
+            ("speckle_e2", off),
+            ("common_speckle_e2", off),
+            ("companion_wings_e2", WINGS_ERROR),
+            ("companion_e2", COMPANION_ERROR),
+        )
     ]
     residual = max(
         abs((1.0 + sum(share / (1.0 + sign * error) ** 2 - share for share, error in shares)) ** -0.5 - 1.0)

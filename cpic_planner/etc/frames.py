@@ -4,9 +4,10 @@ With ``N`` frames of ``t`` seconds in a visit of ``v = N (t + readout)`` seconds
 
     1 / SNR^2 = y(t) / N + z(v) = G(t) / v + z(v),    G(t) = y(t) (t + readout),
 
-where ``y`` is white noise over signal squared of one frame at its best gain and ``z`` the speckle residual, which only
-grows with the visit. So the best exposure is the one of least ``G``, whatever the visit; whole numbers of frames next
-to ``v / (t + readout)`` then follow exactly. Time for an SNR and SNR for a time are inverses of each other.
+where ``y`` is white noise over signal squared of one frame (of every visit of a programme) at its best gain and ``z``
+the speckle residual of the programme, which only grows with the visit. So the best exposure is the one of least ``G``,
+whatever the visit; whole numbers of frames next to ``v / (t + readout)`` then follow exactly. Time for an SNR and SNR
+for a time are inverses of each other.
 """
 
 from collections.abc import Callable, Sequence
@@ -47,6 +48,8 @@ class FrameProblem(CaseArrays):
         Rate of particles that void an aperture: a frame of ``t`` s counts with probability ``exp(-loss t)``.
     peak_columns_e_s, peak_in_hole_e_s, register_tail_e_s : ndarray
         Light that must not saturate; see `simulator.signal.saturation`.
+    visits : ndarray
+        Visits of the programme: noise and residual are those of all together, frames those of one.
     camera : FrameCamera
     em_gain : float, optional
         Fixed gain.
@@ -65,6 +68,7 @@ class FrameProblem(CaseArrays):
     peak_columns_e_s: FloatArray
     peak_in_hole_e_s: FloatArray
     register_tail_e_s: FloatArray
+    visits: FloatArray
     camera: FrameCamera
     em_gain: float | None = None
     counting: CountingLight | None = None
@@ -83,7 +87,7 @@ class FrameProblem(CaseArrays):
         return np.minimum(limit, self.camera.exposure_max_s)
 
     def frame_noise(self, exposure_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """White noise over signal squared of one frame, and the gain that makes it least."""
+        """White noise over signal squared of one frame of each visit, and the gain that makes it least."""
         t, fixed = exposure_s, self.fixed_gain()
         light = self.alpha_e_s * t + self.beta_e
         if self.counting is not None:
@@ -98,7 +102,7 @@ class FrameProblem(CaseArrays):
             camera = self.camera
             gain, variance = best_gain(light, self.gamma_e2, cap, camera.em_gain_max, camera.register_stages)
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            noise = variance / (self.signal_e_s * t) ** 2 * frames_per_clean(self.loss_per_s, t)
+            noise = variance / (self.signal_e_s * t) ** 2 / self.visits * frames_per_clean(self.loss_per_s, t)
         return noise, gain
 
     def residual(self, visit_s: FloatArray) -> FloatArray:
@@ -106,14 +110,14 @@ class FrameProblem(CaseArrays):
         return self.z0 + visit_s * (self.z1 + visit_s * self.z2)
 
     def inverse_snr2(self, exposure_s: FloatArray, n_frames: FloatArray) -> FloatArray:
-        """Return ``1 / SNR^2`` of a stack.
+        """Return ``1 / SNR^2`` of a programme.
 
         Parameters
         ----------
         exposure_s : ndarray
             Of one frame.
         n_frames : ndarray
-            Of the stack.
+            Of one visit.
         """
         visit = n_frames * (exposure_s + self.camera.readout_s)
         return self.frame_noise(exposure_s)[0] / n_frames + self.residual(visit)
@@ -123,7 +127,8 @@ class FrameProblem(CaseArrays):
 class FrameChoice(CaseArrays):
     """Chosen frames; arrays of the problem's shape. ``n_frames`` is 0 where there are none.
 
-    ``inverse_snr2`` is ``1 / SNR^2`` of the stack (``inf`` without frames), ``visit_s`` its length.
+    ``n_frames`` and ``visit_s`` are those of one visit, ``inverse_snr2`` is ``1 / SNR^2`` of all visits together
+    (``inf`` without frames).
     """
 
     exposure_s: FloatArray
@@ -154,7 +159,7 @@ def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
     return t, np.where(usable, value, np.inf)
 
 
-def _peak_visit_s(problem: FrameProblem, cost: FloatArray, elasticity: float = 0.0) -> FloatArray:
+def peak_visit_s(problem: FrameProblem, cost: FloatArray, elasticity: float = 0.0) -> FloatArray:
     """Visit beyond which time does not pay: where ``d ln h / d ln v`` of ``h = G / v + z(v)`` reaches ``-elasticity``.
 
     At 0 it is the visit of highest SNR: in a longer one the walk of the wavefront loses more than time gains.
@@ -228,7 +233,7 @@ def best_in_visit(
     camera = problem.camera
     visit = np.broadcast_to(np.asarray(visit_s, float), problem.signal_e_s.shape)
     t_best, cost = best_exposure_s(problem)
-    aim = visit if whole else np.minimum(visit, _peak_visit_s(problem, cost, _ELASTICITY))
+    aim = visit if whole else np.minimum(visit, peak_visit_s(problem, cost, _ELASTICITY))
     frames = _candidates(aim * (1.0 + 1e-12), t_best + camera.readout_s)
     longest = problem.longest_s()
     # A frame as long as the visit allows; a hair of slack lets the frames of an answer fit their own time again.
@@ -299,7 +304,7 @@ def smooth_in_visit(problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
         Longest visit, s.
     """
     _, cost = best_exposure_s(problem)
-    visit = np.minimum(visit_s, _peak_visit_s(problem, cost))
+    visit = np.minimum(visit_s, peak_visit_s(problem, cost))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(np.isfinite(cost) & (visit > 0), cost / visit + problem.residual(visit), np.inf)
 
@@ -323,7 +328,7 @@ def smooth_least_visit_s(
 
 def _smooth_visit_s(problem: FrameProblem, cost: FloatArray, aim: FloatArray) -> FloatArray:
     """Shortest visit with ``G / v + z(v) <= aim``; ``inf`` where there is none. No whole number of frames is faster."""
-    peak = _peak_visit_s(problem, cost)
+    peak = peak_visit_s(problem, cost)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         top = np.where(np.isfinite(peak), peak, 0.0)
         at_peak = np.where(np.isfinite(peak), cost / peak + problem.residual(top), problem.z0)

@@ -1,25 +1,83 @@
 """What the ETC knows of the instrument: the same passbands, PSF metrics and detector as the images.
 
-Where a planet may stand in the dark hole, and the check of plain numbers.
+Where a planet may stand in the dark hole, the visits of a programme, and the check of plain numbers.
 """
 
 import functools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, InputError, NDArray, Reason, Status, digest_of
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, Reason, Status, digest_of
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.queries import Strategy
+from cpic_planner.etc.searches import CaseArrays
+from cpic_planner.queries import MAX_VISITS, Strategy
 from cpic_planner.registry import LibraryNoise, StarSettings
 from simulator.camera import aperture_loss_per_s
-from simulator.config import Instrument, content_hash
+from simulator.config import Instrument, Timing, content_hash
 from simulator.imaging import HoleZone, PsfMetrics, metrics_key, psf_metrics
 from simulator.passbands import Passbands
+from simulator.signal import ProgrammeLaw, SpeckleLaw
+
+
+def _one() -> FloatArray:
+    return np.array(1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Programme(CaseArrays):
+    """Visits of one star that are reduced together; arrays that broadcast with the cases.
+
+    Attributes
+    ----------
+    visits : ndarray
+        Science visits.
+    reference_visits : ndarray
+        Visits that all the reference frames are spread over.
+    reference_length : ndarray
+        Length of a reference visit over that of as many of them as science visits.
+    gap_s : ndarray
+        From the start of a visit to that of the next; ``inf`` for visits that know nothing of each other.
+    """
+
+    visits: FloatArray = field(default_factory=_one)
+    reference_visits: FloatArray = field(default_factory=_one)
+    reference_length: FloatArray = field(default_factory=_one)
+    gap_s: FloatArray = field(default_factory=lambda: np.array(np.inf))
+
+    @classmethod
+    def of(cls, strategy: Strategy, visits: ArrayLike | None = None, visit_time_s: ArrayLike = np.inf) -> Self:
+        """Return the programme of a strategy.
+
+        Parameters
+        ----------
+        strategy : Strategy
+        visits : array_like, optional
+            Science visits instead of those of the strategy, which has one where it does not say how many.
+        visit_time_s : array_like
+            Wall time of a visit; without it visits know nothing of each other.
+        """
+        library, number = strategy.reference_library, (strategy.visits or 1) if visits is None else visits
+        many = np.asarray(number, float)
+        references = np.asarray(library.reference_visits(strategy.reference_visits, many), float)
+        gap_s = np.asarray(visit_time_s, float) + 3600.0 * strategy.visit_gap_h
+        return cls(many, references, library.reference_length(many, references), gap_s)
+
+    def law(self, law: ProgrammeLaw) -> SpeckleLaw:
+        """Return the variance of the programme's mean rate, against the length of one science visit."""
+        return law.law(self.visits, self.reference_visits, self.gap_s, reference_length=self.reference_length)
+
+    def frame_ratio(self, reference_ratio: float) -> FloatArray:
+        """Return the reference frames per science frame, for the ratio that a strategy states."""
+        return reference_ratio * self.reference_length * self.reference_visits / self.visits
+
+
+ONE_VISIT = Programme()
+"""A single visit with its references."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +104,11 @@ class EtcModel:
     def loss_per_s(self, band: str) -> float:
         """Rate of particles that void an aperture of the band."""
         return self._losses[band]
+
+    @functools.cached_property
+    def timing(self) -> Timing:
+        """Return where in the orbit references are taken."""
+        return Timing(scheme=self.strategy.reference_scheme)
 
     @property
     def bands(self) -> tuple[str, ...]:
@@ -103,6 +166,57 @@ class EtcModel:
             return np.asarray(rates[..., column], float)
 
         return self.strategy.reference_library.noise(self.strategy, star_e_s, rate_e_s)
+
+
+@dataclass(frozen=True)
+class Span:
+    """Time of a programme: number of visits, wall time of each, and of all; None for what is not given."""
+
+    visits: int | None = None
+    visit_time_s: float | None = None
+    time_s: float | None = None
+
+    @classmethod
+    def of(cls, model: EtcModel, time_s: float | None, visit_time_s: float | None, *, asked: bool = False) -> Self:
+        """Return what is given, and what follows from it.
+
+        Parameters
+        ----------
+        model : EtcModel
+            Whose strategy may say the number of visits.
+        time_s, visit_time_s : float, optional
+            Wall time of the programme and of a visit, 1e-3 to 1e9 s.
+        asked : bool
+            The time is what is asked for.
+
+        Raises
+        ------
+        InputError
+            For a value out of range, times that contradict each other, and where no time is given or left open.
+        """
+        visits = model.strategy.visits
+        for name, value in (("time_s", time_s), ("visit_time_s", visit_time_s)):
+            if value is not None:
+                check_range(name, value, 1e-3, 1e9, "s")
+        if asked:
+            if visits is not None and visit_time_s is not None:
+                allowed = "visits or visit_time_s, not both: together they set the time that is asked for"
+                raise InputError("visit_time_s", visit_time_s, unit="s", allowed=allowed)
+            return cls(visits, visit_time_s)
+        if visit_time_s is None:
+            if time_s is None:
+                raise InputError("time_s", None, allowed="a wall time, or visits and visit_time_s")
+            return cls(visits, None if visits is None else time_s / visits, time_s)
+        if visits is None:
+            if time_s is None:
+                raise InputError("visits", None, allowed="a number of visits of visit_time_s, or time_s")
+            visits = min(math.floor(time_s / visit_time_s * (1.0 + 1e-9)), MAX_VISITS)
+            if visits < 1:
+                raise InputError("visit_time_s", visit_time_s, unit="s", allowed=f"at most time_s, {time_s:g} s")
+        elif time_s is not None and abs(visits * visit_time_s / time_s - 1.0) > 1e-9:
+            allowed = f"visits x visit_time_s, {visits * visit_time_s:g} s, or none"
+            raise InputError("time_s", time_s, unit="s", allowed=allowed)
+        return cls(visits, visit_time_s, visits * visit_time_s)
 
 
 def build_model(

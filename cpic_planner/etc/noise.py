@@ -13,6 +13,7 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, checked_array, checked_scalar
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.frames import FrameProblem
+from cpic_planner.etc.model import ONE_VISIT, Programme
 from cpic_planner.etc.photon_counting import CountingLaw, CountingLight, counted, counting_law
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.queries import Strategy
@@ -27,13 +28,14 @@ _LIGHT = ("halo", "companion", "sky", "exozodi", "dark")
 
 @dataclass(frozen=True)
 class StackNoise:
-    """Signal and noise of a summed stack, in input-referred electrons.
+    """Signal and noise of the summed stack of all visits, in input-referred electrons.
 
     ``snr`` = S / sqrt(Var S) with the source's own noise; ``significance`` = S / sigma without the planet. ``terms``
     are the parts of Var S: light of the science frames by origin, smear, clock-induced charge, read noise and rounding,
-    then ``reference`` (all of that in the reference frames), ``background_mean`` (error of the mean background) and
-    ``speckle`` and ``companion_wings`` (what does not average). ``quiet`` is the variance that a significance is
-    measured by: without the planet's own light and the mean's error; ``white`` what of it averages with time.
+    then ``reference`` (all of that in the reference frames), ``background_mean`` (error of the mean background),
+    ``speckle`` (what averages over visits only), ``common_speckle`` and ``companion_wings`` (what never averages).
+    ``quiet`` is the variance that a significance is measured by: without the planet's own light and the mean's error;
+    ``white`` what of it averages with time.
     """
 
     signal_e: FloatArray
@@ -64,14 +66,14 @@ def light_factor2(camera: FrameCamera, em_gain: ArrayLike) -> FloatArray:
     return noise_factor2(gain, camera.register_stages)
 
 
-def white_terms(rates: ApertureRates, camera: FrameCamera, reference_ratio: float) -> dict[str, FrameTerm]:
+def white_terms(rates: ApertureRates, camera: FrameCamera, reference_ratio: ArrayLike) -> dict[str, FrameTerm]:
     """Return what averages with time, by origin, but the planet's own light: of one science frame with its references.
 
     Parameters
     ----------
     rates : ApertureRates
     camera : FrameCamera
-    reference_ratio : float
+    reference_ratio : array_like
         Reference frames per science frame.
 
     Returns
@@ -86,7 +88,7 @@ def white_terms(rates: ApertureRates, camera: FrameCamera, reference_ratio: floa
     return light | smear | _electronic_terms(rates, camera) | reference
 
 
-def white_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: float) -> FrameTerm:
+def white_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: ArrayLike) -> FrameTerm:
     """Return the sum of `white_terms`.
 
     Parameters
@@ -109,13 +111,13 @@ def _electronic_terms(rates: ApertureRates, camera: FrameCamera) -> dict[str, Fr
     } | {name: FrameTerm(*(area * part for part in added)) for name, added in camera.added}
 
 
-def _reference_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: float) -> FrameTerm:
+def _reference_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: ArrayLike) -> FrameTerm:
     """Everything that the reference frames of a science frame add."""
-    pixels = rates.reference_scale * rates.aperture_pixels
+    pixels, ratio = rates.reference_scale * rates.aperture_pixels, np.asarray(reference_ratio, float)
     return FrameTerm(
-        (rates.reference_light_e_s + pixels * camera.rate_e_s) / reference_ratio,
-        (rates.reference_smear_e + pixels * camera.charge_e) / reference_ratio,
-        pixels * camera.read_variance_e2 / reference_ratio,
+        (rates.reference_light_e_s + pixels * camera.rate_e_s) / ratio,
+        (rates.reference_smear_e + pixels * camera.charge_e) / ratio,
+        pixels * camera.read_variance_e2 / ratio,
     )
 
 
@@ -126,6 +128,7 @@ def frame_problem(
     *,
     objective: Objective = "snr",
     em_gain: float | None = None,
+    programme: Programme | None = None,
 ) -> FrameProblem:
     """Return what the solver of frames needs of an aperture's rates.
 
@@ -139,6 +142,8 @@ def frame_problem(
         With or without the planet's own noise and the error of the mean background.
     em_gain : float, optional
         Fixed gain.
+    programme : Programme, optional
+        Visits that are reduced together, ``n_frames`` in each; by default those of the strategy, or one.
 
     Notes
     -----
@@ -148,9 +153,11 @@ def frame_problem(
     with_planet = objective == "snr"
     level = 1.0 + 1.0 / rates.background_apertures if with_planet else 1.0
     share = level * rates.noise_fraction * _throughput_loss(rates)
-    white = white_term(rates, camera, strategy.reference_ratio)
+    made = Programme.of(strategy) if programme is None else programme
+    ratio = made.frame_ratio(strategy.reference_ratio)
+    white = white_term(rates, camera, ratio)
     own = own_noise(rates, camera) if with_planet else 0.0
-    residual = dict(zip(("z0", "z1", "z2"), _residual(rates, level), strict=True))
+    residual = dict(zip(("z0", "z1", "z2"), _residual(rates, level, made), strict=True))
     arrays = _broadcast(
         alpha_e_s=camera.light_factor * share * white.rate_e_s + own,
         beta_e=camera.light_factor * share * white.charge_e,
@@ -161,6 +168,7 @@ def frame_problem(
         peak_columns_e_s=rates.peak_columns_e_s,
         peak_in_hole_e_s=rates.peak_in_hole_e_s,
         register_tail_e_s=rates.register_tail_e_s,
+        visits=made.visits,
     )
     counting = None
     if strategy.mode == "photon_counting":
@@ -175,7 +183,7 @@ def frame_problem(
             reference_e=_reference_pixel(rates.reference_smear_e, rates) + camera.charge_e,
             science_pixels=pixels,
             mean_pixels=pixels * (level - 1.0),
-            reference_pixels=level * pixels * rates.reference_scale / strategy.reference_ratio,
+            reference_pixels=level * pixels * rates.reference_scale / ratio,
         )
         counting = CountingLight(**parts, law=law, own_noise=with_planet)
     return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
@@ -199,49 +207,57 @@ def stack_noise(
     em_gain: ArrayLike,
     camera: FrameCamera,
     strategy: Strategy = PLAIN,
+    programme: Programme | None = None,
 ) -> StackNoise:
-    """Return signal and noise of ``n_frames`` frames.
+    """Return signal and noise of visits of ``n_frames`` frames, all visits summed.
 
     Parameters
     ----------
     rates : ApertureRates
     exposure_s, n_frames, em_gain : array_like
-        One frame (s), number of science frames, gain of the register; broadcast with the rates.
+        One frame (s), number of science frames of a visit, gain of the register; broadcast with the rates.
     camera : FrameCamera
     strategy : Strategy
         Says how many references there are, and whether photons are counted above which threshold.
+    programme : Programme, optional
+        Visits that are reduced together; by default those of the strategy, or one.
 
     Notes
     -----
     ``Var = {F^2(g) [S + (1 + N/M) (B + smear + a0 cic)] + (1 + N/M) a0 (RN^2 + K^2/12) / g^2} / P``, summed over
     frames, with the weights of cut pixels squared, divided by the square of the RDI throughput and by the fraction
-    ``P`` of frames that no particle voids; plus ``(N t sigma)^2`` of the residual light, which does not average.
-    ``snr`` adds the error of the mean background. Where photons are counted, the terms of the white noise are
-    ``counting`` (science frames) and ``reference``.
+    ``P`` of frames that no particle voids; plus ``(N t sigma)^2`` of the residual light, which visits average and
+    frames do not (`simulator.signal.speckles.ProgrammeLaw`). ``snr`` adds the error of the mean background. Where
+    photons are counted, the terms of the white noise are ``counting`` (science frames) and ``reference``.
     """
-    exposure, frames, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
+    exposure, each, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
+    made = Programme.of(strategy) if programme is None else programme
+    frames, ratio = each * made.visits, made.frame_ratio(strategy.reference_ratio)
     stack = frames * frames_per_clean(rates.loss_per_s, exposure) * _throughput_loss(rates)
     if strategy.mode == "photon_counting":
         law = _law(camera, float(gain.flat[0]), strategy)
-        counts, planet = _counted(rates, exposure, stack, law, camera, strategy)
+        counts, planet = _counted(rates, exposure, stack, law, camera, ratio)
         white = np.asarray(sum(counts.values()))
     else:
         factor2, share = light_factor2(camera, gain), stack * rates.noise_fraction
-        white = share * white_term(rates, camera, strategy.reference_ratio).variance_e2(exposure, factor2, gain)
+        white = share * white_term(rates, camera, ratio).variance_e2(exposure, factor2, gain)
         planet = stack * factor2 * rates.source_noise_fraction * rates.planet_e_s * exposure
     integrated = (frames * exposure) ** 2 * rates.variance_factor
     wings = integrated * rates.wings_e2_s2
-    speckle = integrated * rates.speckle.variance(frames * (exposure + camera.readout_s))
-    quiet = white + wings + speckle
+    visit = each * (exposure + camera.readout_s)
+    common = integrated * rates.speckle.common.variance(visit)
+    speckle = integrated * made.law(rates.speckle.averaging()).variance(visit)
+    quiet = white + wings + common + speckle
     mean = quiet / rates.background_apertures
 
     def terms() -> dict[str, FloatArray]:
         if strategy.mode == "photon_counting":
             parts = counts
         else:
-            origins = white_terms(rates, camera, strategy.reference_ratio)
+            origins = white_terms(rates, camera, ratio)
             parts = {name: share * term.variance_e2(exposure, factor2, gain) for name, term in origins.items()}
-        return parts | {"companion_wings": wings, "background_mean": mean, "speckle": speckle, "planet": planet}
+        left = {"companion_wings": wings, "background_mean": mean, "speckle": speckle, "common_speckle": common}
+        return parts | left | {"planet": planet}
 
     signal = frames * exposure * rates.planet_e_s
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -260,11 +276,11 @@ def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
     return dict(zip(values, np.broadcast_arrays(*values.values(), *others), strict=False))
 
 
-def _residual(rates: ApertureRates, level: FloatArray | float) -> list[FloatArray]:
-    """Variance that does not average over signal squared, as a polynomial of the visit."""
+def _residual(rates: ApertureRates, level: FloatArray | float, programme: Programme) -> list[FloatArray]:
+    """Variance that frames do not average over signal squared, as a polynomial of the visit."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         scale = level * rates.variance_factor / rates.planet_e_s**2
-        return [np.where(part > 0, part * scale, 0.0) for part in rates.residual]
+        return [np.where(part > 0, part * scale, 0.0) for part in programme.law(rates.residual)]
 
 
 def _law(camera: FrameCamera, em_gain: float, strategy: Strategy) -> CountingLaw:
@@ -285,7 +301,7 @@ def _counted(
     stack: FloatArray,
     law: CountingLaw,
     camera: FrameCamera,
-    strategy: Strategy,
+    reference_ratio: FloatArray,
 ) -> tuple[dict[str, FloatArray], FloatArray]:
     """Terms of white noise where photons are counted, and what the planet's light adds to them."""
     pixels = stack * rates.noise_fraction * rates.aperture_pixels
@@ -297,7 +313,7 @@ def _counted(
     both = counted(pixels, quiet + rates.planet_e_s / rates.aperture_pixels * exposure_s, law)
     with np.errstate(invalid="ignore"):
         planet = np.where(np.isfinite(alone), both - alone, 0.0)
-    scale = rates.reference_scale / strategy.reference_ratio
+    scale = rates.reference_scale / reference_ratio
     return {"counting": alone, "reference": counted(pixels * scale, reference, law)}, planet
 
 
@@ -316,6 +332,7 @@ def snr_paper(
     background_pixels: ArrayLike | None = None,
     *,
     reference_ratio: float = 1.0,
+    programme: Programme = ONE_VISIT,
 ) -> FloatArray:
     """Signal over the error of Eq. 4, ``S0 / sqrt(S0 + sigma_s^2 a0 (1 + a0 / a_s))``.
 
@@ -323,12 +340,14 @@ def snr_paper(
     ----------
     rates : ApertureRates
     exposure_s, n_frames, em_gain : array_like
-        One frame (s), number of science frames, gain of the register (1 to 1e4); broadcast with the rates.
+        One frame (s), science frames of a visit, gain of the register (1 to 1e4); broadcast with the rates.
     camera : FrameCamera
     background_pixels : array_like, optional
         Pixels ``a_s`` of the background region, above 0; those of the annulus around the planet by default.
     reference_ratio : float, optional
         Reference frames per science frame, above 0.
+    programme : Programme
+        Visits that are reduced together.
 
     Returns
     -------
@@ -356,19 +375,19 @@ def snr_paper(
     are left open.
     """
     exposure = checked_array("exposure_s", exposure_s, low=0.0, unit="s")
-    frames = checked_array("n_frames", n_frames, low=0.0)
-    ratio = checked_scalar("reference_ratio", reference_ratio, low=1e-6, high=1e6)
+    each = checked_array("n_frames", n_frames, low=0.0)
+    ratio = programme.frame_ratio(checked_scalar("reference_ratio", reference_ratio, low=1e-6, high=1e6))
     area = rates.aperture_pixels
     if background_pixels is None:
         region = rates.background_apertures * area
     else:
         region = checked_array("background_pixels", background_pixels, low=1e-6, unit="px")
     gain = checked_array("em_gain", em_gain, low=1.0, high=GAIN_LIMIT)
-    kept = frames * clean_fraction(rates.loss_per_s, exposure)
+    kept = each * programme.visits * clean_fraction(rates.loss_per_s, exposure)
     own = rates.rdi_throughput * rates.planet_e_s * exposure * kept
     frame = white_term(rates, camera, ratio)
     white = kept * frame.variance_e2(exposure, light_factor2(camera, gain), gain) / area
-    together = rates.residual.variance(frames * (exposure + camera.readout_s)) / area**2
+    together = programme.law(rates.residual).variance(each * (exposure + camera.readout_s)) / area**2
     pixel_variance = white + (kept * exposure) ** 2 * together / SPECKLE_COHERENCE
     variance = (own + pixel_variance * area * (1.0 + area / region)) * rates.variance_factor
     with np.errstate(divide="ignore", invalid="ignore"):

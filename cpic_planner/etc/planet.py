@@ -1,15 +1,34 @@
-"""Light that planets reflect towards the observer, and the stated planet that a ranked star's numbers refer to."""
+"""Light that planets reflect towards the observer, and the stated planet that a ranked star's numbers refer to.
 
+A planet with a separation and no position angle stands on the diagonal of a dark quadrant, the upper right one if it is
+dark. Around a star whose companion lights the hole it stands in the quadrant that holds least of that light. The noise
+of a measurement is that of the whole annulus (`simulator.signal.companions`), nearly the same for all quadrants; but
+the scatter of the planet's own aperture is least there.
+"""
+
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, IntArray
-from cpic_planner.etc.model import EtcModel
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray
+from cpic_planner.etc.model import EtcModel, check_range
+from cpic_planner.etc.rates import companions_of
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
-from simulator.target import albedo_notes, albedo_source, contrast_at, needs_insolation, phase_value, sin_phase
+from simulator.signal import quadrant_of
+from simulator.target import (
+    albedo_notes,
+    albedo_source,
+    contrast_at,
+    detector_to_sky,
+    needs_insolation,
+    phase_value,
+    sin_phase,
+)
 
 
 def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet) -> FloatArray:
@@ -178,3 +197,117 @@ def mixture_contrast(
             own = reflected_share(model, targets, band, spec, distance_au[:, some], phase_deg[:, some])
             share[:, some] = np.where(mine[:, some], own, share[:, some])
     return np.asarray(contrast_at(radius_rjup, distance_au, phase_deg, 1.0, phase_value=share))
+
+
+QUADRANTS = ("upper right", "upper left", "lower right", "lower left")
+"""Quadrants on the detector by their number, +x to the right and +y up."""
+
+
+def dark_quadrants(model: EtcModel, targets: Targets, band: str) -> IntArray:
+    """Return the number of the quadrant of each star in which its planet is put, shape ``(n,)``.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars; a companion without position angle lights all quadrants alike.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
+    found = np.full(len(targets), quadrant_of(*model.metrics[band].zone.diagonal))
+    for chosen, placed, tables in companions_of(model, targets, band):
+        if placed:
+            found[chosen] = np.argmin(tables.quadrants, axis=1)
+    return found
+
+
+def planet_offsets(model: EtcModel, targets: Targets, band: str, separation_arcsec: Any) -> tuple[Any, Any]:
+    """Detector offsets of planets: on the diagonal, or half the roll beside it for a library of two rolls.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    separation_arcsec : array_like
+        Projected separations from the stars, arcsec, above 0, ``(n or 1, ...)``.
+
+    Returns
+    -------
+    x_arcsec, y_arcsec : ndarray
+        Shape of the separations, or ``(n, ...)`` where the stars' quadrants differ.
+    """
+    offset, number = np.asarray(separation_arcsec, float) / math.sqrt(2.0), dark_quadrants(model, targets, band)
+    same = bool(np.all(number == number[0]))
+    number = number[0] if same else number.reshape((-1,) + (1,) * (offset.ndim - 1))
+    x, y = np.where(number % 2, -offset, offset), np.where(number // 2, -offset, offset)
+    rolls = model.strategy.rolls_deg
+    if len(rolls) == 1:
+        return x, y
+    half = math.radians(rolls[1])
+    return x * math.cos(half) - y * math.sin(half), x * math.sin(half) + y * math.cos(half)
+
+
+def diagonal_pa_deg(model: EtcModel, target: Targets, band: str) -> float:
+    """Position angle of the diagonal on which the planet of one star is put, at roll 0.
+
+    Parameters
+    ----------
+    model : EtcModel
+    target : Targets
+        One star.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
+    (number,) = dark_quadrants(model, target, band)
+    _, pa = detector_to_sky(1 - 2 * (number % 2), 1 - 2 * (number // 2), parity=model.instrument.detector.parity)
+    return float(pa)
+
+
+@dataclass(frozen=True)
+class Planets:
+    """Planets of a question: projected separations, with a model each or a given contrast each."""
+
+    separation_arcsec: FloatArray
+    models: tuple[ReferencePlanet, ...]
+    contrast: FloatArray | None
+
+    def __len__(self) -> int:
+        return len(self.separation_arcsec)
+
+
+def planets_of(
+    separation_arcsec: float | Sequence[float],
+    planet: ReferencePlanet | Sequence[ReferencePlanet] | None = None,
+    contrast: float | Sequence[float] | None = None,
+) -> Planets:
+    """Return planets from one value or a sequence of each; sequences have one length.
+
+    Parameters
+    ----------
+    separation_arcsec : float or sequence of float
+        Projected, 0 to 120 arcsec.
+    planet : ReferencePlanet or sequence of it, optional
+    contrast : float or sequence of float, optional
+        Instead of a model, 0 to 1.
+
+    Raises
+    ------
+    InputError
+        For values out of range or lengths that differ.
+    """
+    places = np.atleast_1d(np.asarray(separation_arcsec, dtype=object))
+    bodies = list(planet) if isinstance(planet, Sequence) else [planet or ReferencePlanet()]
+    ratios = None if contrast is None else np.atleast_1d(np.asarray(contrast, dtype=object))
+    sizes = {len(places), len(bodies), 1 if ratios is None else len(ratios)} - {1}
+    if len(sizes) > 1 or 0 in sizes or places.ndim != 1:
+        raise InputError("separation_arcsec", len(places), allowed="as many as there are planets and contrasts, or one")
+    n = max(sizes, default=1)
+    where = np.array([check_range("separation_arcsec", value, 0.0, 120.0, "arcsec") for value in places])
+    given = None
+    if ratios is not None:
+        given = np.broadcast_to(np.array([check_range("contrast", value, 0.0, 1.0, "") for value in ratios]), n)
+    models = tuple(bodies * (n if len(bodies) == 1 else 1))
+    return Planets(np.broadcast_to(where, n), models, given)

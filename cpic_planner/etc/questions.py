@@ -1,6 +1,9 @@
-"""The three questions of an exposure-time calculator, answered by type, for targets x bands x planets at once."""
+"""The three questions of an exposure-time calculator, answered by type, for targets x bands x planets at once.
 
-import functools
+An observation is a programme of visits that are reduced together. Where the strategy does not say how many, the best
+number is chosen for every case (`cpic_planner.etc.programmes`), and frames are whole.
+"""
+
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,25 +12,27 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, InputError
-from cpic_planner.etc.cases import BandCases, FixedFrames, Planets, band_cases, planets_of
-from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit, least_time, solve_together
-from cpic_planner.etc.model import EtcModel, check_range
+from cpic_planner.etc.cases import FixedFrames
+from cpic_planner.etc.frames import FrameChoice, best_in_visit
+from cpic_planner.etc.model import EtcModel, Programme, Span, check_range
 from cpic_planner.etc.noise import Objective
+from cpic_planner.etc.planet import planets_of
+from cpic_planner.etc.programmes import Found, Group, Programmes, groups_of, of_band
 from cpic_planner.etc.solved import Solved
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.results import EtcAnswer
+from cpic_planner.results import EtcAnswer, Question
 from cpic_planner.targets import Targets
 
 _LIMIT_STEPS = 60
-_CLOSE = 1e-14
-_START = 1e-9
+_CLOSE, _START = 1e-14, 1e-9
 
 
 def signal_to_noise(
     model: EtcModel,
     target: Targets,
     *,
-    time_s: float,
+    time_s: float | None = None,
+    visit_time_s: float | None = None,
     separation_arcsec: float | Sequence[float],
     bands: Sequence[str] | None = None,
     planet: ReferencePlanet | Sequence[ReferencePlanet] | None = None,
@@ -41,10 +46,14 @@ def signal_to_noise(
     Parameters
     ----------
     model : EtcModel
+        Its strategy may say the number of visits; otherwise that of highest SNR is chosen.
     target : Targets
         One star or more.
-    time_s : float
-        Longest wall time, overheads and reference frames included, 1e-3 to 1e9 s.
+    time_s : float, optional
+        Longest wall time of all visits, overheads and reference frames included, 1e-3 to 1e9 s. It may be left out
+        where number and time of the visits are given.
+    visit_time_s : float, optional
+        Wall time of one visit.
     separation_arcsec : float or sequence of float
         Projected separation, on the diagonal of a quadrant, 0 to 120.
     bands : sequence of str, optional
@@ -56,30 +65,30 @@ def signal_to_noise(
     exposure_s, em_gain : float, optional
         Fixed instead of optimised.
     exact : bool
-        Use all of ``time_s``, although the walk of the wavefront can make a shorter visit better.
+        Use all of the time, although the walk of the wavefront can make shorter visits better.
 
     Returns
     -------
     list of EtcAnswer
         Targets in order, bands in theirs within each (by wavelength if none are given), planets within each band.
-        ``value`` is the photometric SNR in the best visit of at most ``time_s``; ``time_s`` of the answer is what it
-        uses (flag ``shorter_visit_is_better``).
+        ``value`` is the photometric SNR in the best programme of at most ``time_s``; ``time_s`` of the answer is what
+        it uses (flag ``shorter_visit_is_better``).
 
     Raises
     ------
     InputError
-        For values out of range, or sequences of different lengths.
+        For values out of range, sequences of different lengths, and times that contradict each other.
     """
-    check_range("time_s", time_s, 1e-3, 1e9, "s")
-    fixed, planets = _fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
-    cases = _bands(model, target, bands, planets, fixed)
-    problems = [part.problem("snr") for part in cases]
+    span = Span.of(model, time_s, visit_time_s)
+    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
     parts = []
-    for part, problem, choice in zip(cases, problems, _best(problems, model.visit_s(time_s), exact), strict=True):
+    for group in groups_of(model, target, bands, planets, fixed, "snr", 1.0):
+        visits = group.visits_in(span)
+        solved = group.in_time(visits, span, exact)
         with np.errstate(divide="ignore"):
-            value = 1.0 / np.sqrt(choice.inverse_snr2)
-        parts.append(Solved(part, problem, choice, "signal_to_noise", value, time_s))
-    return _in_order(parts, len(target), len(planets))
+            value = 1.0 / np.sqrt(solved.choice.inverse_snr2)
+        parts += _parts(solved, "signal_to_noise", value, span)
+    return _in_order(parts, model.named(bands), len(target), len(planets))
 
 
 def exposure_time(
@@ -89,6 +98,7 @@ def exposure_time(
     snr: float | None = None,
     sigma: float | None = None,
     detect: bool = False,
+    visit_time_s: float | None = None,
     separation_arcsec: float | Sequence[float],
     bands: Sequence[str] | None = None,
     planet: ReferencePlanet | Sequence[ReferencePlanet] | None = None,
@@ -107,13 +117,15 @@ def exposure_time(
     sigma : float, optional
         Plain significance (noise without the planet), 1e-6 to 1e6.
     detect : bool
-        Ask for the small-sample threshold of the model's level at that separation. One of the three is given.
+        Ask for a detection as the strategy searches: by half of such programmes. One of the three is given.
+    visit_time_s : float, optional
+        Wall time of one visit: the least number of them is asked for.
 
     Returns
     -------
     list of EtcAnswer
         ``value`` is ``time_s``, exactly the inverse of `signal_to_noise` (for ``snr``) and of `contrast_limit` (for
-        ``sigma`` and ``detect``).
+        ``sigma`` and ``detect``) of as many visits.
 
     Raises
     ------
@@ -126,23 +138,23 @@ def exposure_time(
     for name, value in (("snr", snr), ("sigma", sigma)):
         if value is not None:
             check_range(name, value, 1e-6, 1e6, "")
-    fixed, planets = _fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
-    cases, by_snr = _bands(model, target, bands, planets, fixed), snr is not None
-    problems = [part.problem("snr" if by_snr else "significance") for part in cases]
-    levels = np.stack([_levels(part, snr, sigma) for part in cases])
-    choices = solve_together(problems, least_time, np.where(np.isfinite(levels), levels, 1.0))
+    span = Span.of(model, None, visit_time_s, asked=True)
+    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
+    objective: Objective = "significance" if snr is None else "snr"
     parts = []
-    for part, problem, choice, level in zip(cases, problems, choices, levels, strict=True):
-        wall_s = model.time_s(choice.visit_s)
-        parts.append(Solved(part, problem, choice, "exposure_time", wall_s, level=level, with_planet=by_snr))
-    return _in_order(parts, len(target), len(planets))
+    for group in groups_of(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
+        solved = group.for_level(span)
+        wall_s = solved.programme.visits * model.time_s(solved.choice.visit_s)
+        parts += _parts(solved, "exposure_time", wall_s, span)
+    return _in_order(parts, model.named(bands), len(target), len(planets))
 
 
 def contrast_limit(
     model: EtcModel,
     target: Targets,
     *,
-    time_s: float,
+    time_s: float | None = None,
+    visit_time_s: float | None = None,
     separation_arcsec: float | Sequence[float],
     bands: Sequence[str] | None = None,
     sigma: float | None = None,
@@ -155,11 +167,11 @@ def contrast_limit(
 
     Parameters
     ----------
-    model, target, time_s, separation_arcsec, bands, exposure_s, em_gain, exact
+    model, target, time_s, visit_time_s, separation_arcsec, bands, exposure_s, em_gain, exact
         As `signal_to_noise`.
     sigma : float, optional
-        Plain significance, 1e-3 to 1e3, instead of the small-sample threshold of the model's level (5
-        sigma-equivalent), which is stated in ``threshold``.
+        Plain significance, 1e-3 to 1e3, instead of a detection as the strategy searches; its small-sample threshold is
+        stated in ``threshold``, and what half of such programmes find in ``level``.
     snr : float, optional
         Photometric SNR, 1e-3 to 1e3, instead of a significance: the planet's own noise counts.
 
@@ -168,100 +180,104 @@ def contrast_limit(
     ``C = level / SNR`` of a planet of contrast 1 but for the planet's own light, which fills pixels and, for ``snr``,
     adds noise: found by secants of ``ln C``, of which significance needs one or two.
     """
-    check_range("time_s", time_s, 1e-3, 1e9, "s")
     for name, value in (("sigma", sigma), ("snr", snr)):
         if value is not None:
             check_range(name, value, 1e-3, 1e3, "")
     if sigma is not None and snr is not None:
         raise InputError("sigma", sigma, allowed="one of sigma, snr")
-    fixed, planets = _fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, None, _START)
-    objective: Objective = "snr" if snr is not None else "significance"
-    every, visit = _bands(model, target, bands, planets, fixed), model.visit_s(time_s)
-    levels = np.stack([_levels(cases, snr, sigma) for cases in every])
-    aims = np.where(np.isfinite(levels), levels, 1.0)
-    contrasts, choices = _limits(every, objective, aims, visit, exact)
-    # Beyond contrast 1 there is no planet: refused below.
-    shown = [
-        replace(cases, contrast=ratio, rates=cases.rates_at(ratio))
-        for cases, ratio in zip(every, np.minimum(contrasts, 1.0), strict=True)
-    ]
-    problems = [cases.problem(objective) for cases in shown]
-    stopped = [(choice.n_frames > 0) & (choice.visit_s < visit * (1.0 - 1e-9)) for choice in choices]
-    if np.any(stopped) and not exact:
-        # The same setting as the inverse question finds: where more time hardly pays, rounding moves the length of it.
-        inverse = solve_together(problems, least_time, aims)
-        choices = [
-            there.where(early & (there.n_frames > 0) & (there.visit_s <= visit), here)
-            for there, here, early in zip(inverse, choices, stopped, strict=True)
-        ]
+    span = Span.of(model, time_s, visit_time_s)
+    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, None, _START)
+    objective: Objective = "significance" if snr is None else "snr"
     parts = []
-    for part, problem, choice, level, contrast in zip(shown, problems, choices, levels, contrasts, strict=True):
+    for group in groups_of(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
+        solved, contrast = _limit(group, span, exact)
         limit = np.where(contrast < 1.0, contrast, math.inf)
-        parts.append(Solved(part, problem, choice, "contrast_limit", limit, time_s, level, snr is not None))
-    return _in_order(parts, len(target), len(planets))
+        parts += _parts(solved, "contrast_limit", limit, span)
+    return _in_order(parts, model.named(bands), len(target), len(planets))
 
 
-def _best(parts: Sequence[FrameProblem], visit_s: FloatArray, whole: bool, quickest: bool = True) -> list[FrameChoice]:
-    """Best frames of one visit for problems of several bands."""
-    best = functools.partial(best_in_visit, whole=whole, quickest=quickest)
-    return solve_together(parts, best, np.broadcast_to(visit_s, (len(parts), *parts[0].signal_e_s.shape)))
+def _limit(group: Group, span: Span, exact: bool) -> tuple[Found, FloatArray]:
+    """Return the contrasts at which the best frames in a time reach the level (``inf`` where none does), and those."""
+    assert span.time_s is not None
+    visits = group.visits_in(span)
+    programme, _, longest_s = group.spread(visits, span.time_s)
+    visit_s = longest_s if exact else group.paying_s(visits, longest_s)
+    contrast, choice = _limits(group, programme, visit_s, exact)
+    if span.visits is None and group.objective == "snr":
+        # The planet's own noise counts: the best number of visits is that at the limit.
+        at_limit = Programmes(group.model, lambda made: group.problem(made, np.minimum(contrast, 1.0)), group.wanted)
+        programme, _, longest_s = group.spread(at_limit.best_in_time(span.time_s), span.time_s)
+        visit_s = longest_s
+        contrast, choice = _limits(group, programme, visit_s, exact)
+    # Beyond contrast 1 there is no planet: refused below.
+    ratio = np.minimum(contrast, 1.0)
+    shown = [
+        replace(cases, contrast=one, rates=cases.rates_at(one)) for cases, one in zip(group.cases, ratio, strict=True)
+    ]
+    there, problem = replace(group, cases=shown), group.problem(programme, ratio)
+    level = group.level_of(programme, problem, choice)
+    stopped = (choice.n_frames > 0) & (choice.visit_s < longest_s * (1.0 - 1e-9))
+    if np.any(stopped) and not exact:
+        # The same setting as the inverse question finds: where more time hardly pays, rounding moves its length.
+        again = there.at_level(programme.visits)
+        use = stopped & (again.choice.n_frames > 0) & (again.choice.visit_s <= visit_s)
+        choice, level = again.choice.where(use, choice), np.where(use, again.level, level)
+    return Found(there, programme, problem, choice, level), contrast
 
 
-def _limits(
-    every: Sequence[BandCases], objective: Objective, level: FloatArray, visit_s: FloatArray, whole: bool
-) -> tuple[FloatArray, list[FrameChoice]]:
-    """Contrasts at which the best frames of a visit reach the level (``inf`` where none does), and those frames."""
-    choices: list[FrameChoice] = []
+def _limits(group: Group, programme: Programme, visit_s: FloatArray, whole: bool) -> tuple[FloatArray, FrameChoice]:
+    """Contrasts at which the best frames of visits reach the level, and those frames."""
 
-    def excess(log_contrast: FloatArray) -> FloatArray:
-        problems = [cases.problem(objective, ratio) for cases, ratio in zip(every, np.exp(log_contrast), strict=True)]
-        choices[:] = _best(problems, visit_s, whole, quickest=False)
+    def excess(log_contrast: FloatArray) -> tuple[FloatArray, FrameChoice]:
+        problem = group.problem(programme, np.exp(log_contrast))
+        choice = best_in_visit(problem, visit_s, whole=whole, quickest=False)
+        level = group.level_of(programme, problem, choice)
         with np.errstate(divide="ignore"):
-            return np.log(level) + 0.5 * np.log(np.stack([choice.inverse_snr2 for choice in choices]))
+            return np.log(level) + 0.5 * np.log(choice.inverse_snr2), choice
 
-    x = np.full(level.shape, math.log(_START))
-    f, slope = excess(x), np.ones(level.shape)
+    x = np.full(visit_s.shape, math.log(_START))
+    (f, choice), slope = excess(x), np.ones(visit_s.shape)
     for _ in range(_LIMIT_STEPS):
         # SNR grows with contrast at least like its square root: slopes are between 1/2 and 1.
         new = np.clip(x + f / slope, math.log(1e-29), 0.1)
         moved = np.isfinite(f) & (np.abs(new - x) > 4e-16 * np.abs(x))
         if not moved.any():
             break
-        g = excess(np.where(moved, new, x))
+        g, choice = excess(np.where(moved, new, x))
         with np.errstate(divide="ignore", invalid="ignore"):
             secant = (f - g) / (new - x)
         slope = np.where(moved & np.isfinite(secant), np.clip(secant, 0.3, 1.0), slope)
         x, f = np.where(moved, new, x), np.where(moved, g, f)
         if np.all(np.abs(f) < _CLOSE, where=np.isfinite(f)):
             break
-    return np.where(np.isfinite(f) & (f < 1e-9), np.exp(x), math.inf), choices
+    return np.where(np.isfinite(f) & (f < 1e-9), np.exp(x), math.inf), choice
 
 
-def _levels(cases: BandCases, snr: float | None, sigma: float | None) -> FloatArray:
-    """SNR or significance to reach, per case; infinite where no threshold is defined."""
-    value = snr if snr is not None else sigma
-    level = cases.threshold if value is None else np.full(len(cases.planets), float(value))
-    return np.broadcast_to(level, cases.contrast.shape)
+def _parts(found: Found, question: Question, value: FloatArray, span: Span) -> list[Solved]:
+    """The programmes and frames that answer a question, band by band."""
+    group, parts = found.group, []
+    for i, cases in enumerate(group.cases):
+        solved = found.problem.at(i), found.choice.at(i)
+        level = None
+        if question != "signal_to_noise":
+            undefined = (group.value is None) & ~np.isfinite(cases.threshold)
+            level = np.where(undefined, math.inf, found.level[i])
+        own, by_snr = replace(cases, programme=of_band(found.programme, i)), group.objective == "snr"
+        parts.append(Solved(own, *solved, question, value[i], span, level, by_snr))
+    return parts
 
 
-def _bands(
-    model: EtcModel, target: Targets, bands: Sequence[str] | None, planets: Planets, fixed: FixedFrames
-) -> list[BandCases]:
-    if len(target) < 1:
-        raise InputError("target", len(target), allowed="at least one star")
-    return [band_cases(model, target, band, planets, fixed) for band in model.named(bands)]
-
-
-def _in_order(parts: Sequence[Solved], n_stars: int, n_planets: int) -> list[EtcAnswer]:
+def _in_order(parts: Sequence[Solved], bands: Sequence[str], n_stars: int, n_planets: int) -> list[EtcAnswer]:
     """From bands x (stars x planets) to stars x bands x planets."""
-    answers = [part.answers() for part in parts]
+    by_band = {part.cases.band: part.answers() for part in parts}
     rows = [slice(star * n_planets, (star + 1) * n_planets) for star in range(n_stars)]
-    return [answer for row in rows for part in answers for answer in part[row]]
+    return [answer for row in rows for band in bands for answer in by_band[band][row]]
 
 
-def _fixed_frames(
+def fixed_frames(
     model: EtcModel, bands: Sequence[str] | None, exposure_s: float | None, em_gain: float | None
 ) -> FixedFrames:
+    """Return what is fixed of the frames, refused where a camera of the bands cannot do it."""
     cameras = [model.camera(band) for band in model.named(bands)]
     limits: dict[str, Any] = {}
     if exposure_s is not None:

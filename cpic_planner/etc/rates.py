@@ -15,13 +15,13 @@ from simulator.effects import sky_rates_e_s_arcsec2, stray_light_map
 from simulator.imaging import PsfMetrics
 from simulator.signal import (
     CompanionTables,
-    SpeckleLaw,
+    ProgrammeLaw,
     annulus_apertures,
     aperture_exozodi,
     companion_tables,
     lit_rows,
+    programme_law,
     sky_pixel_e_s,
-    speckle_law,
 )
 from simulator.target import sky_to_detector
 
@@ -41,9 +41,9 @@ class ApertureRates:
         mean over the apertures that measure the noise (`simulator.signal.companions`).
     core : ndarray
         Part of a planet's light that its aperture gets (`simulator.imaging.metrics.PsfMetrics.core_throughput`).
-    speckle : SpeckleLaw
-        Spatial variance of aperture sums of the star light that RDI leaves, (e-/s)^2, against the length of the visit;
-        it does not average down.
+    speckle : ProgrammeLaw
+        Spatial variance of aperture sums of the star light that RDI leaves, (e-/s)^2, against the length of a visit;
+        frames do not average it.
     wings_e2_s2 : ndarray
         The same of the light of companions whose wings lie elsewhere in the references; it is the same for all visits.
     peak_in_hole_e_s, peak_planet_e_s : ndarray
@@ -87,7 +87,7 @@ class ApertureRates:
     exozodi_e_s: FloatArray
     dark_e_s: FloatArray
     core: FloatArray
-    speckle: SpeckleLaw
+    speckle: ProgrammeLaw
     wings_e2_s2: FloatArray
     peak_in_hole_e_s: FloatArray
     peak_planet_e_s: FloatArray
@@ -113,9 +113,10 @@ class ApertureRates:
         return self.halo_e_s + self.companion_e_s + self.sky_e_s + self.exozodi_e_s + self.dark_e_s
 
     @property
-    def residual(self) -> SpeckleLaw:
-        """Everything that the subtraction leaves and that does not average."""
-        return self.speckle._replace(k0=self.speckle.k0 + self.wings_e2_s2)
+    def residual(self) -> ProgrammeLaw:
+        """Everything that the subtraction leaves and that frames do not average."""
+        common = self.speckle.common
+        return self.speckle._replace(common=common._replace(k0=common.k0 + self.wings_e2_s2))
 
 
 def aperture_rates(
@@ -159,7 +160,8 @@ def aperture_rates(
     exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis, x, y)
     area, core = metrics.aperture_pixels, metrics.core_throughput(x, y)
     dark = np.full((1,) * dims, model.camera(band).dark_e_s * area)
-    law = speckle_law(metrics, instrument.drift, separation, strategy.annulus_lambda_d, strategy.reference_ratio)
+    width, ratio_of_lengths = strategy.annulus_lambda_d, strategy.reference_ratio
+    law = programme_law(metrics, instrument.drift, separation, width, ratio_of_lengths, model.timing)
     reference = model.library_noise(band, star)
     smear = _smear(model, band, x, star, companion.column_e_s, sky)
     brightest, peak_planet = star * reference.peak, planet_total * metrics.peak_off_axis

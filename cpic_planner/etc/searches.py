@@ -54,9 +54,9 @@ class CaseArrays:
         return self._combined(lambda one, two: np.where(mask, one, two), other)
 
     @classmethod
-    def stacked(cls, cases: Sequence[Self]) -> Self:
-        """Return cases of one kind and shape on a new first axis: solved together they cost little more than one."""
-        return cases[0]._combined(lambda *arrays: np.stack(arrays), *cases[1:])
+    def stacked(cls, cases: Sequence[Self], axis: int = 0) -> Self:
+        """Return cases of one kind and shape on a new axis: solved together they cost little more than one."""
+        return cases[0]._combined(lambda *arrays: np.stack(arrays, axis), *cases[1:])
 
 
 class _Selectable(Protocol):
@@ -136,6 +136,39 @@ def _between(low: FloatArray, high: FloatArray, share: FloatArray) -> FloatArray
     points = low * (high / low) ** shares
     points[-1] = high
     return points
+
+
+def lowest_whole(cost: Callable[[FloatArray], FloatArray], most: FloatArray) -> FloatArray:
+    """Return the whole number from 1 to ``most`` of least cost, where cost has one valley; to 4 % beyond some 25.
+
+    Parameters
+    ----------
+    cost : callable
+        Of numbers with one more axis in front.
+    most : ndarray
+    """
+    top = np.maximum(most, 1.0)
+    axis = (-1,) + (1,) * top.ndim
+    grid = np.minimum(2.0 ** np.arange(np.ceil(np.log2(top.max())) + 1.0).reshape(axis), top)
+    for _ in range(2):
+        low, high = around_lowest(grid, cost(grid))[::2]
+        grid = np.round(low * (high / low) ** np.linspace(0.0, 1.0, 9).reshape(axis))
+    return around_lowest(grid, cost(grid))[1]
+
+
+def around_lowest(grid: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the point before the one of least value along the first axis, that one, and the point after it.
+
+    Parameters
+    ----------
+    grid, values : ndarray
+        NaN is never least.
+    """
+    k = np.argmin(np.where(np.isnan(values), np.inf, values), axis=0)[None]
+    wide = np.broadcast_to(grid, values.shape)
+    last = len(grid) - 1
+    before, best, after = (np.take_along_axis(wide, np.clip(k + step, 0, last), axis=0)[0] for step in (-1, 0, 1))
+    return before, best, after
 
 
 def first_root(

@@ -8,17 +8,22 @@ import numpy as np
 
 from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc import budget
-from cpic_planner.etc.cases import BandCases
-from cpic_planner.etc.detection import Chances, needed_margin, verdict_of, visit_chances
+from cpic_planner.etc.cases import BandCases, Wanted, effective_of
+from cpic_planner.etc.detection import Chances, law_of, verdict_of, visit_chances
 from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
-from cpic_planner.etc.noise import StackNoise, own_noise, snr_paper
-from cpic_planner.results import EtcAnswer, Question
-from simulator.signal import frame_limit
+from cpic_planner.etc.model import Programme, Span
+from cpic_planner.etc.noise import StackNoise, own_noise, snr_paper, stack_noise
+from cpic_planner.etc.programmes import Programmes
+from cpic_planner.queries import MAX_VISITS
+from cpic_planner.results import DetectionMode, EtcAnswer, Question
+from simulator.signal import frame_limit, programme_parts
 
 _NO_THRESHOLD = "fewer than three resolution elements at this separation: no threshold is defined (give a plain sigma)"
 _LONGEST_S = 1e12
-_ROUNDING = 1e-9
+_ROUNDING = 1e-6
+_ENDLESS = 1e12
+_MOST_VISITS, _N_VISITS, _HALVINGS = 1e5, 64, 40
 _UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "contrast_limit": "contrast"}
 
 
@@ -33,8 +38,8 @@ class Solved:
     question : str
     value : ndarray
         The answers; ``inf`` where a contrast limit lies above 1.
-    time_s : float, optional
-        Wall time that was given.
+    span : Span
+        Times and visits that were given.
     level : ndarray, optional
         SNR or significance to reach.
     with_planet : bool
@@ -46,27 +51,32 @@ class Solved:
     choice: FrameChoice
     question: Question
     value: FloatArray
-    time_s: float | None = None
+    span: Span
     level: FloatArray | None = None
     with_planet: bool = True
 
     def answers(self) -> list[EtcAnswer]:
         """Return the answers, planets within stars."""
         cases, problem, choice, question = self.cases, self.problem, self.choice, self.question
-        model, time_s, limit = cases.model, self.time_s, question == "contrast_limit"
-        camera = model.camera(cases.band)
+        model, time_s, limit = cases.model, self.span.time_s, question == "contrast_limit"
+        strategy, programme, camera = model.strategy, cases.programme, model.camera(cases.band)
         noise = cases.noise(choice)
         factors = budget.remedies(cases, choice, noise)
-        setting = choice.exposure_s, choice.n_frames, choice.em_gain
-        paper = snr_paper(cases.rates, *setting, camera, reference_ratio=model.strategy.reference_ratio)
-        wall = model.time_s(choice.visit_s)
+        setting, ratio = (choice.exposure_s, choice.n_frames, choice.em_gain), strategy.reference_ratio
+        paper = snr_paper(cases.rates, *setting, camera, reference_ratio=ratio, programme=programme)
+        visits, others = (
+            np.broadcast_to(number, choice.visit_s.shape) for number in (programme.visits, programme.reference_visits)
+        )
+        wall, left_s = model.time_s(choice.visit_s), np.zeros_like(choice.visit_s)
         if time_s is not None:  # never more than what was given, not even by rounding
-            wall = np.minimum(wall, time_s)
-        shown = {"exposure_s": choice.exposure_s, "em_gain": choice.em_gain, "time_s": wall, "snr_paper": paper}
+            left_s = model.visit_s(time_s / visits) - choice.visit_s
+            wall = np.minimum(wall, time_s / visits)
+        shown = {"exposure_s": choice.exposure_s, "em_gain": choice.em_gain, "visit_time_s": wall, "snr_paper": paper}
         shown |= {"snr": noise.snr, "significance": noise.significance}
         lost = (choice.n_frames < 1) & cases.usable
         most = _Most.of(cases, problem, lost, self.level if question == "exposure_time" else None)
-        detection = None if limit else _Detection.of(cases, choice, noise, time_s)
+        detection = None if limit else _Detection.of(cases, choice, noise, self)
+        unmeasured = strategy.search == "blind" and law_of(model, cases.band) is None
         answers = []
         for case in np.ndindex(*cases.contrast.shape):
             head = cases.head(*case) | {"question": question, "unit": _UNIT[question]}
@@ -76,28 +86,39 @@ class Solved:
             status, reason, message = self._standing(most, case, level)
             if detection is not None:
                 head |= detection.fields(status, reason, most, case)
-            head |= {"status": status, "reason": reason, "message": message}
+            head |= {"status": status, "reason": reason, "message": message, "n_modes": strategy.n_modes}
+            if unmeasured:
+                head["flags"] += ("blind_law_not_measured",)
             if status is not Status.OK:
                 answers.append(EtcAnswer(value=None, **head))
                 continue
             if not limit:
                 head["flags"] += cases.planet_notes(*case)
-            left_s = 0.0 if time_s is None else float(model.visit_s(time_s)) - float(choice.visit_s[case])
-            room = left_s > float(choice.exposure_s[case]) + camera.readout_s  # for another frame
-            if time_s is not None and wall[case] < 0.999 * time_s and room:
+            room = float(left_s[case]) > float(choice.exposure_s[case]) + camera.readout_s  # for another frame
+            if time_s is not None and visits[case] * wall[case] < 0.999 * time_s and room:
                 head["flags"] += ("shorter_visit_is_better",)
+            if self.span.visits is None and (
+                visits[case] >= MAX_VISITS or (choice.n_frames[case] == 1 and visits[case] > 1)
+            ):
+                head["flags"] += ("visits_at_limit",)
             if choice.exposure_s[case] > camera.exposure_max_s * (1.0 + 1e-12):
                 head["flags"] += ("exposure_beyond_max",)
             if speckle_error_extrapolated(cases.band, head["separation_arcsec"]):
                 head["flags"] += ("speckle_error_extrapolated",)
             binding = budget.binding_limits(problem, cases.rates, choice, case)
-            value, frames = float(self.value[case]), int(choice.n_frames[case])
+            value, frames, many = float(self.value[case]), int(choice.n_frames[case]), int(visits[case])
             terms = {f"{name}_e2": float(term[case]) for name, term in noise.terms.items()}
             fields: dict[str, Any] = head | {name: float(array[case]) for name, array in shown.items()}
+            time_of_all_s = many * fields["visit_time_s"]
             fields |= {
                 "contrast": value if limit else head["contrast"],
-                "n_frames": frames,
-                "integration_s": frames * fields["exposure_s"],
+                "visits": many,
+                "reference_visits": int(others[case]),
+                "frames_per_visit": frames,
+                "n_frames": many * frames,
+                "time_s": time_of_all_s,
+                "span_days": (time_of_all_s + 3600.0 * strategy.visit_gap_h * (many - 1)) / 86400.0,
+                "integration_s": many * frames * fields["exposure_s"],
                 "exposure_limited_by": binding.exposure,
                 "gain_limited_by": binding.gain,
                 "gain_caps": binding.caps,
@@ -105,7 +126,7 @@ class Solved:
                 "dominant": budget.largest_term(noise, case),
                 "remedies": {name: float(factor[case]) for name, factor in factors.items()},
             }
-            answers.append(EtcAnswer(value=value, **fields))
+            answers.append(EtcAnswer(value=value if question != "exposure_time" else time_of_all_s, **fields))
         return answers
 
     def _standing(self, most: "_Most", index: tuple[int, ...], level: float | None) -> tuple[Status, Reason, str]:
@@ -136,18 +157,28 @@ class Solved:
         if self.question == "exposure_time" and _LONGEST_S < most.visit_s[index] < math.inf:
             text = "it takes more frames than can be planned"
             return Status.UNREACHABLE, Reason.TOO_MANY_FRAMES, text
-        if self.question == "exposure_time":
-            name = "SNR" if self.with_planet else "significance"
-            wanted = f"{level:.4g}" if level is not None and level < 1e4 else f"{level:g}"
-            text = f"the speckle residual keeps the {name} below {wanted} whatever the time"
-            calm_s = float(self.cases.model.time_s(most.calm_visit_s[index]))
-            calm = "the planet would still be too faint"
-            if calm_s <= budget.LONGEST_TIME_S:
-                calm = f"it would take {calm_s:.3g} s"
-            text = f"{text}; the most is {most.snr[index]:.4g}, and without drift of the wavefront {calm}"
-            return Status.UNREACHABLE, Reason.SPECKLE_FLOOR, text
-        text = "the time does not hold one science frame with its share of reference frames"
+        if self.question == "exposure_time" and level is not None:
+            return self._floor(most, index, level)
+        text = "the time does not hold one science frame of every visit with its share of reference frames"
         return Status.UNREACHABLE, Reason.NO_TIME, text
+
+    def _floor(self, most: "_Most", index: tuple[int, ...], level: float) -> tuple[Status, Reason, str]:
+        """Why no time reaches the level: the residual of so many visits, or of any number."""
+        name, wanted = "SNR" if self.with_planet else "significance", f"{level:.4g}" if level < 1e4 else f"{level:g}"
+        many = int(np.broadcast_to(self.cases.programme.visits, self.choice.n_frames.shape)[index])
+        visits = "one visit" if many == 1 else f"{many} visits"
+        length = f" of {self.span.visit_time_s:g} s" if self.span.visit_time_s is not None else ", whatever the length"
+        common, what, where = most.endless[index] <= level, "the speckle residual", f"in {visits}{length}"
+        if common:
+            what, where = "what science and references differ by in every visit", "however many visits there are"
+        calm_s = many * float(self.cases.model.time_s(most.calm_visit_s[index]))
+        calm = "the planet would still be too faint"
+        if calm_s <= budget.LONGEST_TIME_S:
+            calm = f"it would take {calm_s:.3g} s"
+        top = most.endless[index] if common else most.snr[index]
+        text = f"{what} keeps the {name} below {wanted} {where}; the most is {top:.4g}, and without drift of the "
+        reason = Reason.COMMON_SPECKLE_FLOOR if common else Reason.SPECKLE_FLOOR
+        return Status.UNREACHABLE, reason, f"{text}wavefront {calm}"
 
 
 @dataclass(frozen=True)
@@ -155,20 +186,21 @@ class _Most:
     """What cases without an answer could reach, solved together; 0 for the others.
 
     Longest exposure, least ``G`` (`inf` for none), visit for the level if frames need not be whole, highest SNR of any
-    visit, and the visits for the level without speckles and without background.
+    visit, of any number of visits, and the visits for the level without speckles and without background.
     """
 
     longest_s: FloatArray
     cost: FloatArray
     visit_s: FloatArray
     snr: FloatArray
+    endless: FloatArray
     calm_visit_s: FloatArray
     dark_visit_s: FloatArray
 
     @classmethod
     def of(cls, cases: BandCases, problem: FrameProblem, lost: NDArray[np.bool_], level: FloatArray | None) -> "_Most":
-        parts = np.zeros((6, *lost.shape))
-        parts[4:] = np.inf
+        parts = np.zeros((7, *lost.shape))
+        parts[5:] = np.inf
         if lost.any():
             part = problem.at(lost)
             cost = best_exposure_s(part)[1]
@@ -178,57 +210,160 @@ class _Most:
                 parts[2, lost] = smooth_least_visit_s(part, wanted, cost)
                 best = best_in_visit(part, np.full(wanted.shape, _LONGEST_S))
                 parts[3, lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
-                parts[4, lost] = smooth_least_visit_s(budget.without_speckles(part), wanted, cost)
+                endless = programme_floor(cases, _ENDLESS)
+                parts[4, lost] = np.broadcast_to(endless, lost.shape)[lost]
+                parts[5, lost] = smooth_least_visit_s(budget.without_speckles(part), wanted, cost)
                 own = np.broadcast_to(own_noise(cases.rates, problem.camera), lost.shape)[lost]
-                parts[5, lost] = smooth_least_visit_s(budget.without_background(part, own), wanted)
+                parts[6, lost] = smooth_least_visit_s(budget.without_background(part, own), wanted)
         return cls(*parts)
+
+
+def programme_floor(cases: BandCases, visits: float) -> FloatArray:
+    """Highest significance of any number of frames in so many visits, whatever their length."""
+    law = Programme.of(cases.model.strategy, visits).law(cases.rates.residual)
+    with np.errstate(divide="ignore"):
+        return np.asarray(cases.rates.planet_e_s / np.sqrt(law.k0 * cases.rates.variance_factor))
 
 
 @dataclass(frozen=True)
 class _Detection:
     """Whether the planets of answers are detected, how likely, and what would make them so; arrays of the cases."""
 
+    mode: DetectionMode
     detected: NDArray[np.bool_]
     chances: Chances
     calm: NDArray[np.bool_]
+    common: NDArray[np.bool_]
     dark: NDArray[np.bool_]
     longest_s: float
+    required: dict[str, FloatArray]
 
     @classmethod
-    def of(cls, cases: BandCases, choice: FrameChoice, noise: StackNoise, time_s: float | None) -> "_Detection":
-        model, band = cases.model, cases.band
-        possible = (choice.n_frames >= 1) & cases.usable
-        with np.errstate(invalid="ignore"):
+    def of(cls, cases: BandCases, choice: FrameChoice, noise: StackNoise, solved: Solved) -> "_Detection":
+        model, band, programme, strategy = cases.model, cases.band, cases.programme, cases.model.strategy
+        possible = (choice.n_frames >= 1) & cases.usable & np.isfinite(cases.threshold)
+        wanted = Wanted.of([cases])
+        with np.errstate(invalid="ignore", divide="ignore"):
             margin = np.where(possible, noise.significance / cases.threshold, 0.0)
-        wanted = np.broadcast_to(needed_margin(model, band) * cases.threshold, margin.shape)
-        detected = margin >= needed_margin(model, band) * (1.0 - _ROUNDING)
-        chances = visit_chances(model, band, np.hypot(cases.x_arcsec, cases.y_arcsec), choice.visit_s, noise, margin)
-        calm, dark = np.zeros((2, *margin.shape), bool)
-        lost = possible & ~detected
+            inverse = np.where(possible, noise.significance**-2.0, np.inf)
+        visit = np.where(possible, choice.visit_s, 1.0)
+        level = wanted(programme, solved.problem, visit, inverse)[0]
+        detected = possible & (noise.significance >= level * (1.0 - _ROUNDING))
+        place, averaging = np.hypot(cases.x_arcsec, cases.y_arcsec), cases.rates.speckle
+        chances = visit_chances(model, band, place, visit, noise, margin, effective_of(programme, averaging))
+        calm, common, dark = np.zeros((3, *margin.shape), bool)
+        lost, required = possible & ~detected, {}
         if lost.any():
-            problem = cases.problem("significance")
-            part, level = problem.at(lost), wanted[lost]
-            visit = choice.visit_s[lost] if time_s is None else np.full(level.shape, float(model.visit_s(time_s)))
+            problem, chosen, time_s = cases.problem("significance"), solved.span.visits is None, solved.span.time_s
+            # Without speckles one visit is best, unless the number is given.
+            alone = cases.problem("significance", programme=Programme.of(strategy, 1)) if chosen else problem
+            total_s = programme.visits * model.time_s(visit) if time_s is None else np.array(time_s)
+            visits = np.broadcast_to(programme.visits, margin.shape)
+            each = np.broadcast_to(model.visit_s(total_s / visits), margin.shape)
+            whole = np.broadcast_to(model.visit_s(total_s), margin.shape) if chosen else each
             own = np.broadcast_to(own_noise(cases.rates, problem.camera), lost.shape)[lost]
-            changed = budget.without_speckles(part), budget.without_background(part, own)
-            # Counting is a background, too: only without it are both problems of one kind.
-            together = [FrameProblem.stacked(changed)] if part.counting is None else changed
-            calm[lost], dark[lost] = np.reshape([budget.reached(one, visit, level) for one in together], (2, -1))
-        return cls(detected, chances, calm, dark, float(model.visit_s(budget.LONGEST_TIME_S)))
+            least = wanted.of_tails(programme, np.zeros_like(level))[0]
+            calm[lost] = budget.reached(budget.without_speckles(alone.at(lost)), whole[lost], least[lost])
+            dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
+            floor = np.broadcast_to(programme_floor(cases, _ENDLESS), level.shape)
+            common = calm & (floor <= least)
+            required = _required(cases, choice, noise, wanted, level, lost)
+        mode: DetectionMode = "known_place" if wanted.law is None or wanted.at_place else "blind"
+        return cls(mode, detected, chances, calm, common, dark, float(model.visit_s(budget.LONGEST_TIME_S)), required)
 
     def fields(self, status: Status, reason: Reason, most: _Most, index: tuple[int, ...]) -> dict[str, Any]:
         """Fields of one answer."""
         answered, detected = status is Status.OK, bool(self.detected[index])
         blind, known = (float(part[index]) for part in (self.chances.blind, self.chances.known_place))
-        calm, dark = self.calm[index], self.dark[index]
+        calm, common, dark = self.calm[index], self.common[index], self.dark[index]
         if not answered:
             calm, dark = (visit[index] <= self.longest_s for visit in (most.calm_visit_s, most.dark_visit_s))
+            common = reason is Reason.COMMON_SPECKLE_FLOOR
+        changes = {"without_speckles": bool(calm), "common": bool(common), "without_background": bool(dark)}
         return {
             "verdict": verdict_of(status, detected),
-            "verdict_mode": "known_place",
+            "verdict_mode": self.mode,
             "detection_probability": blind if answered and math.isfinite(blind) else None,
             "detection_probability_known_place": known if answered and math.isfinite(known) else None,
-            "limited_by": budget.limit_of(
-                status, reason, detected=detected, without_speckles=bool(calm), without_background=bool(dark)
-            ),
+            "limited_by": budget.limit_of(status, reason, detected=detected, **changes),
+        } | {
+            f"required_{name}": (int if name == "visits" else float)(part[index])
+            for name, part in self.required.items()
+            if answered and not detected and math.isfinite(part[index])
         }
+
+
+def _required(
+    cases: BandCases,
+    choice: FrameChoice,
+    noise: StackNoise,
+    wanted: Wanted,
+    level: FloatArray,
+    lost: NDArray[np.bool_],
+) -> dict[str, FloatArray]:
+    """Changes that would make planets detected, one at a time; ``inf`` where no value does."""
+    model, programme, required = cases.model, cases.programme, {}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        brighter = level / noise.significance
+        required["contrast_factor"] = np.where(brighter * cases.contrast <= 1.0, brighter, np.inf)
+    required["drift_factor"] = _calmer(cases, choice, noise, wanted)
+    required["visits"] = _more_visits(cases, choice, wanted)
+
+    def problem(made: Programme) -> FrameProblem:
+        return cases.problem("significance", programme=made)
+
+    every = Programmes(model, problem, lambda *case: wanted(*case)[..., 0, :, :])
+    visits = np.broadcast_to(programme.visits, level.shape)
+    required["time_s"] = visits * model.time_s(every.solved(visits)[0])
+    return {name: np.where(lost, value, np.inf) for name, value in required.items()}
+
+
+def _calmer(cases: BandCases, choice: FrameChoice, noise: StackNoise, wanted: Wanted) -> FloatArray:
+    """Largest factor on the drift with which the same frames detect the planet; ``inf`` where not even 0 does."""
+    model, programme, strategy = cases.model, cases.programme, cases.model.strategy
+    place, width = np.hypot(cases.x_arcsec, cases.y_arcsec), strategy.annulus_lambda_d
+    metrics, drift = model.metrics[cases.band], model.instrument.drift
+    laws = programme_parts(metrics, drift, place, width, strategy.reference_ratio, model.timing)
+    crossed, light = (programme.law(law).variance(choice.visit_s) for law in laws)
+    beating, shining = (law.averaging().law().variance(choice.visit_s) for law in laws)
+    speckle = noise.terms["speckle"]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        whole = speckle + noise.terms["common_speckle"]
+        lit = np.nan_to_num(whole * light / (crossed + light))
+        tailed = np.nan_to_num(speckle * shining / (beating + shining))
+
+    def reached(square: FloatArray) -> NDArray[np.bool_]:
+        quiet = noise.quiet - whole + square * (whole - lit) + square**2 * lit
+        with np.errstate(divide="ignore", invalid="ignore"):
+            tails = np.nan_to_num(square * np.sqrt(tailed / quiet))
+            return np.asarray(noise.signal_e / np.sqrt(quiet) >= wanted.of_tails(programme, tails)[0])
+
+    low, high = np.zeros((2, *noise.quiet.shape)) + np.array([0.0, 1.0])[:, None, None]
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        enough = reached(middle)
+        low, high = np.where(enough, middle, low), np.where(enough, high, middle)
+    return np.where(reached(np.zeros_like(low)) & (low > 0.0), np.sqrt(low), np.inf)
+
+
+def _more_visits(cases: BandCases, choice: FrameChoice, wanted: Wanted) -> FloatArray:
+    """Fewest visits of these frames that detect the planet, to 0.3 % beyond some 300; ``inf`` where no number does."""
+    model, camera = cases.model, cases.model.camera(cases.band)
+    wall_s, problem = model.time_s(choice.visit_s), cases.problem("significance")
+    frames = choice.exposure_s, choice.n_frames, choice.em_gain, camera, model.strategy
+
+    def enough(visits: FloatArray) -> NDArray[np.bool_]:
+        programme = Programme.of(model.strategy, visits, wall_s)
+        significance = stack_noise(cases.rates, *frames, programme).significance
+        with np.errstate(divide="ignore"):
+            inverse = significance**-2.0
+        return np.asarray(significance >= wanted(programme, problem, choice.visit_s, inverse) * (1.0 - _ROUNDING))
+
+    grid = np.unique(np.round(np.geomspace(1.0, _MOST_VISITS, _N_VISITS))).reshape(-1, 1, 1, 1)
+    reached = enough(grid)[:, 0]
+    first = np.argmax(reached, axis=0)
+    high, low = grid[first, 0, 0, 0], grid[np.maximum(first - 1, 0), 0, 0, 0]
+    share = np.linspace(0.0, 1.0, _N_VISITS)[:, None, None, None]
+    fine = np.ceil(low + share * (high - low))
+    first = np.argmax(enough(fine)[:, 0], axis=0)[None]
+    return np.where(reached.any(axis=0), np.take_along_axis(fine[:, 0], first, axis=0)[0], np.inf)

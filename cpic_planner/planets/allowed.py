@@ -78,12 +78,12 @@ class StarLimits:
             Where the known giants are; the shipped table by default.
         """
         listed = _listed()
-        rows = [listed.get(star_key(name), (name, np.nan)) for name in names]
-        star_mass = np.array([mass if np.isfinite(mass) else 1.0 for _, mass in rows])
+        own = [listed.get(star_key(name), (name, np.nan))[0] for name in names]
+        star_mass = np.nan_to_num(catalogue_masses_msun(names), nan=1.0)
         n, k = len(names), len(VELOCITY_AXES_AU)
         found = np.tile(np.array([_UNKNOWN_MJUP, 2.0 * _UNKNOWN_MJUP, 0.0])[:, None, None], (1, n, k))
         reach, (stable, around_both) = np.zeros(n), np.full((2, n), np.inf)
-        for i, (name, _) in enumerate(rows):
+        for i, name in enumerate(own):
             velocities = velocity_limit(name) if "rv" in exclusions else None
             if velocities is not None:
                 found[:, i] = velocities.m50_mjup, velocities.m90_mjup, velocities.ceiling
@@ -206,6 +206,12 @@ def excluded_by_rv(names: Sequence[str], semi_major_axis_au: ArrayLike, radius_r
     """
     limits, star = StarLimits.of(names, ("rv",)), np.arange(len(names))
     return limits.excluded_by_velocities(star, semi_major_axis_au, least_mass(radius_rjup))
+
+
+def catalogue_masses_msun(names: Sequence[str]) -> FloatArray:
+    """Masses of stars in the embedded catalogue, solar masses, shape ``(n,)``; nan where there is none."""
+    listed = _listed()
+    return np.array([listed.get(star_key(name), (name, np.nan))[1] for name in names], float)
 
 
 @functools.cache

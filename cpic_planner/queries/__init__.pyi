@@ -46,6 +46,8 @@ from cpic_planner.queries.runs import (
 )
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S as DEFAULT_TIME_S,
+    MAX_VISITS as MAX_VISITS,
+    FluxFilter as FluxFilter,
     ReferencePlanet as ReferencePlanet,
     Strategy as Strategy,
     default_instrument as default_instrument,

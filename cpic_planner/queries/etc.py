@@ -47,9 +47,16 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
         "Level: plain significance, of noise without the planet (the level that detection thresholds keep is "
         "another number: --threshold-sigma, strategy.sigma).",
     )
-    detect: bool = asked(False, "Level: a detection, by the small-sample threshold at that separation.")
+    detect: bool = asked(
+        False, "Level: a detection by half of such programmes, looked for as {search} says, at that separation."
+    )
     time_s: float | None = asked(
-        None, "Wall time of one visit, readouts and reference frames included.", unset=f"{shared.DEFAULT_TIME_S:g}"
+        None,
+        "Wall time of all visits, readouts, reference frames and overheads included.",
+        unset=f"{shared.DEFAULT_TIME_S:g}",
+    )
+    visit_time_s: float | None = asked(
+        None, "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}."
     )
     contrast_limit: bool = asked(False, "Ask for the faintest contrast that reaches the level in {time_s}.")
     separation_arcsec: Numbers | None = asked(
@@ -73,7 +80,9 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
         accepts="ReferencePlanet, mapping, or sequence of them",
     )
     exposure_s: float | None = asked(None, "Frame exposure, instead of the best.")
-    n_frames: int | None = asked(None, "Science frames of {exposure_s}; sets the time.", ge=1, option="--frames")
+    n_frames: int | None = asked(
+        None, "Science frames of {exposure_s} in a visit; sets its time.", ge=1, option="--frames"
+    )
     em_gain: float | None = asked(None, "EM gain, instead of the best.")
     exact: bool = asked(
         False, "Use all of the time, although the walk of the wavefront can make a shorter visit better."
@@ -105,7 +114,19 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
             for name in _LEVELS:
                 self.refuse_together((name, "time_s"), "one asks for a time, the other gives it")
                 self.refuse_together((name, "n_frames"), f"{called('n_frames')} sets the time that is asked for")
-        self.refuse_together(("time_s", "n_frames"), "both set the time")
+        for name in ("time_s", "visit_time_s"):
+            self.refuse_together((name, "n_frames"), "both set the time")
+        visits = self.strategy.visits
+        if visits is not None and self.visit_time_s is not None:
+            if self.asks_time:
+                allowed = (
+                    f"{called('visits')} or {called('visit_time_s')}: together they set the time that is asked for"
+                )
+                raise InputError("visit_time_s", self.visit_time_s, unit="s", allowed=allowed)
+            both_s = visits * self.visit_time_s
+            if self.time_s is not None and abs(both_s / self.time_s - 1.0) > 1e-9:
+                hint = f"{called('visits')} times {called('visit_time_s')} set it"
+                raise InputError("time_s", self.time_s, unit="s", allowed=f"{both_s:g}, or none", hint=hint)
         if self.n_frames is not None and self.exposure_s is None:
             raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
 
@@ -149,6 +170,8 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
     @property
     def wall_s(self) -> float:
         """The wall time that is given; of no meaning where it is asked for, or where frames set it."""
+        if self.time_s is None and self.strategy.visits is not None and self.visit_time_s is not None:
+            return self.strategy.visits * self.visit_time_s
         return shared.DEFAULT_TIME_S if self.time_s is None else self.time_s
 
     def hashed(self) -> dict[str, Any]:

@@ -191,17 +191,32 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
         unset="the mission's start",
     )
     time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
-        None, "Wall time per band, readouts and reference frames included.", unset="36000"
+        None, "Wall time of all visits per band, readouts, reference frames and overheads included.", unset="36000"
+    )
+    visit_time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
+        None, "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}."
     )
     exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = asked(None, "Exposure of one frame.")
     n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = asked(
-        None, "Science frames; needs {exposure_s}.", option="--frames"
+        None, "Science frames of a visit; needs {exposure_s}.", option="--frames"
     )
     em_gain: Annotated[float, Field(ge=1, le=1e4)] | None = asked(None, "Actual EM gain.", unset="the best one")
     audit: bool | None = asked(
         None, "Run one more realisation frame by frame, with every effect.", unset="with {fidelity} standard"
     )
     out: Path | None = asked(None, "Output folder.", unset="print only", physics=False)
+
+    @property
+    def visits(self) -> int:
+        """Science visits that are reduced together; one where the strategy does not say how many."""
+        return self.strategy.visits or 1
+
+    @property
+    def each_s(self) -> float:
+        """Wall time of a visit, s, where frames do not set it."""
+        if self.visit_time_s is not None:
+            return self.visit_time_s
+        return (shared.DEFAULT_TIME_S if self.time_s is None else self.time_s) / self.visits
 
     @classmethod
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
@@ -212,12 +227,18 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
 
     @model_validator(mode="after")
     def _frames(self) -> Self:
-        if self.time_s is not None and self.n_frames is not None:
-            allowed = f"without {called('time_s')}"
-            raise InputError("n_frames", self.n_frames, allowed=allowed, hint="the time sets their number")
+        for name in ("time_s", "visit_time_s"):
+            if getattr(self, name) is not None and self.n_frames is not None:
+                allowed = f"without {called(name)}"
+                raise InputError("n_frames", self.n_frames, allowed=allowed, hint="the time sets their number")
+        both_s = self.visits * (self.visit_time_s or 0.0)
+        if both_s and self.time_s is not None and abs(both_s / self.time_s - 1.0) > 1e-9:
+            hint = f"{called('visits')} times {called('visit_time_s')} set it"
+            raise InputError("time_s", self.time_s, unit="s", allowed=f"{both_s:g}, or none", hint=hint)
         if self.n_frames is not None and self.exposure_s is None:
             raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
-        if self.exposure_s is not None and self.n_frames is None and self.time_s is None:
+        timed = self.time_s is not None or self.visit_time_s is not None
+        if self.exposure_s is not None and self.n_frames is None and not timed:
             allowed = f"together with {called('n_frames')} or {called('time_s')}"
             raise InputError("exposure_s", self.exposure_s, unit="s", allowed=allowed)
         if self.force and self.out is None:

@@ -81,7 +81,13 @@ class RankedQuestion(shared.InstrumentQuestion, shared.CutsQuestion, CountedPlan
     """What a ranking of stars is asked."""
 
     time_s: float = asked(
-        shared.DEFAULT_TIME_S, "Wall time per target and band, readouts and reference frames included.", ge=1e-3, le=1e9
+        shared.DEFAULT_TIME_S,
+        "Wall time of all visits per target and band, readouts, reference frames and overheads included.",
+        ge=1e-3,
+        le=1e9,
+    )
+    visit_time_s: float | None = asked(
+        None, "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}."
     )
     seed: shared.Seed = asked(1, "Seed of every random number.")
     score: ScoreName = asked(DEFAULT_SCORE, "What the ranking is by.")

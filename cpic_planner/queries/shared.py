@@ -97,6 +97,10 @@ def _of_star(name: str, default: Any, text: str, low: float, high: float) -> Any
     return asked(default, text, ge=low, le=high, option=option, only_with=("library", "reference_star"))
 
 
+MAX_VISITS = 1000
+"""Most visits of a programme."""
+SearchMode = Literal["blind", "known_place"]
+FluxFilter = Literal["aperture", "matched", "mirror"]
 _OF_ROLL, _COUNTED = ("library", "roll"), ("mode", "photon_counting")
 
 
@@ -112,7 +116,20 @@ class ReferenceStar(FrozenModel):
 class Reduction(FrozenModel):
     """How images are reduced: what a simulated observation can honour of a `Strategy`."""
 
-    n_modes: int = asked(1, "Modes of the reference library that the subtraction projects out.", ge=0, le=1000)
+    n_modes: int = asked(
+        0, "Modes of the reference library that the subtraction projects out beside its mean.", ge=0, le=1000
+    )
+    choose_modes: bool = asked(
+        False,
+        "Take {n_modes} as the most: as many are projected out at each planet's place as pay by the references alone, "
+        "none where none do. A choice of the images; predictions are for {n_modes}.",
+    )
+    filter: FluxFilter = asked(
+        "aperture",
+        "How images measure a planet at its place: aperture sums; matched, weighing by the planet's image; or mirror, "
+        "aperture sums after what the opposite place explains is taken off, which takes for granted that wavefront "
+        "errors are of phase and no source stands there. Predictions are those of aperture sums.",
+    )
     reference_ratio: float = asked(
         1.0, "Reference frames per science frame; their time and noise are counted.", gt=0, le=1000
     )
@@ -134,16 +151,50 @@ class Reduction(FrozenModel):
     library: LibraryName = asked(DEFAULT_LIBRARY, "Where the reference frames of the subtraction come from.")
     reference_star: ReferenceStar | None = asked(None, "Star of the library of that name.")
     roll_deg: float = asked(30.0, "Angle between the two rolls of {library} roll.", gt=0, le=180, only_with=_OF_ROLL)
+    visits: int | None = asked(
+        None,
+        "Science visits that are reduced together, each with a wavefront of its own.",
+        ge=1,
+        le=MAX_VISITS,
+        unset="the best number where one is chosen, else 1",
+    )
+    reference_visits: int | None = asked(
+        None,
+        "Visits that the reference frames are spread over.",
+        ge=1,
+        le=100_000,
+        unset="as many as science visits; 100 of {library} archive",
+    )
+    visit_gap_h: float = asked(
+        0.0, "Time between the end of a visit and the start of the next, where offsets are correlated.", ge=0, le=1e5
+    )
+    reference_scheme: config.ReferenceScheme = asked(
+        "interleaved",
+        "When references are taken: in the next orbit at the same phase, in the second half of each orbit's window, "
+        "in halves whose order turns from visit to visit, or of another star a quarter of an orbit later.",
+    )
+    search: SearchMode = asked(
+        "blind",
+        "How the planets of a population are looked for: by a search that knows no place, or at a known place. Known "
+        "planets are looked for at theirs.",
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Reduction:
         self.reference_library.check(self, f"{called('library')} {self.library}")
+        if self.filter == "mirror" and len(self.rolls_deg) > 1:
+            hint = "rolls show the planet's negative at a second place, whose opposite is not free of it"
+            raise InputError("filter", self.filter, allowed=f"aperture or matched with {self.library}", hint=hint)
         return self
 
     @property
     def reference_library(self) -> Library:
         """What the package knows of the library."""
         return LIBRARIES[self.library]
+
+    def references_of(self, visits: int) -> int:
+        """Return the number of reference visits of a programme of so many science visits."""
+        return self.reference_library.reference_visits(self.reference_visits, visits)
 
     @property
     def rolls_deg(self) -> tuple[float, ...]:
@@ -152,25 +203,12 @@ class Reduction(FrozenModel):
 
 
 class Strategy(Reduction):
-    """How an observation is made and reduced.
+    """How an observation is made and reduced: the fields of `Reduction`, and how the camera counts.
+
+    Without ``visits`` the best number is chosen where one is asked for, and elsewhere there is one.
 
     Attributes
     ----------
-    n_modes : int
-        Modes of the reference library that RDI projects out.
-    reference_ratio : float
-        Reference frames per science frame (M/N); their time and noise are counted.
-    sigma : float
-        Detection level whose false-alarm probability a small-sample threshold keeps.
-    annulus_lambda_d : float
-        Half width of the annulus around the planet's separation whose apertures measure background and scatter:
-        the speckle residual changes too much across the hole for one value.
-    library : str
-        Name of the reference library, see `cpic_planner.registry.libraries`.
-    reference_star : ReferenceStar, optional
-        For the library of that name.
-    roll_deg : float
-        Angle between the two rolls of the library of that name.
     mode : {"analogue", "photon_counting"}
         Whether charge is measured or photons are counted.
     counting_sigma : float

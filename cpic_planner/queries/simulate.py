@@ -8,8 +8,8 @@ from pydantic import BeforeValidator
 from cpic_core import InputError
 from cpic_planner.queries.base import Parts
 from cpic_planner.queries.fields import asked
-from cpic_planner.queries.shared import Fidelity, RunQuestion, several
-from simulator.config import SequenceConfig, SequenceKind
+from cpic_planner.queries.shared import MAX_VISITS, Fidelity, Reduction, RunQuestion, several
+from simulator.config import ReferenceScheme, SequenceConfig, SequenceKind
 
 _CHANGES = ("frames", "seed", "fidelity", "tolerance", "switches", "start_utc")
 
@@ -58,6 +58,11 @@ class SwitchParts(Parts):
         return dict(base or {}) | dict.fromkeys(self.off or (), False)
 
 
+def _of_programme(name: str, *, unset: str, **settings: Any) -> Any:
+    """Declare a field that means what that of this name in a `Reduction` does, without a default of its own."""
+    return asked(None, Reduction.model_fields[name].description or "", unset=unset, **settings)
+
+
 class SimulateQuestion(RunQuestion):
     """Make Level-0 data with truth.
 
@@ -94,7 +99,30 @@ class SimulateQuestion(RunQuestion):
         None, "Place of the star relative to the centre of the mask.", unset="0,0", **_PAIR
     )
     role: Literal["science", "reference", "calibration"] | None = asked(
-        None, "Which visit: each has a wavefront of its own.", unset="science"
+        None, "Which visit: each has a wavefront of its own; {visits} has both.", unset="science"
+    )
+    visits: int | None = _of_programme("visits", unset="1", ge=1, le=MAX_VISITS)
+    reference_visits: int | None = _of_programme(
+        "reference_visits", unset="as many as science visits, none for a single one", ge=0, le=100_000
+    )
+    reference_ratio: float | None = asked(
+        None, "Reference frames of a programme per science frame.", unset="1", gt=0, le=1000
+    )
+    reference_scheme: ReferenceScheme | None = _of_programme("reference_scheme", unset="interleaved")
+    reference_scene: Any = asked(
+        None,
+        "What reference visits look at: a scene.",
+        command=str,
+        unset="the scene without its planets",
+        accepts="scene, mapping, str or Path",
+    )
+    reference_roll_deg: float | None = asked(None, "Roll of reference visits.", unset="{roll_deg}")
+    visit_gap_h: float | None = asked(
+        None,
+        "Least time between the end of a visit with its references and the begin of the next.",
+        unset="0",
+        ge=0,
+        le=1e5,
     )
     camera: Literal["VIS", "NIR"] | None = asked(None, "Camera of BIAS and DARK.", unset="VIS")
     level_e: float | None = asked(None, "Electrons of a pixel of FLAT, of the whole spot of LASER.")

@@ -7,15 +7,18 @@ from cpic_planner.ranking.known_completeness import (
     counted_planets as counted_planets,
 )
 from cpic_planner.ranking.optimiser import (
-    OptimalSetting as OptimalSetting,
     best_in_band as best_in_band,
     optimise as optimise,
     separation_grid as separation_grid,
 )
 from cpic_planner.ranking.order import (
+    planet_record as planet_record,
+    rank_targets as rank_targets,
+    timed_model as timed_model,
+)
+from cpic_planner.ranking.settings import (
+    OptimalSetting as OptimalSetting,
     detection_statuses as detection_statuses,
     limits_of as limits_of,
     no_frame_status as no_frame_status,
-    planet_record as planet_record,
-    rank_targets as rank_targets,
 )

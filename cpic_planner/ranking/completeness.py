@@ -1,5 +1,6 @@
 """How many planets of a population one observation of each star detects, of all and of those that may still exist."""
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -8,6 +9,8 @@ import numpy as np
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, check_finite, real_array
 from cpic_planner import etc
 from cpic_planner.planets import Planets, StarLimits
+from cpic_planner.ranking.programmes import programme_of
+from cpic_planner.results import DetectionMode
 from cpic_planner.targets import Targets
 from simulator.imaging import HoleZone
 from simulator.target import albedo_notes, albedo_source, needs_insolation, sky_to_detector
@@ -16,6 +19,9 @@ from simulator.target import albedo_notes, albedo_source, needs_insolation, sky_
 _PLACED = 1_000_000
 _OBSERVED = 50_000
 _PLANETS = 20_000
+_N_ELEMENTS = 8000
+_FAINTEST = 0.25
+"""Significance over threshold below which no planet counts: the law of detections gives it next to nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,36 +31,60 @@ class BandCompleteness:
     Attributes
     ----------
     band : str
+    search : {"blind", "known_place"}
+        How these planets are looked for, which says which of the two completenesses counts.
     n_planets : int
         Planets drawn, the same for every star.
-    completeness : ndarray
-        Fraction that the one observation detects and that nothing known excludes: the mean of the probability that a
-        detected planet may still exist.
-    completeness_unconditional : ndarray
+    completeness, completeness_known_place : ndarray
+        Fraction that the one observation detects and that nothing known excludes, by a search that does not know where
+        planets stand and by one that does: the mean, over the planets, of the probability of a detection times that of
+        being there still.
+    completeness_unconditional, completeness_known_place_unconditional : ndarray
         Fraction detected by the one observation, whatever is known.
     standard_error : ndarray
-        Of ``completeness``, by the number of planets drawn: binomial where nothing is known; 0 where none or all are
-        detected, and then below 3 / n with 95 %.
+        Of `counted`, by the number of planets drawn; 0 where none or all are detected, and then below 3 / n with 95 %.
     in_zone : ndarray
         Fraction that stands in the dark quadrants.
     observable : ndarray
         Fraction whose whole aperture lies there: no observation detects more.
     expected_planets, expected_planets_unconditional : ndarray or None
-        Both times the population's planets per star, if it has an occurrence rate.
+        The completeness that counts times the population's planets per star, if it has an occurrence rate.
     flags : tuple of str
         What was clamped or extrapolated for some planet, and a dark hole that is not as dark as asked.
     """
 
     band: str
+    search: DetectionMode
     n_planets: int
     completeness: FloatArray
+    completeness_known_place: FloatArray
     completeness_unconditional: FloatArray
+    completeness_known_place_unconditional: FloatArray
     standard_error: FloatArray
     in_zone: FloatArray
     observable: FloatArray
     expected_planets: FloatArray | None
     expected_planets_unconditional: FloatArray | None
     flags: tuple[str, ...]
+
+    @property
+    def counted(self) -> FloatArray:
+        """Completeness of the search that these planets are looked for by."""
+        return self.completeness if self.search == "blind" else self.completeness_known_place
+
+
+@dataclass(frozen=True, eq=False)
+class _Setting:
+    """Frames of one visit and visits of each star: arrays ``(n,)``, or ``(n, 1)`` of those that are looked at."""
+
+    exposure_s: FloatArray
+    n_frames: FloatArray
+    em_gain: FloatArray
+    visits: FloatArray
+
+    def of(self, stars: IntArray) -> "_Setting":
+        """Those of some stars, beside arrays of stars and planets."""
+        return _Setting(*(value[stars][:, None] for value in vars(self).values()))
 
 
 def completeness(
@@ -66,7 +96,9 @@ def completeness(
     exposure_s: ArrayLike,
     n_frames: ArrayLike,
     em_gain: ArrayLike,
+    visits: ArrayLike = 1.0,
     limits: StarLimits | None = None,
+    search: DetectionMode | None = None,
 ) -> BandCompleteness:
     """Fraction of a population that one observation of each star detects.
 
@@ -79,10 +111,14 @@ def completeness(
     planets : Planets
         The same planets at every star: stars are then told apart by what they are, not by the luck of the draw.
     exposure_s, n_frames, em_gain : array_like
-        Setting of each star, one number or shape ``(n,)``. No frames detect nothing, and their other numbers do not
-        matter. Where photons are counted all stars have one gain.
+        Setting of each star, one number or shape ``(n,)``; frames of one visit. No frames detect nothing, and their
+        other numbers do not matter. Where photons are counted all stars have one gain.
+    visits : array_like
+        Visits of the observation of each star, likewise, at least 1; the strategy says how many references they have.
     limits : StarLimits, optional
         What is known of the ``n`` stars; without it every planet may exist.
+    search : {"blind", "known_place"}, optional
+        Which completeness counts, that of the model's strategy by default.
 
     Returns
     -------
@@ -95,30 +131,39 @@ def completeness(
 
     Notes
     -----
-    A planet is detected if its whole photometric aperture lies in the dark zone at roll 0 and its significance reaches
-    the small-sample threshold of its separation, which is undefined below three resolution elements. Core throughput,
-    halo and contrast are its own. The setting is not changed for it: one bright enough to saturate counts as detected.
+    A planet can be detected if its whole photometric aperture lies in the dark zone at roll 0 and the small-sample
+    threshold of its separation is defined, which it is not below three resolution elements. Its significance over that
+    threshold then gives the probability of a detection, by the law that images follow
+    (`cpic_planner.etc.visit_chances`); where no law was measured, a planet that reaches the threshold counts whole.
+    Core throughput, halo and contrast are its own. The setting is not changed for it: one bright enough to saturate
+    counts as detected.
     """
     if band not in model.metrics:
         raise InputError("band", band, allowed=", ".join(model.bands))
-    settings = _settings(model, len(targets), exposure_s, n_frames, em_gain)
-    counts = _Counts(model, targets, band, planets, settings, limits)
+    exposure, frames, gain = _settings(model, len(targets), exposure_s, n_frames, em_gain)
+    setting = _Setting(exposure, frames, gain, _one_each("visits", visits, len(targets)))
+    counts = _Counts(model, targets, band, planets, setting, limits)
     for part in _slices(len(planets), _PLANETS):
         counts.add(part)
     n = len(planets)
-    detected, in_zone, observable = counts.found / n
-    allowed, squared = counts.allowed / n
+    in_zone, observable = counts.found / n
+    detected, allowed, squared = counts.detected / n
+    own = model.strategy.search if search is None else search
+    mine = int(own == "known_place")
     occurrence = planets.planets_per_star
     return BandCompleteness(
         band=band,
+        search=own,
         n_planets=n,
-        completeness=allowed,
-        completeness_unconditional=detected,
-        standard_error=np.sqrt(np.maximum(squared - allowed**2, 0.0) / n),
+        completeness=allowed[0],
+        completeness_known_place=allowed[1],
+        completeness_unconditional=detected[0],
+        completeness_known_place_unconditional=detected[1],
+        standard_error=np.sqrt(np.maximum(squared[mine] - allowed[mine] ** 2, 0.0) / n),
         in_zone=in_zone,
         observable=observable,
-        expected_planets=None if occurrence is None else occurrence * allowed,
-        expected_planets_unconditional=None if occurrence is None else occurrence * detected,
+        expected_planets=None if occurrence is None else occurrence * allowed[mine],
+        expected_planets_unconditional=None if occurrence is None else occurrence * detected[mine],
         flags=_notes(model, band, planets, counts.insolation) + etc.hole_notes(model, band),
     )
 
@@ -126,8 +171,8 @@ def completeness(
 class _Counts:
     """Numbers of planets around each star, and the range of insolation of those that follow it.
 
-    The rows of ``found`` are planets detected, in the zone, and observable; those of ``allowed`` the sums, over the
-    detected ones, of the probability that they may exist, and of its square.
+    The rows of ``found`` are planets in the zone, and observable; ``detected`` are sums over the planets, blind and at
+    their place: of the probability of a detection, of that times the one that they may exist, and of its square.
     """
 
     def __init__(
@@ -136,17 +181,17 @@ class _Counts:
         targets: Targets,
         band: str,
         planets: Planets,
-        settings: tuple[FloatArray, ...],
+        setting: _Setting,
         limits: StarLimits | None,
     ) -> None:
         self.model = model
         self.targets = targets
         self.band = band
         self.planets = planets
-        self.settings = settings
+        self.setting = setting
         self.limits = limits
-        self.found = np.zeros((3, len(targets)), np.int64)
-        self.allowed = np.zeros((2, len(targets)))
+        self.found = np.zeros((2, len(targets)), np.int64)
+        self.detected = np.zeros((3, 2, len(targets)))
         self.insolation = [np.inf, -np.inf]
 
     def add(self, part: slice) -> None:
@@ -164,11 +209,11 @@ class _Counts:
         scale = self.planets.scale(self.targets.luminosity_lsun[rows])
         arcsec_au = (scale / self.targets.distance_pc[rows])[:, None]
         x, y = arcsec_au * x_au, arcsec_au * y_au
-        self.found[1, rows] += np.count_nonzero(inside_zone(zone, x, y, 0.0), axis=1)
+        self.found[0, rows] += np.count_nonzero(inside_zone(zone, x, y, 0.0), axis=1)
         usable = inside_zone(zone, x, y, radius)
         numbers = np.count_nonzero(usable, axis=1)
-        self.found[2, rows] += numbers
-        observed = np.flatnonzero((numbers > 0) & (self.settings[1][rows] > 0.0))
+        self.found[1, rows] += numbers
+        observed = np.flatnonzero((numbers > 0) & (self.setting.n_frames[rows] > 0.0))
         # Stars with about as many planets in the zone go together: little of a rectangle of pairs is then idle.
         observed = observed[np.argsort(numbers[observed], kind="stable")]
         for block in _blocks(numbers[observed]):
@@ -178,22 +223,25 @@ class _Counts:
             here = (stars[:, None], pick)
             chosen = self.targets.select(stars + rows.start)
             contrast = self._contrast(chosen, pick + part.start, scale[stars], usable[here])
-            setting = [value[rows][stars][:, None] for value in self.settings]
-            detected = _detected(model, chosen, band, x[here], y[here], contrast, setting) & usable[here]
-            numbers_of = stars + rows.start
-            self.found[0, numbers_of] += np.count_nonzero(detected, axis=1)
-            self.allowed[:, numbers_of] += self._allowed(numbers_of, pick + part.start, scale[stars], detected)
+            which = stars + rows.start
+            shown = np.nonzero(usable[here])
+            places = x[here], y[here], contrast
+            chance = _chances(model, chosen, band, places, shown, self.setting.of(which))
+            self._count(which, shown[0], pick[shown] + part.start, scale[stars], chance)
 
-    def _allowed(self, stars: IntArray, pick: IntArray, scale: FloatArray, detected: BoolArray) -> FloatArray:
-        """Sums over the detected planets of each star of the probability that they may exist, and of its square."""
-        if self.limits is None:
-            return np.broadcast_to(np.count_nonzero(detected, axis=1), (2, len(stars))).astype(float)
-        rows, _ = np.nonzero(detected)
-        which, planets = pick[detected], self.planets
-        axis = planets.semi_major_axis_au[which] * scale[rows]
-        tilt = planets.inclination_deg[which]
-        chance = self.limits.allowed_probability(stars[rows], axis, planets.mass_mjup[which], tilt)
-        return np.stack([np.bincount(rows, value, len(stars)) for value in (chance, chance**2)])
+    def _count(self, stars: IntArray, row: IntArray, planet: IntArray, scale: FloatArray, chance: FloatArray) -> None:
+        """Add the planets of some stars, blind and at their place: chances of shape ``(2, k)``, with row and planet."""
+        seen = np.flatnonzero(chance.max(axis=0) > 0.0)
+        row, planet, chance = row[seen], planet[seen], chance[:, seen]
+        there = chance
+        if self.limits is not None:
+            planets = self.planets
+            axis = planets.semi_major_axis_au[planet] * scale[row]
+            mass, tilt = planets.mass_mjup[planet], planets.inclination_deg[planet]
+            there = chance * self.limits.allowed_probability(stars[row], axis, mass, tilt)
+        for k, values in enumerate((chance, there, there**2)):
+            for mode, value in enumerate(values):
+                self.detected[k, mode, stars] += np.bincount(row, value, len(stars))
 
     def _contrast(self, targets: Targets, pick: IntArray, scale: FloatArray, usable: BoolArray) -> FloatArray:
         """Contrast of the picked planets of each star, shape ``(n, k)``; the range of their insolation is noted."""
@@ -208,35 +256,51 @@ class _Counts:
         return etc.mixture_contrast(self.model, targets, self.band, planets.albedos, kind, radius, distance, phase)
 
 
-def _detected(
+def _chances(
     model: etc.EtcModel,
     targets: Targets,
     band: str,
-    x_arcsec: FloatArray,
-    y_arcsec: FloatArray,
-    contrast: FloatArray,
-    setting: list[FloatArray],
-) -> BoolArray:
-    """Whether planets reach the threshold of their separation."""
-    rates = etc.aperture_rates(model, targets, band, x_arcsec, y_arcsec, contrast)
-    significance = _significance(model, rates, band, setting)
-    # The threshold lies above sigma for any number of elements, and it is what takes longest here.
-    sigma = model.strategy.sigma
-    hopeful = significance >= sigma
-    elements = model.metrics[band].resolution_elements(np.hypot(x_arcsec[hopeful], y_arcsec[hopeful]))
-    hopeful[hopeful] = significance[hopeful] >= etc.threshold_array(elements, sigma)
-    return hopeful
+    places: tuple[FloatArray, ...],
+    shown: tuple[IntArray, ...],
+    setting: _Setting,
+) -> FloatArray:
+    """Probabilities that planets are detected, blind and at their place, of offsets x and y, and contrasts.
+
+    The planets of every star fill the first columns of a rectangle: ``shown`` are those that count, and the result has
+    the shape ``(2, k)`` of them.
+    """
+    x, y, contrast = places
+    camera, strategy = model.camera(band), model.strategy
+    rates = etc.aperture_rates(model, targets, band, x, y, contrast)
+    frames = setting.exposure_s, setting.n_frames, setting.em_gain
+    visit_s = setting.n_frames * (setting.exposure_s + camera.readout_s)
+    programme = programme_of(model, setting.visits, visit_s)
+    noise = etc.stack_noise(rates, *frames, camera, strategy, programme=programme)
+    chance = np.zeros((2, len(shown[0])))
+    # A threshold lies above its level, and the law is what takes longest here.
+    hopeful = np.flatnonzero(noise.significance[shown] >= _FAINTEST * strategy.sigma)
+    here = shown[0][hopeful], shown[1][hopeful]
+    separation = np.hypot(x[here], y[here])
+    elements = model.metrics[band].resolution_elements(separation)
+    defined = elements >= etc.MIN_ELEMENTS
+    margin = defined * noise.significance[here] / np.exp(np.interp(elements, *_thresholds(strategy.sigma)))
+    signal, quiet, white, snr, significance = (
+        getattr(noise, name)[here] for name in ("signal_e", "quiet", "white", "snr", "significance")
+    )
+    seen = etc.StackNoise(signal, quiet, white, snr, significance, lambda: {"speckle": noise.terms["speckle"][here]})
+    effective = etc.effective_of(programme, rates.speckle)
+    visits, visit_s = (np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s))
+    found = etc.visit_chances(model, band, separation, visit_s, seen, margin, visits)
+    for mode, part in enumerate((found.blind, found.known_place)):
+        chance[mode, hopeful] = np.where(np.isnan(part), margin >= 1.0, part) * (margin > _FAINTEST)
+    return chance
 
 
-def _significance(model: etc.EtcModel, rates: etc.ApertureRates, band: str, setting: list[FloatArray]) -> FloatArray:
-    """Signal over noise without the planet's own, of charge measured or photons counted."""
-    strategy, camera = model.strategy, model.camera(band)
-    exposure_s, n_frames, em_gain = setting
-    if strategy.mode == "analogue":
-        return etc.stack_noise(rates, exposure_s, n_frames, em_gain, camera, strategy).significance
-    problem = etc.frame_problem(rates, camera, strategy, objective="significance", em_gain=float(em_gain.flat[0]))
-    with np.errstate(divide="ignore"):
-        return np.asarray(1.0 / np.sqrt(problem.inverse_snr2(exposure_s, n_frames)))
+@functools.lru_cache(maxsize=8)
+def _thresholds(sigma: float) -> tuple[FloatArray, FloatArray]:
+    """Numbers of resolution elements, and logarithms of the thresholds of that level: to 10^-6 between them."""
+    elements = etc.MIN_ELEMENTS - 1.0 + np.geomspace(1.0, 1e5, _N_ELEMENTS)
+    return elements, np.log(etc.threshold_array(elements, sigma))
 
 
 def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:

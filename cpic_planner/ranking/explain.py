@@ -1,6 +1,7 @@
 """Why a star stands where it stands in the ranking."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,9 +10,10 @@ from cpic_planner import etc
 from cpic_planner.planets import Planets, PopulationChoice, StarLimits
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking.known_completeness import counted_completeness
-from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band
-from cpic_planner.ranking.order import RankSetting, detection_statuses, limits_of, rank_targets, setting_fields
+from cpic_planner.ranking.optimiser import best_in_band
+from cpic_planner.ranking.order import RankSetting, rank_targets
 from cpic_planner.ranking.sensitivity import ASSUMPTIONS, N_TOP, in_order, in_turn, near_top
+from cpic_planner.ranking.settings import OptimalSetting, detection_statuses, limits_of, setting_fields
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.results import BandStanding, Explanation, RankedTarget
 from cpic_planner.targets import Targets
@@ -96,9 +98,9 @@ def _standing(
     best = best_in_band(model, star, band, setting.time_s, planet)
     counted = counted_completeness(model, star, band, planets, best, limits)
     standing = detection_statuses(best, model)[0]
-    cases = etc.band_cases(
-        model, star, band, etc.planets_of(float(best.separation_arcsec[0]), planet), etc.FixedFrames()
-    )
+    own = replace(model, strategy=model.strategy.model_copy(update={"visits": int(best.visits[0])}))
+    place = etc.planets_of(float(best.separation_arcsec[0]), planet)
+    cases = etc.band_cases(own, star, band, place, etc.FixedFrames())
     choice = _choice(model, best)
     noise = cases.noise(choice)
     possible = best.n_frames[0] >= 1
@@ -107,7 +109,7 @@ def _standing(
         best,
         counted,
         at=0,
-        **setting_fields(best, 0, standing, limits_of([standing], best)[0]),
+        **setting_fields(model, best, 0, standing, limits_of([standing], best)[0]),
         floor_margin=min(float(best.floor_margin[0]), 1e300),
         exposure_limited_by=binding.exposure if possible else "",
         gain_limited_by=binding.gain if possible else "",
@@ -124,7 +126,7 @@ def _standing(
 
 def _choice(model: etc.EtcModel, best: OptimalSetting) -> etc.FrameChoice:
     """The frames of a best setting, as the solver gives them."""
-    exposure, frames, gain = (column[:, None] for column in (best.exposure_s, best.n_frames, best.em_gain))
+    exposure, frames, gain = (column[:, None] for column in (best.exposure_s, best.frames_per_visit, best.em_gain))
     visit = frames * (exposure + model.camera(str(best.band[0])).readout_s)
     with np.errstate(divide="ignore"):
         return etc.FrameChoice(exposure, frames, gain, visit, 1.0 / best.significance[:, None] ** 2)
@@ -140,7 +142,7 @@ def _sentences(
     words.append(
         f"At {star.distance_pc:.2f} pc, {geometry.in_zone:.1%} of the population lie in the dark quadrants of "
         f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and "
-        f"{star.completeness_unconditional:.1%} are detected by one observation."
+        f"{star.completeness_unconditional:.1%} are detected by one observation that looks for them blind."
     )
     if star.completeness != star.completeness_unconditional:
         words.append(
@@ -149,12 +151,14 @@ def _sentences(
         )
     verdict = {
         "ok": "is detected",
-        "speckle_floor": "is not detected by any length of visit",
+        "speckle_floor": "is not detected by so many visits of any length",
+        "common_speckle_floor": "is not detected by any number of visits",
         "insufficient_time": "is not detected in this time",
     }.get(star.reason or star.status, "cannot be observed")
     words.append(
         f"The reference planet at {star.separation_arcsec:.3f} arcsec has a contrast of {star.contrast:.2g} in "
-        f"{star.band} and {verdict}: significance {star.significance:.2f}, threshold {star.threshold:.2f}."
+        f"{star.band} and {verdict} ({'blind' if star.verdict_mode == 'blind' else 'at its known place'}): "
+        f"significance {star.significance:.2f}, threshold {star.threshold:.2f}."
     )
     if chosen.dominant:
         total = sum(chosen.budget.values())
@@ -166,6 +170,8 @@ def _sentences(
         words.append(
             f"What helps most: {best.replace('_', ' ')} would multiply the SNR by {chosen.remedies[best]:.2f}."
         )
+    if star.visits is not None and star.visit_time_s is not None:
+        words.append(f"Observed in {star.visits} visits of {star.visit_time_s / 3600:.2g} h, reduced together.")
     if ranks:
         low, high = min(ranks.values()), max(ranks.values())
         words.append(f"Under the other assumptions it stands between rank {low} and rank {high}.")

@@ -14,7 +14,7 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.planets import Planets, PopulationChoice, StarLimits, draw_known, known_uniforms, planets_of
 from cpic_planner.queries import RankedQuestion, ReferencePlanet
 from cpic_planner.ranking.completeness import BandCompleteness, completeness
-from cpic_planner.ranking.optimiser import OptimalSetting
+from cpic_planner.ranking.settings import OptimalSetting
 from cpic_planner.results import KNOWN_PLANETS, PopulationRecord
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, Instrument, checked_utc
@@ -175,12 +175,13 @@ def known_completeness(
     exposure_s: ArrayLike,
     n_frames: ArrayLike,
     em_gain: ArrayLike,
+    visits: ArrayLike = 1.0,
 ) -> BandCompleteness:
     """Probability that one observation of each star detects at least one of its known planets.
 
     Parameters
     ----------
-    model, targets, band, exposure_s, n_frames, em_gain
+    model, targets, band, exposure_s, n_frames, em_gain, visits
         As of `cpic_planner.ranking.completeness.completeness`.
     known : KnownSample
         Of the same stars.
@@ -188,30 +189,36 @@ def known_completeness(
     Returns
     -------
     BandCompleteness
-        ``completeness``, ``in_zone`` and ``observable`` are probabilities of at least one planet, those of a star's
-        planets taken as independent; ``expected_planets`` is their sum. What velocities exclude does not count:
-        these planets are known.
+        Completenesses, ``in_zone`` and ``observable`` are probabilities of at least one planet, those of a star's
+        planets taken as independent; ``expected_planets`` is the sum of those at their places, where known planets are
+        looked for. What velocities exclude does not count: these planets are known.
     """
-    asked = {"exposure_s": exposure_s, "n_frames": n_frames, "em_gain": em_gain}
+    asked = {"exposure_s": exposure_s, "n_frames": n_frames, "em_gain": em_gain, "visits": visits}
     settings = {name: np.broadcast_to(np.asarray(value, float), (len(targets),)) for name, value in asked.items()}
-    missed, (expected, variance) = np.ones((3, len(targets))), np.zeros((2, len(targets)))
+    missed, (expected, variance) = np.ones((4, len(targets))), np.zeros((2, len(targets)))
     flags: dict[str, None] = {}
     for i, bodies in enumerate(known.planets):
         star = targets.select([i])
-        shares = []
+        shares, scatter = [], []
         for body in bodies:
-            one = completeness(model, star, band, body, **{name: values[i] for name, values in settings.items()})
-            missed[:, i] *= 1.0 - np.array([one.completeness[0], one.in_zone[0], one.observable[0]])
-            shares.append(float(one.completeness[0]))
+            own = {name: values[i] for name, values in settings.items()}
+            one = completeness(model, star, band, body, **own, search="known_place")
+            seen = one.completeness[0], one.completeness_known_place[0], one.in_zone[0], one.observable[0]
+            missed[:, i] *= 1.0 - np.array(seen)
+            shares.append(float(one.counted[0]))
+            scatter.append(float(one.standard_error[0]))
             flags |= dict.fromkeys(one.flags)
         expected[i] = sum(shares)
-        variance[i] = _variance(shares, known.n_draws)
-    seen, in_zone, observable = 1.0 - missed
+        variance[i] = _variance(shares, scatter)
+    blind, placed, in_zone, observable = 1.0 - missed
     return BandCompleteness(
         band=band,
+        search="known_place",
         n_planets=known.n_draws,
-        completeness=seen,
-        completeness_unconditional=seen,
+        completeness=blind,
+        completeness_known_place=placed,
+        completeness_unconditional=blind,
+        completeness_known_place_unconditional=placed,
         standard_error=np.sqrt(variance),
         in_zone=in_zone,
         observable=observable,
@@ -239,16 +246,17 @@ def counted_completeness(
     setting : OptimalSetting
         How each star is observed in that band.
     """
-    taken = {name: getattr(setting, name) for name in ("exposure_s", "n_frames", "em_gain")}
+    taken = {name: getattr(setting, name) for name in ("exposure_s", "em_gain", "visits")}
+    frames = setting.frames_per_visit
     if isinstance(planets, KnownSample):
-        return known_completeness(model, targets, band, planets, **taken)
-    return completeness(model, targets, band, planets, limits=limits, **taken)
+        return known_completeness(model, targets, band, planets, n_frames=frames, **taken)
+    return completeness(model, targets, band, planets, n_frames=frames, limits=limits, **taken)
 
 
-def _variance(shares: Sequence[float], n_draws: int) -> float:
-    """Variance of ``1 - prod(1 - p)`` where each p is a share of ``n`` draws."""
+def _variance(shares: Sequence[float], errors: Sequence[float]) -> float:
+    """Variance of ``1 - prod(1 - p)`` where each p has a standard error."""
     total = 0.0
-    for k, share in enumerate(shares):
+    for k, error in enumerate(errors):
         others = np.prod([1.0 - other for j, other in enumerate(shares) if j != k])
-        total += share * (1.0 - share) / n_draws * float(others) ** 2
+        total += error**2 * float(others) ** 2
     return total

@@ -1,70 +1,28 @@
-"""Choice of band, separation, frame exposure, number of frames and EM gain for each target."""
+"""Choice of band, separation, visits, frame exposure, number of frames and EM gain for each target."""
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Reason, Status
 from cpic_planner import etc
-from cpic_planner.queries import ReferencePlanet
+from cpic_planner.etc import detection
+from cpic_planner.queries import MAX_VISITS, ReferencePlanet
+from cpic_planner.ranking.programmes import Outlook, nearby, programme_of
+from cpic_planner.ranking.settings import OptimalSetting, best_of
 from cpic_planner.targets import Targets
 from simulator.imaging import PsfMetrics
 from simulator.target import albedo_source
 
 N_SEPARATIONS = 41
-_ENDLESS_S = np.asarray(1e12)
-_Change = Callable[[etc.FrameProblem, FloatArray], etc.FrameProblem]
-_CHANGES = ("without_speckles", "without_background")
 _SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
+_ROUNDING = 1e-9
+_ROUNDS = 40
 STRIDE = 5
 MIN_BACKGROUND_APERTURES = 25.0
 """Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
-
-
-@dataclass(frozen=True)
-class OptimalSetting:
-    """Best setting of each target; arrays of ``n`` stars.
-
-    ``margin`` is significance over the detection threshold at the chosen separation; at ``needed_margin`` half of the
-    visits detect the planet there, and ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection
-    (NaN where no law was measured). ``floor_margin`` is what no length of visit can pass, at any separation (with the
-    noise of light where that decides). ``without_speckles`` and ``without_background`` say whether the planet would be
-    detected in the given time under the changes of `cpic_planner.etc.budget`; False where no time was given.
-    ``contrast_limit`` is the faintest contrast that this observation detects at the chosen separation,
-    ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame saturates or the time is
-    too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band, ``outside`` why a given
-    separation has no answer (empty: it is in the zone).
-    """
-
-    band: NDArray[np.str_]
-    separation_arcsec: FloatArray
-    contrast: FloatArray
-    exposure_s: FloatArray
-    n_frames: FloatArray
-    em_gain: FloatArray
-    time_s: FloatArray
-    snr: FloatArray
-    significance: FloatArray
-    threshold: FloatArray
-    margin: FloatArray
-    floor_margin: FloatArray
-    needed_margin: FloatArray
-    chance_blind: FloatArray
-    chance_known_place: FloatArray
-    without_speckles: BoolArray
-    without_background: BoolArray
-    contrast_limit: FloatArray
-    deepest_limit: FloatArray
-    deepest_separation_arcsec: FloatArray
-    longest_exposure_s: FloatArray
-    peak_columns_e_s: FloatArray
-    peak_hole_e_s: FloatArray
-    tail_e_s: FloatArray
-    core_throughput: FloatArray
-    extrapolated: BoolArray
-    outside: NDArray[np.str_]
 
 
 def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
@@ -130,10 +88,11 @@ def optimise(
 
     Notes
     -----
-    The separation maximises significance over the threshold that holds there (or SNR), not bare significance: towards
-    the corner of the zone the number of resolution elements falls below three and no detection could be claimed.
-    Less than ``time_s`` is used where the wavefront's walk makes a longer visit worse. A band in which the albedo is
-    extrapolated wins only where no other has an answer.
+    The separation maximises significance over the level of a detection that holds there (or SNR), not bare
+    significance: towards the corner of the zone the number of resolution elements falls below three and no detection
+    could be claimed. The number of visits is that of the strategy or, without, the best one up to 1000: each has an
+    overhead and a wavefront of its own. Less than ``time_s`` is used where the wavefront's walk makes longer visits
+    worse. A band in which the albedo is extrapolated wins only where no other has an answer.
     """
     given = {"time_s": time_s, "snr": snr, "detect": detect or None}
     goals = [name for name, value in given.items() if value is not None]
@@ -159,11 +118,14 @@ def best_in_band(
     planet: ReferencePlanet,
     separation_arcsec: float | None = None,
 ) -> OptimalSetting:
-    """Best separation, length of visit and settings of each target in one band within a time; see `optimise`."""
-    visit = model.visit_s(time_s)
+    """Best separation, visits and settings of each target in one band within a time; see `optimise`."""
     search = _Search(model, targets, band, planet, separation_arcsec)
-    chosen = search.lowest(lambda places: places.cost(places.problem("significance"), visit))
-    return search.best(chosen, etc.best_in_visit(chosen.problem("significance"), visit), visit)
+    # The best place depends on the number of visits: both are chosen together.
+    chosen, endless = search.lowest(lambda outlook: outlook.finely_in_time(time_s)[0])
+    visits, visit = chosen.outlook().finely_in_time(time_s)[1:]
+    programme = programme_of(model, visits, visit)
+    choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
+    return search.best(chosen, choice, programme, endless, time_s)
 
 
 def _least_in_band(
@@ -175,14 +137,52 @@ def _least_in_band(
     separation_arcsec: float | None = None,
 ) -> OptimalSetting:
     """Least time of each target in one band, for an SNR or a detection."""
-    objective: etc.Objective = "significance" if snr is None else "snr"
+    search = _Search(model, targets, band, planet, separation_arcsec, snr)
+    chosen, endless = search.lowest(lambda outlook: outlook.for_level()[0])
+    outlook = chosen.outlook(snr)
+    visits, visit = outlook.for_level()[1:]
+    if model.strategy.visits is None:
+        visits, visit = outlook.for_level(nearby(visits))[1:]
+    programme, choice = _least_frames(chosen, visits, visit, snr)
+    if model.strategy.visits is None:
+        # Where visits are of few frames, those of one visit alone can be quicker.
+        alone, single = _least_frames(chosen, np.ones_like(visits), visit, snr)
+        time_s, single_s = (
+            np.where(item.n_frames > 0, of.visits * model.time_s(item.visit_s), np.inf)
+            for of, item in ((programme, choice), (alone, single))
+        )
+        better = single_s < time_s
+        programme, choice = alone.where(better, programme), single.where(better, choice)
+    return search.best(chosen, choice, programme, endless)
 
-    def level(places: _Places) -> FloatArray:
-        return places.threshold if snr is None else np.full(places.contrast.shape, snr)
 
-    search = _Search(model, targets, band, planet, separation_arcsec)
-    chosen = search.lowest(lambda places: etc.smooth_least_visit_s(places.problem(objective), level(places)))
-    return search.best(chosen, etc.least_time(chosen.problem(objective), level(chosen)))
+def _least_frames(
+    chosen: "_Places", visits: FloatArray, visit_s: FloatArray, snr: float | None
+) -> tuple[etc.Programme, etc.FrameChoice]:
+    """Least frames of so many visits for an SNR, or a detection; ``visit_s`` is about the length of the visits.
+
+    The level of a detection grows with the share of the errors' light in the frames: it is reached from below, so that
+    the first answer is the least.
+    """
+    spaced_s = np.where(np.isfinite(visit_s), visit_s, 1.0)
+    programme = programme_of(chosen.model, visits, spaced_s)
+    problem = chosen.problem("significance" if snr is None else "snr", programme)
+    if snr is not None:
+        return programme, etc.least_time(problem, np.full(visits.shape, snr))
+    model, band = chosen.model, chosen.band
+    inward, visits = chosen.inward, etc.effective_of(programme, chosen.rates.speckle)
+    least = etc.needed_margin(model, band, np.zeros(chosen.threshold.shape), inward, visits)
+    choice = etc.least_time(problem, np.where(np.isfinite(visit_s), least * chosen.threshold, np.inf))
+    for _ in range(_ROUNDS):
+        level = chosen.needed(choice, programme) * chosen.threshold
+        with np.errstate(divide="ignore"):
+            short = (choice.n_frames > 0) & (np.sqrt(choice.inverse_snr2) * level > 1.0 + _ROUNDING)
+        if not short.any():
+            break
+        better = etc.least_time(problem.at(short), level[short] * (1.0 + 0.1 * _ROUNDING))
+        for item in fields(etc.FrameChoice):
+            getattr(choice, item.name)[short] = getattr(better, item.name)
+    return programme, choice
 
 
 @dataclass(frozen=True)
@@ -196,14 +196,40 @@ class _Places:
     threshold: FloatArray
     rates: etc.ApertureRates
 
-    def problem(self, objective: etc.Objective) -> etc.FrameProblem:
-        """What the solver needs."""
-        return etc.frame_problem(self.rates, self.model.camera(self.band), self.model.strategy, objective=objective)
+    @property
+    def inward(self) -> FloatArray:
+        """Width of a resolution element over the separation."""
+        return np.asarray(self.model.metrics[self.band].lambda_d_arcsec / self.separation_arcsec)
 
-    def cost(self, problem: etc.FrameProblem, visit_s: FloatArray) -> FloatArray:
-        """Threshold over the significance of the best frames in a visit."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.sqrt(etc.smooth_in_visit(problem, visit_s)) * self.threshold
+    def problem(self, objective: etc.Objective, programme: etc.Programme = etc.ONE_VISIT) -> etc.FrameProblem:
+        """What the solver of the frames of a visit needs."""
+        camera, strategy = self.model.camera(self.band), self.model.strategy
+        return etc.frame_problem(self.rates, camera, strategy, objective=objective, programme=programme)
+
+    def outlook(self, snr: float | None = None, *, dark: bool = False) -> Outlook:
+        """What decides programmes for an SNR, or for a detection; ``dark``: with no background."""
+        problem = self.problem("significance" if snr is None else "snr")
+        if dark:
+            problem = etc.without_background(problem, etc.own_noise(self.rates, problem.camera))
+        level = self.threshold if snr is None else np.full(self.contrast.shape, snr)
+        places = self.separation_arcsec, self.contrast, self.rates
+        return Outlook.of(self.model, self.band, *places, problem, level, searched=snr is None)
+
+    def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
+        """Noise of chosen frames, those of all visits together."""
+        frames = choice.exposure_s, choice.n_frames, choice.em_gain
+        return etc.stack_noise(
+            self.rates, *frames, self.model.camera(self.band), self.model.strategy, programme=programme
+        )
+
+    def needed(
+        self, choice: etc.FrameChoice, programme: etc.Programme, noise: etc.StackNoise | None = None
+    ) -> FloatArray:
+        """Significance over threshold at which half of such observations detect a planet."""
+        model, band, place = self.model, self.band, self.separation_arcsec
+        seen = noise or self.noise(choice, programme)
+        tails = np.nan_to_num(detection.tail_share(model, band, place, choice.visit_s, seen))
+        return etc.needed_margin(model, band, tails, self.inward, etc.effective_of(programme, self.rates.speckle))
 
 
 @dataclass(frozen=True)
@@ -215,6 +241,7 @@ class _Search:
     band: str
     planet: ReferencePlanet
     separation_arcsec: float | None
+    snr: float | None = None
 
     @property
     def grid(self) -> FloatArray:
@@ -239,102 +266,95 @@ class _Search:
         rates = etc.aperture_rates(model, self.targets, band, x, y, contrast)
         return _Places(model, band, separation_arcsec, contrast, threshold, rates)
 
-    def lowest(self, cost: Callable[[_Places], FloatArray]) -> _Places:
-        """The separation of least cost for each star, ``(n, 1)``; the middle of the range where there is no answer."""
+    def lowest(self, cost: Callable[[Outlook], FloatArray], *, dark: bool = False) -> tuple[_Places, FloatArray]:
+        """The separation of least cost for each star, ``(n, 1)``, the middle of the range where there is no answer.
+
+        And the least level over SNR that any programme has, ``(n,)``.
+        """
         fine = self.grid
         if len(fine) == 1:
-            return self.places(fine[None, :])
-        rough = cost(self.places(fine[None, ::STRIDE]))
+            places = self.places(fine[None, :])
+            return places, places.outlook(self.snr, dark=dark).endless()[:, 0]
+        outlook = self.places(fine[None, ::STRIDE]).outlook(self.snr, dark=dark)
+        rough = cost(outlook)
         middle = np.argmin(rough, axis=1) * STRIDE
         middle = np.where(np.isfinite(rough).any(axis=1), middle, len(fine) // 2)
         around = np.clip(middle[:, None] + np.arange(1 - STRIDE, STRIDE), 0, len(fine) - 1)
-        close = cost(self.places(fine[around]))
+        close = cost(self.places(fine[around]).outlook(self.snr, dark=dark))
         best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)
-        return self.places(np.take_along_axis(fine[around], best[:, None], axis=1))
+        chosen = np.take_along_axis(fine[around], best[:, None], axis=1)
+        return self.places(chosen), outlook.endless().min(axis=1)
 
-    def _most(self, bound: FloatArray, margin: FloatArray) -> FloatArray:
-        """Margin of the best length of visit, where a bound from the visit's offset alone leaves it open."""
-        doubtful = (bound > 1.0) & (margin < 1.0)
-        if not doubtful.any():
-            return bound
-
-        def cost(places: _Places) -> FloatArray:
-            found = places.cost(places.problem("significance"), _ENDLESS_S)
-            return np.where(np.isfinite(places.threshold), found, np.inf)
-
-        least = cost(replace(self, targets=self.targets.select(doubtful)).lowest(cost))[:, 0]
-        bound[doubtful] = np.minimum(bound[doubtful], 1.0 / least)
-        return bound
-
-    def _would_detect(self, possible: BoolArray, visit_s: FloatArray, change: _Change) -> BoolArray:
-        """Stars of those possible whose planet a change makes detected, at the separation that is best under it."""
-        camera, needed = self.model.camera(self.band), etc.needed_margin(self.model, self.band)
-
-        def changed(places: _Places) -> etc.FrameProblem:
-            return change(places.problem("significance"), etc.own_noise(places.rates, camera))
-
-        found = np.zeros(len(self.targets), bool)
-        if possible.any():
-            places = replace(self, targets=self.targets.select(possible)).lowest(
-                lambda places: places.cost(changed(places), visit_s)
-            )
-            found[possible] = etc.reached(changed(places), visit_s, needed * places.threshold)[:, 0]
+    def _changed(self, stars: BoolArray, change: Callable[[Outlook], FloatArray], *, dark: bool = False) -> FloatArray:
+        """Least cost of some stars under a change, at the separation that is best under it; infinite for the others."""
+        found = np.full(len(self.targets), np.inf)
+        if stars.any():
+            some = replace(self, targets=self.targets.select(stars))
+            chosen, _ = some.lowest(change, dark=dark)
+            found[stars] = change(chosen.outlook(dark=dark))[:, 0]
         return found
 
-    def best(self, chosen: _Places, choice: etc.FrameChoice, visit_s: FloatArray | None = None) -> OptimalSetting:
-        """Everything about the chosen separations and frames; what limits them only in a given visit."""
+    def best(
+        self,
+        chosen: _Places,
+        choice: etc.FrameChoice,
+        programme: etc.Programme,
+        endless: FloatArray,
+        time_s: float | None = None,
+    ) -> OptimalSetting:
+        """Everything about the chosen separations and programmes; what limits them only in a given time."""
         model, band, n = self.model, self.band, len(self.targets)
-        frames = choice.exposure_s, choice.n_frames, choice.em_gain, model.camera(band), model.strategy
-        noise = etc.stack_noise(chosen.rates, *frames)
+        noise = chosen.noise(choice, programme)
         if (refused := self.refusal) is not Reason.NONE:
             choice.n_frames[:] = 0.0
+        possible = choice.n_frames > 0
         with np.errstate(invalid="ignore"):
-            margin = np.where(choice.n_frames > 0, noise.significance / chosen.threshold, 0.0)
+            margin = np.where(possible, noise.significance / chosen.threshold, 0.0)
+        needed = chosen.needed(choice, programme, noise)
         fine = self.grid
         every = self.places(fine[None, :]) if len(fine) > 1 else chosen
-        with np.errstate(divide="ignore"):
-            left = every.rates.residual.k0 * every.rates.variance_factor
-            floor = every.rates.planet_e_s / np.sqrt(left) / every.threshold
-        around = etc.stack_noise(every.rates, *frames)
+        around = every.noise(choice, programme)
+        level = every.needed(choice, programme, around) * every.threshold
         with np.errstate(divide="ignore", invalid="ignore"):
-            limits = np.where(around.significance > 0, every.contrast * every.threshold / around.significance, np.inf)
-            limit = np.where(margin > 0, chosen.contrast / margin, np.inf)
+            limits = np.where(around.significance > 0, every.contrast * level / around.significance, np.inf)
+            limit = np.where(margin > 0, chosen.contrast * needed / margin, np.inf)
         deepest = np.argmin(limits, axis=1)
 
         def column(array: ArrayLike) -> FloatArray:
             return np.array(np.broadcast_to(np.asarray(array, float), (n, 1))[:, 0])
 
-        needed = etc.needed_margin(model, band)
-        calm, dark = np.zeros(n, bool), np.zeros(n, bool)
-        if visit_s is not None:
-            # Bounds leave few stars to be solved again: white noise alone, and the frozen offset alone.
-            with np.errstate(divide="ignore", invalid="ignore"):
-                bound = around.signal_e * np.sqrt(visit_s / choice.visit_s / around.white) / every.threshold
-            lost = (column(margin) < needed) & (choice.n_frames[:, 0] > 0)
-            near = np.nan_to_num(bound).max(axis=1) * _SLACK >= needed
-            calm = self._would_detect(lost & near, visit_s, lambda problem, _: etc.without_speckles(problem))
-            dark = self._would_detect(lost & ~calm & (floor.max(axis=1) >= needed), visit_s, etc.without_background)
-        chances = etc.visit_chances(model, band, chosen.separation_arcsec, choice.visit_s, noise, margin)
+        wall = model.time_s(choice.visit_s)
+        if time_s is not None:  # never more than what was given, not even by rounding
+            wall = np.minimum(wall, time_s / programme.visits)
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
-
-        return OptimalSetting(
+        inward, visits = chosen.separation_arcsec, etc.effective_of(programme, chosen.rates.speckle)
+        chances = etc.visit_chances(model, band, inward, choice.visit_s, noise, margin, visits)
+        lost = column(possible & (margin < needed * (1.0 - _ROUNDING))).astype(bool)
+        best = OptimalSetting(
             band=np.full(n, band),
             separation_arcsec=column(chosen.separation_arcsec),
             contrast=column(chosen.contrast),
             threshold=column(chosen.threshold),
+            visits=column(programme.visits),
+            reference_visits=column(programme.reference_visits),
             exposure_s=column(choice.exposure_s),
-            n_frames=column(choice.n_frames),
+            frames_per_visit=column(choice.n_frames),
+            n_frames=column(choice.n_frames * programme.visits),
             em_gain=column(choice.em_gain),
-            time_s=column(model.time_s(choice.visit_s)),
+            visit_time_s=column(wall),
+            time_s=column(wall * programme.visits),
             snr=column(noise.snr),
             significance=column(noise.significance),
             margin=column(margin),
-            floor_margin=self._most(floor.max(axis=1), column(margin)),
-            needed_margin=np.full(n, needed),
+            floor_margin=column(needed) / endless,
+            needed_margin=column(needed),
             chance_blind=column(chances.blind),
             chance_known_place=column(chances.known_place),
-            without_speckles=calm,
-            without_background=dark,
+            without_speckles=np.zeros(n, bool),
+            without_background=np.zeros(n, bool),
+            required_visits=np.full(n, np.nan),
+            required_drift_factor=np.full(n, np.nan),
+            required_contrast_factor=np.full(n, np.nan),
             contrast_limit=column(limit),
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],
@@ -346,21 +366,32 @@ class _Search:
             extrapolated=np.full(n, bool(beyond)),
             outside=np.full(n, refused.value),
         )
+        if time_s is None or not lost.any():
+            return best
+        # A bound leaves few stars to be solved again: white noise alone.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bound = around.signal_e * np.sqrt(model.visit_s(time_s) / choice.visit_s / programme.visits / around.white)
+            calmest = np.minimum(*(etc.needed_margin(model, band, 0.0, every.inward, v) for v in (1.0, MAX_VISITS)))
+            near = np.nan_to_num(bound / every.threshold / calmest).max(axis=1) * _SLACK >= 1.0
+        outlook = chosen.outlook().select(lost)
+        fewest, factor = np.full((2, n), np.nan)
+        fewest[lost] = outlook.fewest(column(choice.visit_s)[lost])
+        contrast = np.where(lost, column(needed) / np.maximum(column(margin), 1e-300), np.nan)
+        calm = self._changed(lost & near, lambda item: item.without_speckles().in_time(time_s)[0]) <= 1.0
+        dark = self._changed(lost & (endless <= 1.0), lambda item: item.in_time(time_s)[0], dark=True) <= 1.0
+        factor[calm] = self._drift_factor(calm, time_s)
+        return replace(
+            best,
+            without_speckles=calm,
+            without_background=dark,
+            required_visits=fewest,
+            required_drift_factor=factor,
+            required_contrast_factor=contrast,
+        )
 
-
-def best_of(found: Sequence[OptimalSetting], *, by_time: bool = False) -> OptimalSetting:
-    """Row by row the one of largest margin (or of least time), the first of equals; extrapolated ones come last.
-
-    Whether a change would make the planet detected is said of any of them.
-    """
-    costs = [np.where(item.n_frames > 0, item.time_s, np.inf) if by_time else -item.margin for item in found]
-    cost = np.stack(costs)
-    answered = np.stack([item.n_frames > 0 for item in found])
-    last = np.stack([item.extrapolated for item in found]) | ~answered
-    rows = np.arange(cost.shape[1])
-    pick = np.lexsort((np.broadcast_to(np.arange(len(found))[:, None], cost.shape), cost, last), axis=0)[0]
-    changed = {name: np.any([getattr(item, name) for item in found], axis=0) for name in _CHANGES}
-    others = (name for name in OptimalSetting.__dataclass_fields__ if name not in _CHANGES)
-    return OptimalSetting(
-        **changed, **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in others}
-    )
+    def _drift_factor(self, stars: BoolArray, time_s: float) -> FloatArray:
+        """Largest factor on the drift with which planets of some stars are detected in a time."""
+        if not stars.any():
+            return np.zeros(0)
+        some = replace(self, targets=self.targets.select(stars))
+        return some.places(self.grid[None, :]).outlook().drift_factor(time_s)

@@ -3,31 +3,61 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
 
-from catalogs import snapshot_vintage
-from cpic_core import FloatArray, InputError, IntArray, Reason, Status, announce
+from catalogs import amplitude_m_s, snapshot_vintage
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce
 from cpic_planner import etc
-from cpic_planner.planets import Planets, PopulationChoice, StarLimits
-from cpic_planner.queries import ReferencePlanet
+from cpic_planner.planets import Planets, PopulationChoice, StarLimits, excluded_by_rv, least_mass
+from cpic_planner.queries import RankedQuestion, ReferencePlanet
 from cpic_planner.ranking.completeness import BandCompleteness
 from cpic_planner.ranking.known_completeness import KnownChoice, KnownSample, counted_completeness
-from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band, best_of, optimise
-from cpic_planner.ranking.velocities import ReferenceVelocities, reference_velocities
+from cpic_planner.ranking.optimiser import best_in_band, optimise
+from cpic_planner.ranking.settings import (
+    OptimalSetting,
+    best_of,
+    detection_statuses,
+    finite,
+    limits_of,
+    setting_fields,
+)
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
-from cpic_planner.results import LimitText, RankedTarget, RankResult, ReferencePlanetRecord
+from cpic_planner.results import RankedTarget, RankResult, ReferencePlanetRecord
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
-from simulator.signal import frame_limit
+
+_SLACK = 1.2  # by how much a finer grid of separations may beat the coarse one of floors
 
 
 def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
     """The reference planet as it is written into results."""
     return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label)
+
+
+def timed_model(model: etc.EtcModel, question: RankedQuestion) -> tuple[etc.EtcModel, float]:
+    """Return the model and the wall time of a ranking; a given length of the visits sets their number or the time.
+
+    Parameters
+    ----------
+    model : EtcModel
+    question : RankedQuestion
+
+    Raises
+    ------
+    InputError
+        If time, number and length of the visits contradict each other.
+    """
+    if question.visit_time_s is None:
+        return model, question.time_s
+    strategy = model.strategy
+    given = strategy.visits is None or "time_s" in question.model_fields_set
+    span = etc.Span.of(model, question.time_s if given else None, question.visit_time_s)
+    assert span.time_s is not None
+    return replace(model, strategy=strategy.model_copy(update={"visits": span.visits})), span.time_s
 
 
 @dataclass(frozen=True)
@@ -94,19 +124,64 @@ class RankSetting:
         return content_hash(decides)
 
 
+MEDIAN_INCLINATION_DEG = 60.0
+"""Half of all orbits, whose poles are isotropic, are inclined by more."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceVelocities:
+    """The reference planet where it stands, arrays of ``n`` stars.
+
+    Attributes
+    ----------
+    distance_au : ndarray
+        From its star: the radius of its orbit.
+    amplitude_m_s : ndarray
+        Of the star's velocity, where the planet has the least mass of its radius and the median inclination.
+    excluded : ndarray of bool
+        Whether velocities would have shown it.
+    """
+
+    distance_au: FloatArray
+    amplitude_m_s: FloatArray
+    excluded: BoolArray
+
+
+def reference_velocities(
+    targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet
+) -> ReferenceVelocities:
+    """Return what velocities say of the reference planet.
+
+    Parameters
+    ----------
+    targets : Targets
+        ``n`` stars.
+    separation_arcsec : ndarray, shape (n,)
+        Projected, where the planet stands.
+    planet : ReferencePlanet
+    """
+    names: list[str] = targets.name.tolist()
+    distance = etc.reference_distance_au(targets, separation_arcsec[:, None], planet)[:, 0]
+    msini = least_mass(planet.radius_rjup) * math.sin(math.radians(MEDIAN_INCLINATION_DEG))
+    amplitude = amplitude_m_s(msini, distance, StarLimits.of(names, ()).star_mass_msun)
+    return ReferenceVelocities(distance, amplitude, excluded_by_rv(names, distance, planet.radius_rjup))
+
+
 @dataclass(frozen=True)
 class Ranked:
     """Numbers of a ranking before they become rows; arrays of ``n`` stars.
 
-    ``best`` is the reference planet's best band, ``by_band`` the same in each band, ``quickest`` its least time to a
-    detection (if asked for); ``counted`` the completeness in each band, ``picked`` the index of the band where it is
-    largest per hour (or largest, where that is the score).
+    ``best`` is the reference planet's best band, ``by_band`` the same in each band, ``quickest_s`` its least time to a
+    detection and ``quickest_visits`` the visits of that (NaN for none, or where it was not asked for); ``counted`` the
+    completeness in each band, ``picked`` the index of the band where it is largest per hour (or largest, where that is
+    the score).
     """
 
     setting: RankSetting
     best: OptimalSetting
     by_band: tuple[OptimalSetting, ...]
-    quickest: OptimalSetting | None
+    quickest_s: FloatArray
+    quickest_visits: FloatArray
     counted: tuple[BandCompleteness, ...]
     picked: IntArray
     score: FloatArray
@@ -121,56 +196,6 @@ class Ranked:
         return np.stack([item.time_s for item in self.by_band])[self.picked, np.arange(len(self.picked))]
 
 
-def detection_statuses(best: OptimalSetting, model: etc.EtcModel) -> list[tuple[Status, Reason]]:
-    """Whether the reference planet is detected in the given time, and if not, why.
-
-    A detection is a significance that half of the visits show at a known place (`OptimalSetting.needed_margin`). The
-    reason ``speckle_floor`` says that no length of visit reaches it, not that the drift decides: `limits_of` says that.
-
-    Parameters
-    ----------
-    best : OptimalSetting
-    model : EtcModel
-    """
-    return [_verdict(best, i, model.camera(str(best.band[i]))) for i in range(len(best.margin))]
-
-
-def _verdict(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tuple[Status, Reason]:
-    if best.outside[i]:
-        return Status.OUTSIDE_FIELD, Reason(str(best.outside[i]))
-    if best.n_frames[i] < 1:
-        return no_frame_status(best, i, camera)
-    if best.margin[i] >= best.needed_margin[i]:
-        return Status.OK, Reason.NONE
-    if best.floor_margin[i] <= best.needed_margin[i]:
-        return Status.UNREACHABLE, Reason.SPECKLE_FLOOR
-    return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME
-
-
-def limits_of(standings: Sequence[tuple[Status, Reason]], best: OptimalSetting) -> list[LimitText]:
-    """Return what limits the detection of each star's reference planet in the given time.
-
-    Parameters
-    ----------
-    standings : sequence
-        Status and reason of each star, of `detection_statuses`.
-    best : OptimalSetting
-        The same stars, in their best band.
-    """
-    changes = zip(best.without_speckles.tolist(), best.without_background.tolist(), strict=True)
-    return [
-        etc.limit_of(*standing, detected=standing[0] is Status.OK, without_speckles=calm, without_background=dark)
-        for standing, (calm, dark) in zip(standings, changes, strict=True)
-    ]
-
-
-def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tuple[Status, Reason]:
-    """Why not even one frame is possible: the shortest one saturates, or the time is too short for it."""
-    peaks = (float(best.peak_columns_e_s[i]), float(best.peak_hole_e_s[i]), float(best.tail_e_s[i]))
-    limit = frame_limit(*peaks, camera.exposure_min_s, 1.0, camera)
-    return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
-
-
 def ranked(setting: RankSetting, targets: Targets, *, with_times: bool = True) -> Ranked:
     """Best settings, completeness and score of every star; least times of detection only ``with_times``."""
     model, planet, bands = setting.model, setting.planet, setting.bands
@@ -180,39 +205,48 @@ def ranked(setting: RankSetting, targets: Targets, *, with_times: bool = True) -
         raise InputError("targets", len(targets), allowed="at least one star")
     by_band = tuple(best_in_band(model, targets, band, setting.time_s, planet) for band in bands)
     best = best_of(by_band)
-    quickest = None
+    quickest = np.full((2, len(targets)), np.nan)
     if with_times or chosen.timed:
-        quickest = optimise(model, targets, detect=True, planet=planet, bands=bands)
+        floors = np.stack([item.floor_margin / item.needed_margin for item in by_band])
+        near = np.nan_to_num(floors).max(axis=0) * _SLACK > 1.0
+        quickest[:, near] = _quickest(setting, targets.select(near)) if near.any() else np.nan
+        # Whether any programme detects the planet is known now: the bound was from a coarse grid of places.
+        best = replace(best, floor_margin=np.where(np.isfinite(quickest[0]), np.inf, 0.0))
     limits = setting.limits(targets)
     counted = tuple(
         counted_completeness(model, targets, band, planets, item, limits)
         for band, item in zip(bands, by_band, strict=True)
     )
-    numbers = _numbers(best, by_band, quickest, counted)
+    numbers = _numbers(best, by_band, quickest[0], counted)
     picked = np.argmax(chosen.by_band(numbers), axis=0)
-    return Ranked(setting, best, by_band, quickest, counted, picked, np.asarray(chosen.value(numbers), float))
+    return Ranked(
+        setting, best, by_band, quickest[0], quickest[1], counted, picked, np.asarray(chosen.value(numbers), float)
+    )
+
+
+def _quickest(setting: RankSetting, targets: Targets) -> FloatArray:
+    """Least time of a detection of the reference planet, and the visits of that; NaN for none."""
+    best = optimise(setting.model, targets, detect=True, planet=setting.planet, bands=setting.bands)
+    return np.where(best.n_frames >= 1, np.stack([best.time_s, best.visits]), np.nan)
 
 
 def _numbers(
     best: OptimalSetting,
     by_band: Sequence[OptimalSetting],
-    quickest: OptimalSetting | None,
+    quickest_s: FloatArray,
     counted: Sequence[BandCompleteness],
 ) -> StarNumbers:
     """What scores are made of; completeness is -1 where albedos are extrapolated, if they are known in another band."""
-    shares = np.stack([part.completeness for part in counted])
+    shares = np.stack([part.counted for part in counted])
     times = np.stack([item.time_s for item in by_band])
     known = np.array(["extrapolated" not in part.flags for part in counted])
     counts = known[:, None] | ~known.any()
     with np.errstate(divide="ignore", invalid="ignore"):
         rates = np.where(times > 0, shares / times * 3600.0, 0.0)
-    speed = np.zeros(shares.shape[1])
-    if quickest is not None:
-        speed = np.where(quickest.n_frames > 0, 3600.0 / np.maximum(quickest.time_s, 1e-9), 0.0)
     return StarNumbers(
         completeness=np.where(counts, shares, -1.0),
         completeness_per_hour=np.where(counts, rates, -1.0),
-        detections_per_hour=speed,
+        detections_per_hour=np.nan_to_num(3600.0 / quickest_s),
         margin=best.margin,
         snr=best.snr,
         significance=best.significance,
@@ -284,7 +318,7 @@ def rank_targets(
     standings = detection_statuses(found.best, model)
     limits = limits_of(standings, found.best)
     said = zip(standings, limits, strict=True)
-    settings = [setting_fields(found.best, i, *standing) for i, standing in enumerate(said)]
+    settings = [setting_fields(model, found.best, i, *standing) for i, standing in enumerate(said)]
     blooming = {band: etc.companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
     velocities = reference_velocities(targets, found.best.separation_arcsec, found.setting.planet)
     rows = [
@@ -300,6 +334,9 @@ def rank_targets(
         time_s=setting.time_s,
         sigma=model.strategy.sigma,
         reference_library=model.strategy.library,
+        search=found.counted[0].search,
+        visits=model.strategy.visits,
+        drift_nm=model.instrument.drift.visit_nm,
         reference_planet=planet_record(setting.planet),
         population=setting.population.record(),
         score_name=score,
@@ -318,7 +355,7 @@ def _row(
     velocities: ReferenceVelocities,
     companion_blooms: bool,
 ) -> RankedTarget:
-    best, quickest, model, planet = found.best, found.quickest, found.setting.model, found.setting.planet
+    best, model, planet = found.best, found.setting.model, found.setting.planet
     star = targets.select([i])
     band = str(best.band[i])
     separation = best.separation_arcsec[i : i + 1]
@@ -335,7 +372,8 @@ def _row(
         flags.append("excluded_by_rv")
     counted = found.counted[found.picked[i]]
     time_s = float(found.completeness_time_s[i])
-    share = float(counted.completeness[i])
+    share = float(counted.counted[i])
+    quickest_s = finite(found.quickest_s[i])
     return RankedTarget.of(
         best,
         targets,
@@ -344,7 +382,9 @@ def _row(
         rank=rank,
         score=float(found.score[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,
-        detection_time_s=float(quickest.time_s[i]) if quickest is not None and quickest.n_frames[i] >= 1 else None,
+        detection_time_s=quickest_s,
+        detection_visits=None if quickest_s is None else int(found.quickest_visits[i]),
+        required_time_s=None if setting["verdict"] == "detected" else quickest_s,
         completeness_error=float(counted.standard_error[i]),
         completeness_band=counted.band,
         completeness_time_s=time_s if time_s > 0 else None,
@@ -356,45 +396,3 @@ def _row(
         flags=flags,
         **setting,
     )
-
-
-def setting_fields(
-    best: OptimalSetting, i: int, standing: tuple[Status, Reason], limited_by: LimitText
-) -> dict[str, Any]:
-    """Return what rows say of a star's best setting: its frames, and whether it detects the reference planet.
-
-    Parameters
-    ----------
-    best : OptimalSetting
-    i : int
-        Number of the star.
-    standing : tuple
-        Its status and reason, of `detection_statuses`.
-    limited_by : str
-        What limits it, of `limits_of`.
-    """
-    possible = best.n_frames[i] >= 1
-
-    def taken(values: FloatArray) -> float | None:
-        """Return the star's value where it can be observed."""
-        return float(values[i]) if possible else None
-
-    return {
-        "status": standing[0].value,
-        "reason": standing[1].value,
-        "verdict": etc.verdict_of(standing[0], detected=True),
-        "verdict_mode": "known_place",
-        "detection_probability": finite(best.chance_blind[i]),
-        "detection_probability_known_place": finite(best.chance_known_place[i]),
-        "detection_margin": float(best.margin[i]),
-        "limited_by": limited_by,
-        "n_frames": int(best.n_frames[i]) if possible else None,
-        "exposure_s": taken(best.exposure_s),
-        "em_gain": taken(best.em_gain),
-        "time_s": taken(best.time_s),
-    }
-
-
-def finite(value: float) -> float | None:
-    """Return a number as results hold it: null for one that is not finite."""
-    return float(value) if math.isfinite(value) else None

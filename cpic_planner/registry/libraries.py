@@ -7,12 +7,14 @@ words for it. `Library` itself is the library of the same star without its plane
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Protocol
+from typing import Annotated, Protocol, TypeVar
 
 import numpy as np
 
 from cpic_core import FloatArray, InputError, Registry
 from simulator.config import Scene, SceneStar
+
+Visits = TypeVar("Visits", int, FloatArray)
 
 
 class StarSettings(Protocol):
@@ -49,6 +51,10 @@ class LibrarySettings(Protocol):
     @property
     def roll_deg(self) -> float:
         """Angle between two rolls."""
+
+    @property
+    def reference_visits(self) -> int | None:
+        """Visits of the references, where the user says it."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +138,28 @@ class Library:
         """Return the wall time of science and reference frames over that of the science frames."""
         return 1.0 + settings.reference_ratio
 
+    def reference_visits(self, given: int | None, visits: Visits) -> Visits:
+        """Return the number of visits that the reference frames of so many science visits are spread over.
+
+        Parameters
+        ----------
+        given : int, optional
+            What the strategy asks for.
+        visits : int or ndarray
+            Science visits.
+        """
+        return visits if given is None else 0 * visits + given
+
+    def reference_length(self, visits: FloatArray, references: FloatArray) -> FloatArray:
+        """Return the length of a reference visit over that of as many of them as science visits.
+
+        Parameters
+        ----------
+        visits, references : ndarray
+            Science visits, and visits of the reference frames.
+        """
+        return visits / references
+
     def rolls_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
         """Return the rolls at which frames show the planet, relative to that of the observation; one or two.
 
@@ -180,9 +208,6 @@ class OtherStar(Library):
 
     name = "reference_star"
     meaning = "another star, with its own magnitude and colour"
-    caveats = MappingProxyType(
-        {"reference_colour_not_modelled": "speckles are subtracted as if the reference star had the colour of the star"}
-    )
 
     def check(self, settings: LibrarySettings, choice: str) -> None:
         """Refuse a strategy without a star."""
@@ -230,7 +255,6 @@ class BrighterTwin(OtherStar):
 
     name = "brighter_twin"
     meaning = "a star of the same type, two magnitudes brighter"
-    caveats = MappingProxyType({})
     _BRIGHTER_MAG = 2.0
 
     def check(self, settings: LibrarySettings, choice: str) -> None:
@@ -266,9 +290,11 @@ class TwoRolls(Library):
 
     def check(self, settings: LibrarySettings, choice: str) -> None:
         """Refuse halves of different length."""
-        ratio, hint = settings.reference_ratio, "each roll is the other's reference"
+        ratio, given, hint = settings.reference_ratio, settings.reference_visits, "each roll is the other's reference"
         if ratio != 1.0:
             raise InputError("reference_ratio", ratio, allowed=f"1 for the {choice}", hint=hint)
+        if given is not None:
+            raise InputError("reference_visits", given, allowed=f"as many as visits for the {choice}", hint=hint)
 
     def rolls_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
         """Return both rolls."""
@@ -305,7 +331,32 @@ class Idealised(Library):
         return LibraryNoise(none, none, none, 0.0, one, 0.0, 1.0)
 
 
-LIBRARIES: Registry[Library] = Registry("library", (Library(), OtherStar(), BrighterTwin(), TwoRolls(), Idealised()))
+class Archive(Library):
+    """Visits of other programmes to stars like this one, in the same state of the deformable mirror.
+
+    Each is as long as a science visit times the reference ratio, scaled to this star, and takes no time of its own.
+    """
+
+    name = "archive"
+    meaning = "visits of other programmes in the same state of the mirror, which take no time"
+    _VISITS = 100
+
+    def time_factor(self, settings: LibrarySettings) -> float:
+        """Return 1: the references are there."""
+        return 1.0
+
+    def reference_visits(self, given: int | None, visits: Visits) -> Visits:
+        """Return the number that is asked for, or 100; see `Library.reference_visits`."""
+        return super().reference_visits(self._VISITS if given is None else given, visits)
+
+    def reference_length(self, visits: FloatArray, references: FloatArray) -> FloatArray:
+        """Return 1: more visits of the archive are more frames; see `Library.reference_length`."""
+        return np.ones_like(references)
+
+
+LIBRARIES: Registry[Library] = Registry(
+    "library", (Library(), OtherStar(), BrighterTwin(), TwoRolls(), Archive(), Idealised())
+)
 
 LibraryName = Annotated[str, LIBRARIES]
 """Name of a library, as a type."""

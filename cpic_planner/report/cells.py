@@ -143,7 +143,7 @@ def verdict_cell(item: results.EtcAnswer | results.RankedTarget | results.BandSt
         if item.verdict == "detected":
             return f"{STATUS_SYMBOLS['ok']} {VERDICTS['detected']}"
         return status_text("ok") if item.verdict is None else f"{_NEUTRAL} {VERDICTS[item.verdict]}"
-    if item.reason == "speckle_floor" and item.limited_by in ("photons", "background"):
+    if item.reason in ("speckle_floor", "common_speckle_floor") and item.limited_by in ("photons", "background"):
         return f"{STATUS_SYMBOLS[item.status]} {LIMITED_BY[item.limited_by][0]}"
     return status_cell(item.status, item.reason)
 

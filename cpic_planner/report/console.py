@@ -209,7 +209,12 @@ def albedo_text(albedo: results.AlbedoRecord) -> str:
 _FEW = 3
 
 
-_SEQUENCE = "obsid kind target/2 band frames"
+def _columns(sequences: Sequence[results.PlannedSequenceRow]) -> str:
+    """Names of the first columns of sequences, the visit where there are programmes."""
+    visit = " visit" if any(item.visit for item in sequences) else ""
+    return f"obsid kind{visit} target/2 band frames"
+
+
 _OWN: dict[str, Any] = {
     "kind": lambda item: f"{item.kind} {item.role}" if item.role == "reference" else item.kind,
     "target": lambda item: shortened(item.target),
@@ -221,7 +226,7 @@ def print_simulation(result: results.SimulationResult, out: Path, console: Conso
     """Print what the frames of each sequence hold, and where its files are."""
     cells = row_cells(
         results.SimulatedSequence,
-        f"{_SEQUENCE} em_gain adu saturated_pixels cosmic_rays/1 size_bytes",
+        f"{_columns(result.sequences)} em_gain adu saturated_pixels cosmic_rays/1 size_bytes",
         adu=Cells("ADU", lambda item: f"{item.adu_min}–{item.adu_max}"),
         **_OWN,
     )
@@ -230,9 +235,37 @@ def print_simulation(result: results.SimulationResult, out: Path, console: Conso
         print_note(console, f"... and {len(result.sequences) - limit} more: see {out / 'simulation.json'}")
     note = "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
     print_note(console, note)
+    for programme in result.programmes:
+        _print_programme(programme, out, console, limit)
     _print_left_out(result.sequences, console)
     for line in _files_text(result.sequences, out):
         console.print(line, markup=False, soft_wrap=True)
+
+
+def _print_programme(programme: results.SimulatedProgramme, out: Path, console: Console, limit: int) -> None:
+    """Print when the visits of a programme are, and where its list is."""
+    count, references = programme.visits, programme.reference_visits
+    title = f"{programme.target}: {count_text(count)} science visit{'s' * (count != 1)}"
+    if references:
+        title += f" and {count_text(references)} reference visit{'s' * (references != 1)}"
+        title += f" of {programme.reference}" if programme.reference != programme.target else ""
+    visits: dict[tuple[str, str, float, float], list[results.VisitRow]] = {}
+    for row in programme.sequences:
+        visits.setdefault((row.folder, row.band, row.exposure_s, row.em_gain), []).append(row)
+    cells = row_cells(
+        results.VisitRow,
+        "folder band/2 start_utc n_frames window/1 roll_deg/3",
+        of=itemgetter(0),
+        start_utc=lambda rows: rows[0].start_utc[:19],
+        n_frames=Cells("frames × s", lambda rows: f"{sum(row.n_frames for row in rows)} × {rows[0].exposure_s:g}"),
+        window=Cells("windows", lambda rows: str(len(rows))),
+    )
+    print_table(console, title, cells, list(visits.values())[:limit])
+    more = len(visits) - limit
+    listed = f"The visits are listed in {out / programme.file}."
+    scheme = f" with the scheme {programme.reference_scheme} of references" if references else ""
+    span = f"The programme spans {decimals(programme.span_days, 2)} days{scheme}."
+    print_note(console, " ".join([f"{count_text(more)} more are not shown."] * (more > 0) + [span, listed]))
 
 
 def _print_left_out(sequences: Sequence[results.PlannedSequenceRow], console: Console) -> None:
@@ -276,7 +309,7 @@ def print_planned(plan: results.SimulationEstimate, console: Console, *, limit: 
     """Print the sequences of a simulation that has not been run, and what it would plan."""
     cells = row_cells(
         results.PlannedSequenceRow,
-        f"{_SEQUENCE} em_gain/1 start_utc/3",
+        f"{_columns(plan.sequences)} em_gain/1 start_utc/3",
         start_utc=lambda item: item.start_utc[:19],
         **_OWN,
     )

@@ -8,7 +8,6 @@ from __future__ import annotations
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
-from cpic_planner.etc import default_law
 from cpic_planner.report import words
 from cpic_planner.report.cells import Cells, explain_symbols, print_note, print_table, row_cells, status_cell
 from cpic_planner.report.numbers import MISSING, duration_text, full_name, ratio_text, share_text, significant
@@ -73,8 +72,8 @@ def print_etc(
 def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, asked: str) -> None:
     cells = row_cells(
         EtcAnswer,
-        "band value separation_arcsec/1 contrast/4 frames/2 em_gain/3 time_s/7 snr/4 significance/5 threshold/6 held/8 "
-        "status",
+        "band value separation_arcsec/1 contrast/4 visits/2 frames/5 em_gain/9 time_s/7 snr/4 significance/5 "
+        "threshold/6 held/8 status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
         value=Cells("answer", _answer),
         held=Cells("held by", _limits_cell, right=False),
@@ -116,13 +115,37 @@ def _print_verdicts(result: EtcResult, console: Console, best: EtcAnswer | None,
             odds.append(f"{_answer_name(row, many)} {share_text(blind)} and {share_text(known_place)} %")
     if odds:
         print_note(console, f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
-    if any(row.verdict == "detected" for row in rated):
-        law = default_law()
-        print_note(
-            console,
-            "Detected: at least half of such visits show the planet if one knows where to look; by simulated images "
-            f"that begins at {significant(law.known_margin / law.calibration, 2)} of the threshold.",
-        )
+    wanted = [needed for row in rated if (needed := _required_text(row)) and row.verdict != "detected"]
+    if wanted:
+        print_note(console, f"One of these alone would make it a detection: {'; '.join(wanted)}.")
+    modes = [row.verdict_mode for row in rated if row.verdict == "detected"]
+    for mode in dict.fromkeys(modes):
+        how = "by a search that knows no place" if mode == "blind" else "if one knows where to look"
+        print_note(console, f"Detected: at least half of such programmes show the planet {how}.")
+
+
+def _required_text(row: EtcAnswer) -> str:
+    """Return the changes that would make the planet of an answer detected, one at a time; none where none would."""
+    parts = []
+    if row.required_visits is not None:
+        parts.append(f"{row.required_visits} such visits")
+    if row.required_time_s is not None:
+        parts.append(f"{duration_text(row.required_time_s)} in as many visits")
+    if row.required_drift_factor is not None:
+        parts.append(f"{significant(row.required_drift_factor, 2)} of the drift")
+    if row.required_contrast_factor is not None:
+        parts.append(f"a contrast {significant(row.required_contrast_factor, 3)} times as high")
+    return f"{_answer_name(row)} {', '.join(parts)}" if parts else ""
+
+
+def _programme_text(rows: list[EtcAnswer]) -> str:
+    """Visits of the answers, in words."""
+    seen = dict.fromkeys(
+        f"{row.visits} {'visit' if row.visits == 1 else 'visits'} of {duration_text(row.visit_time_s)}"
+        for row in rows
+        if row.visits is not None and row.visit_time_s is not None
+    )
+    return ", ".join(seen)
 
 
 def _limits_cell(row: EtcAnswer) -> str:
@@ -174,7 +197,7 @@ def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
     if helpful := words.remedies_text(row.remedies):
         print_note(console, f"What would raise the SNR: {helpful}.")
     if row.remedies.get("twice_the_time", 2.0) < 1.0:
-        print_note(console, "More time in one visit would lower it: the wavefront walks away.")
+        print_note(console, "Longer visits would lower it: the wavefront walks away.")
 
 
 def _print_remarks(result: EtcResult, console: Console) -> None:
@@ -190,9 +213,11 @@ def _print_remarks(result: EtcResult, console: Console) -> None:
         print_note(console, f"Note: {result.note}")
     print_note(
         console,
-        f"Positions on the diagonal of {_quadrant_text(result)}. Wall time counts readouts and reference frames. SNR "
-        "has the planet's own noise, significance has not.",
+        f"Positions on the diagonal of {_quadrant_text(result)}. Wall time is that of all visits: readouts, reference "
+        "frames and the overhead of each. SNR has the planet's own noise, significance has not.",
     )
+    if programme := _programme_text(result.answers):
+        print_note(console, f"Each visit has a wavefront of its own and all are reduced together: {programme}.")
 
 
 def _quadrant_text(result: EtcResult) -> str:

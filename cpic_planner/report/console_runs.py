@@ -16,10 +16,26 @@ from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, full_name, short_name, significant
-from cpic_planner.report.summary import expected_sentence, limits_text, population_text, velocities_sentence
+from cpic_planner.report.summary import (
+    detected_sentence,
+    expected_sentence,
+    limits_text,
+    mode_of,
+    population_text,
+    programme_text,
+    velocities_sentence,
+)
 from cpic_planner.report.whatif_maps import shown_rows
 from cpic_planner.report.whatif_words import extent_text, interval_text, lead_sentences, planets_text
-from cpic_planner.report.words import cap_sentence, limit_text, remedies_text, score_number, tau_text, term_text
+from cpic_planner.report.words import (
+    SEARCHES,
+    cap_sentence,
+    limit_text,
+    remedies_text,
+    score_number,
+    tau_text,
+    term_text,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,26 +48,28 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> N
     own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
     cells = row_cells(
         results.RankedTarget,
-        f"rank name v_mag/3 distance_pc/3 {own}completeness completeness_unconditional/1 completeness_band/7 band/1 "
-        "separation_arcsec/4 contrast/5 frames/9 em_gain/10 time_s/8 snr/2 detection_margin detection_probability "
-        "status",
+        f"rank name v_mag/5 distance_pc/5 {own}completeness completeness_known_place completeness_unconditional/3 "
+        "completeness_band/9 band/1 separation_arcsec/6 contrast/7 frames/11 em_gain/12 visits visit_time_s/8 "
+        "time_s/10 snr/4 detection_margin/2 detection_probability detection_probability_known_place/3 status",
         score=_score_cells(rank.score_name),
     )
     print_table(console, title, cells, shown, explained=True)
     planet = rank.reference_planet
     if rank.counts_limited_by:
         limits = limits_text(rank.counts_limited_by)
-        print_note(console, f"Reference planets in {duration_text(rank.time_s)}: {limits}.")
+        print_note(console, f"Reference planets in {duration_text(rank.time_s)}, {programme_text(rank)}: {limits}.")
     print_note(
         console,
         f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}",
-        f"Population (compl %): {population_text(rank.population)}; of all %: whatever is known.",
+        f"Population (compl %): {population_text(rank.population)}, by a blind search; known %: each planet looked for "
+        f"at its place; of all %: whatever is known of the star, blind. The score counts {SEARCHES[rank.search]}.",
+        detected_sentence(rank),
         *filter(None, (expected_sentence(rank), velocities_sentence(rank, limit))),
         f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
         f"{planet.albedo} albedo, {planet.position}; wall time up to {duration_text(rank.time_s)} per target and band.",
         f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
-        "Detected: at least half of the visits show the planet if its place is known; blind %: probability that a "
-        "search finds it that does not know the place. "
+        f"Detected: at least half of such observations show the planet {SEARCHES[mode_of(rank)]}; blind %, known %: "
+        "probability that a search finds it that does not know its place, and one that does. "
         f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
         f"Stars{f' on {rank.date_utc[:10]}' * bool(rank.date_utc)}: {rank.sample}. {rank.catalogue}",
     )

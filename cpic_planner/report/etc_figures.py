@@ -7,14 +7,23 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cpic_core import FloatArray, InputError, Status
-from cpic_planner.etc import EtcModel, FixedFrames, Objective, band_cases, best_in_visit, contrast_limit, planets_of
+from cpic_planner.etc import (
+    EtcModel,
+    FixedFrames,
+    Objective,
+    Programme,
+    band_cases,
+    best_in_visit,
+    contrast_limit,
+    planets_of,
+)
 from cpic_planner.ranking import separation_grid
 from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, Look, band_style, literal, new_figure, plain_ticks, style
 from cpic_planner.report.numbers import duration_text, pretty_name
@@ -34,7 +43,7 @@ TIME_SPAN = (1.0 / 300.0, 30.0)
 
 @dataclass(frozen=True)
 class TimeCurve:
-    """SNR and significance of one planet in one band against the wall time that is allowed; NaN without a frame.
+    """SNR and significance of one planet in one band against the wall time of as many visits; NaN without a frame.
 
     ``point`` holds time, SNR and significance of the answer, if there is one.
     """
@@ -107,9 +116,11 @@ def etc_curves(
             return None
         centre = answer.time_s or time_s
         grid = np.geomspace(TIME_SPAN[0] * centre, TIME_SPAN[1] * centre, N_TIMES)
+        visits = answer.visits or model.strategy.visits or 1
         planets = planets_of([answer.separation_arcsec] * N_TIMES, None, answer.contrast)
         cases = band_cases(model, star, answer.band, planets, FixedFrames(exposure_s, em_gain))
-        choice = best_in_visit(cases.problem(objective), model.visit_s(grid)[None, :])
+        cases = replace(cases, programme=Programme.of(model.strategy, visits, grid[None, :] / visits))
+        choice = best_in_visit(cases.problem(objective), model.visit_s(grid / visits)[None, :])
         noise = cases.noise(choice)
         point = None
         if answer.time_s is not None and answer.snr is not None and answer.significance is not None:
@@ -161,6 +172,7 @@ _TERM_COLOURS = {
     "counting": "#332288",
     "smear": "#44AA99",
     "companion_wings": "#661100",
+    "common_speckle": "#117733",
 } | {term: effect.colour for term, effect in noise_terms().items()}
 
 

@@ -132,8 +132,8 @@ def _observe_first(report: PlanReport) -> Iterator[doc.Block]:
     else:
         yield doc.Paragraph("No target was confirmed.")
     yield doc.Paragraph(
-        "Wall time is one visit to one target in one band: science frames, reference frames, readouts. Orbits, "
-        "visibility and slews are not in it.",
+        "Wall time is all visits to one target in one band: science frames, reference frames, readouts and the "
+        "overhead of each visit. Occultations and visibility are not in it.",
         "note",
     )
 
@@ -242,6 +242,8 @@ def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> I
         ("Completeness", _completeness_fact(star)),
         ("Predicted margin", f"{significant(star.detection_margin)} in {star.band}"),
     ]
+    if star.visits is not None and star.visit_time_s is not None:
+        facts.append(("Visits", f"{star.visits} of {duration_text(star.visit_time_s)}, reduced together"))
     yield doc.Facts(facts, wide=False)
     if star.flags:
         yield doc.Facts([("Caveats", "; ".join(words.flag_text(flag) for flag in star.flags))])
@@ -255,8 +257,10 @@ def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> I
 
 def _completeness_fact(star: results.RankedTarget) -> str:
     fact = f"{numbers.share_text(star.completeness)} % in {star.completeness_band}"
-    of_all = star.completeness_unconditional
-    return fact if of_all is None else f"{fact}; {numbers.share_text(of_all)} % whatever is known of the star"
+    of_all, placed = star.completeness_unconditional, star.completeness_known_place
+    if placed is not None:
+        fact = f"{fact} by a blind search, {numbers.share_text(placed)} % at known places"
+    return fact if of_all is None else f"{fact}; blind {numbers.share_text(of_all)} % whatever is known of the star"
 
 
 @doc.section_of(PLAN_SECTIONS, "assumptions", "Assumptions")
@@ -285,8 +289,8 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
             (
                 "Detection threshold",
                 f"the false-alarm probability of {plan.sigma:g}σ per resolution element, corrected for the few of them "
-                "at each separation. Predictions know the planet's place; a realisation is a detection if "
-                f"{library.found}.",
+                f"at each separation. Reference planets are looked for {summary.programme_text(report.rank)}; a "
+                f"realisation is a detection if {library.found}.",
             ),
             ("Realisations", f"{plan.realisations} of each target and band{once}."),
             ("Sample", f"{plan.sample}."),

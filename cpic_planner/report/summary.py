@@ -3,6 +3,7 @@
 What was modelled, for people: the dial in words, and one table of the effect ledger for each distinct content.
 """
 
+import statistics
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.numbers import count_text, duration_text, pretty_name, significant
-from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, overrides_text, sentence
+from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, SEARCHES, overrides_text, sentence
 from simulator.knobs import Quantity
 
 
@@ -123,6 +124,41 @@ def limits_text(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count_text(counts[name])} {words[name]}" for name in order)
 
 
+def mode_of(rank: results.RankResult) -> results.DetectionMode:
+    """Return how the reference planets of a ranking are looked for; at their known place in older results."""
+    return next((row.verdict_mode for row in rank.targets if row.verdict_mode), "known_place")
+
+
+def programme_text(rank: results.RankResult) -> str:
+    """Return how reference planets are looked for, in how many visits, and under which drift."""
+    visits = "the best number of visits for each" if rank.visits is None else _plural(rank.visits, "visit")
+    if all(row.visits is None for row in rank.targets):
+        visits = "1 visit"
+    drift = "" if rank.drift_nm is None else f", a wavefront that drifts by {rank.drift_nm:g} nm between visits"
+    return f"{SEARCHES[mode_of(rank)]}, {visits}{drift}"
+
+
+def detected_sentence(rank: results.RankResult) -> str:
+    """Return how many reference planets are detected blind and at known places, and in how many visits and days.
+
+    Empty where no law tells.
+    """
+    told = [row for row in rank.targets if row.detection_probability is not None and row.visits is not None]
+    if not told:
+        return ""
+    blind = [row for row in told if (row.detection_probability or 0.0) >= 0.5]
+    placed = [row for row in told if (row.detection_probability_known_place or 0.0) >= 0.5]
+    words = f"Half of such observations or more show {_plural(len(blind), 'reference planet')} blind"
+    words = f"{words} and {len(placed)} at their known places"
+    if not (seen := blind or placed):
+        return f"{words}."
+    visits = sorted(row.visits or 1 for row in seen)
+    extent = f"{visits[0]} to {_plural(visits[-1], 'visit')}" if visits[0] < visits[-1] else _plural(visits[0], "visit")
+    days = [row.span_days for row in seen if row.span_days is not None]
+    span = f", which span {significant(statistics.median(days), 2)} days in the median" if days else ""
+    return f"{words}, in {extent}{span}."
+
+
 def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> list[str]:
     """Return the summary of the plan, one sentence an item.
 
@@ -135,8 +171,9 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
         f"{count_text(plan.n_ranked)} stars were ranked by {_score_words(rank)}, in at most "
         f"{duration_text(plan.time_s)} of wall time per target and band.",
         f"A reference planet ({planet_text(plan)}) is predicted to be detected around "
-        f"{count_text(plan.counts.get('ok', 0))} of them"
+        f"{count_text(plan.counts.get('ok', 0))} of them, {programme_text(rank)}"
         + (f" ({limits_text(rank.counts_limited_by)})." if rank.counts_limited_by else "."),
+        *filter(None, [detected_sentence(rank)]),
     ]
     if not plan.targets:
         return [*sentences, "No target was confirmed with simulated images."]

@@ -28,15 +28,26 @@ VERDICTS: dict[str, str] = {
 LIMITED_BY: dict[str, tuple[str, str]] = {
     "none": ("detected", "nothing"),
     "speckles": ("speckles", "speckles (detected if the wavefront did not drift)"),
+    "common_speckles": (
+        "common speckles",
+        "what science and references differ by in every visit (detected if the wavefront did not drift, but by no "
+        "number of visits)",
+    ),
     "background": ("background", "background (detected if there were no noise but the planet's own and the speckles)"),
     "photons": ("too faint", "photons (too faint even if the wavefront did not drift, or if there were no background)"),
     "geometry": ("outside", "geometry (outside the dark hole)"),
     "saturation": ("saturated", "saturation (no frame is possible)"),
+    "motion": ("motion", "motion (the planet moves too far for so many visits)"),
+    "visibility": ("not seen", "visibility (the star is not seen for so long)"),
 }
+
+SEARCHES: dict[str, str] = {"blind": "by a search that does not know the place", "known_place": "at its known place"}
+"""How planets are looked for, for the middle of a sentence."""
 
 _REASONS: dict[str, str] = {
     "": "",
     "speckle_floor": "no length of visit is enough",
+    "common_speckle_floor": "no number of visits is enough",
     "insufficient_time": "not enough time",
     "pixel_full_well": "shortest frame overfills a pixel",
     "register_full_well": "gain register overfills",
@@ -83,6 +94,7 @@ TERMS: dict[str, str] = {
     "reference": "all noise of the reference frames",
     "background_mean": "error of the mean background",
     "speckle": "speckles that the subtraction leaves",
+    "common_speckle": "speckles that references never show",
     "companion_wings": "companion's light that the subtraction leaves",
 } | {term: effect.term_label or effect.label for term, effect in noise_terms().items()}
 
@@ -97,7 +109,8 @@ LIMITS: dict[str, tuple[str, str]] = {
 }
 
 REMEDIES: dict[str, str] = {
-    "twice_the_time": "twice the time in one visit",
+    "twice_the_time": "visits twice as long",
+    "twice_the_visits": "twice the visits",
     "half_the_drift": "half the drift of the wavefront",
     "half_the_read_noise": "half the read noise",
     "half_the_clock_charge": "half the clock-induced charge",
@@ -128,6 +141,8 @@ FLAGS: dict[str, str] = {
     "companion_colour_assumed": "companion given the star's own colour",
     "hole_not_reached": "the dark hole of the band is brighter than asked of the instrument",
     "shorter_visit_is_better": "less than the given time is used: the walk of the wavefront makes a longer visit worse",
+    "visits_at_limit": "the best number of visits is the largest that there can be: 1000, or one frame each",
+    "blind_law_not_measured": "no search without a known place was measured here: detection is that at a known place",
     "companion_saturates": "a companion on the frame overflows its pixels: its blooming is not followed",
     "sky_place_unknown": "the star has no coordinates: the zodiacal light is its median over the whole sky",
     "companion_pa_unknown": "the sources give no position angle for the companion: its light is that of all angles",

@@ -11,6 +11,7 @@ from cpic_planner.results.answers import (
 )
 from cpic_planner.results.base import (
     Column as Column,
+    DetectionMode as DetectionMode,
     LimitText as LimitText,
     Result as Result,
     Row as Row,
@@ -63,12 +64,14 @@ from cpic_planner.results.runs import (
     FindingRecord as FindingRecord,
     MachineRecord as MachineRecord,
     PlannedSequenceRow as PlannedSequenceRow,
+    SimulatedProgramme as SimulatedProgramme,
     SimulatedSequence as SimulatedSequence,
     SimulationEstimate as SimulationEstimate,
     SimulationResult as SimulationResult,
     TradeoffResult as TradeoffResult,
     TradeoffRow as TradeoffRow,
     TradeoffScene as TradeoffScene,
+    VisitRow as VisitRow,
 )
 from cpic_planner.results.surveyed import (
     AssumedInstrument as AssumedInstrument,

@@ -128,6 +128,12 @@ class EtcAnswer(Row):
     em_gain: float | None = None
     integration_s: float | None = None
     time_s: float | None = None
+    visits: int | None = None
+    reference_visits: int | None = None
+    visit_time_s: float | None = None
+    frames_per_visit: int | None = None
+    n_modes: int | None = None
+    span_days: float | None = None
     snr: float | None = None
     significance: float | None = None
     threshold: float | None = None
@@ -147,13 +153,18 @@ class EtcAnswer(Row):
     remedies: dict[str, float] = column(default={})
     flags: tuple[str, ...] = ()
     verdict: VerdictText | None = optional(
-        "of the planet: detected (half of the visits show it at its known place), measured_not_detected, unreachable "
-        "(every status but ok); null for a contrast limit, which is about no planet, and in older results"
+        "of the planet: detected (half of such programmes show it, looked for as verdict_mode says), "
+        "measured_not_detected, unreachable (every status but ok); null for a contrast limit, which is about no "
+        "planet, and in older results"
     )
     verdict_mode: DetectionMode | None = None
     detection_probability: float | None = None
     detection_probability_known_place: float | None = None
     limited_by: LimitText | None = None
+    required_visits: int | None = None
+    required_time_s: float | None = None
+    required_drift_factor: float | None = None
+    required_contrast_factor: float | None = None
     _fidelity: AnswerFidelity | None = PrivateAttr(default=None)
 
     @property

@@ -20,8 +20,18 @@ from pydantic_core import CoreSchema, PydanticUndefined
 
 StatusText = Literal["ok", "unreachable", "saturated", "outside_field", "invalid"]
 VerdictText = Literal["detected", "measured_not_detected", "unreachable"]
-DetectionMode = Literal["known_place"]
-LimitText = Literal["geometry", "photons", "background", "speckles", "saturation", "none"]
+DetectionMode = Literal["blind", "known_place"]
+LimitText = Literal[
+    "geometry",
+    "photons",
+    "background",
+    "speckles",
+    "common_speckles",
+    "saturation",
+    "motion",
+    "visibility",
+    "none",
+]
 
 
 _ABSENT = object()
@@ -134,7 +144,7 @@ _PROBABILITY = (
     "probability that a blind search finds the planet, by the law of simulated images; null where no law was measured "
     "(near-infrared camera, photon counting) or there is no answer"
 )
-_KNOWN_PLACE = Look(meaning="the same for a look at the planet's known place, which the verdict is about")
+_KNOWN_PLACE = Look("at its place", "known %", "%", "the same for a look at the planet's known place")
 VOCABULARY: Mapping[str, Look] = {
     "hip": Look("HIP", meaning="Hipparcos number"),
     "v_mag": Look("V", "V mag", ".2f", "Johnson V (Vega), mag"),
@@ -149,14 +159,37 @@ VOCABULARY: Mapping[str, Look] = {
     "threshold": Look("threshold", "thresh", ".3g", "small-sample detection threshold for significance"),
     "detection_margin": Look("margin", "margin", ".3g", "significance / threshold"),
     "exposure_s": Look("exposure", "exposure s", ".3g", "frame exposure, s"),
-    "n_frames": Look("frames", "frames", "", "science frames"),
+    "n_frames": Look("frames", "frames", "", "science frames of all visits"),
+    "frames_per_visit": Look("frames of a visit", "each", "", "science frames of a visit"),
+    "visits": Look("visits", "visits", "", "science visits that are reduced together, each with its own wavefront"),
+    "reference_visits": Look("reference visits", "refs", "", "visits that the reference frames are spread over"),
+    "visit_time_s": Look("time of a visit", "visit", "time", "wall time of a visit with its references, s"),
+    "n_modes": Look("modes", "modes", "", "modes of the library that the subtraction projects out"),
+    "span_days": Look("span", "span d", ".3g", "from the start of the first visit to the end of the last, d"),
+    "required_visits": Look(
+        meaning="least number of visits of this length that makes the planet detected; null where none does"
+    ),
+    "required_time_s": Look(
+        "time for a detection",
+        "",
+        "time",
+        "least wall time of as many visits that makes the planet detected; null where none does",
+    ),
+    "required_drift_factor": Look(
+        meaning="largest factor on the drift, common part and walk included, that makes the planet detected in these "
+        "frames; null where none does"
+    ),
+    "required_contrast_factor": Look(
+        meaning="least factor on the contrast that makes the planet detected in these frames; null where none does"
+    ),
     "em_gain": Look("EM gain", "gain", ".3g", "EM gain"),
-    "integration_s": Look("time on source", "on source", "time", "time on source, s"),
-    "time_s": Look("wall time", "wall", "time", "wall time with readouts, reference frames and overhead, s"),
+    "integration_s": Look("time on source", "on source", "time", "time on source of all visits, s"),
+    "time_s": Look("wall time", "wall", "time", "wall time of all visits: readouts, reference frames, overheads, s"),
     "completeness": Look("completeness", "compl %", "%"),
+    "completeness_known_place": Look("completeness at known places", "known %", "%"),
     "verdict_mode": Look(
-        meaning="how the planet is looked for: known_place, at a given place: detected where half of the visits show "
-        "it there; null without a verdict"
+        meaning="how the planet is looked for: blind, by a search that knows no place, or at a known_place; detected "
+        "where half of such programmes show it; null without a verdict"
     ),
     "detection_probability": Look("found blind", "blind %", "%", _PROBABILITY),
     "predicted_detection_probability": Look(meaning=_PROBABILITY),
@@ -164,9 +197,10 @@ VOCABULARY: Mapping[str, Look] = {
     "predicted_detection_probability_known_place": _KNOWN_PLACE,
     "limited_by": Look(
         meaning="single change that would make the planet detected in the given time: speckles (no drift of the "
-        "wavefront), background (no light and no noise but the planet's own and the speckles), photons (neither is "
-        "enough: the planet is too faint); geometry: outside the dark hole; saturation: no frame is possible; none: "
-        "detected; null where there is no verdict"
+        "wavefront), common_speckles (the same, where no number of visits helps), background (no light and no noise "
+        "but the planet's own and the speckles), photons (neither is enough: the planet is too faint); motion: it "
+        "moves too far for the visits; visibility: the star is not seen for so long; geometry: outside the dark hole; "
+        "saturation: no frame is possible; none: detected; null where there is no verdict"
     ),
     "exposure_limited_by": Look(meaning="limit that binds the exposure; empty: the optimum"),
     "gain_limited_by": Look(meaning="limit that binds the EM gain; empty: the optimum"),

@@ -50,10 +50,13 @@ class BandConfirmation(Row):
     separation_arcsec: float
     pa_deg: float = column(label="position angle", format=".1f")
     exposure_s: float | None = None
+    visits: int | None = optional("science visits that are reduced together", short="visits", format="d")
+    reference_visits: int | None = optional("visits that all the references are spread over")
+    frames_per_visit: int | None = None
     n_frames: int | None = None
     em_gain: float | None = None
-    integration_s: float | None = None
-    time_s: float | None = None
+    integration_s: float | None = optional("on source, all visits")
+    time_s: float | None = optional("wall time of all visits")
     realisations: int | None = optional("independent draws of drift and noise")
     drawn_as: Literal["sums", "frames"] | None = optional(
         "sums of frames over the hole, or every frame, where sums cannot stand for them"
@@ -89,7 +92,7 @@ class BandConfirmation(Row):
     )
     star_flux_error: float | None = optional("relative, common to all realisations")
     rdi_throughput: float | None = optional(label="RDI throughput", format="%")
-    rdi_modes_used: int | None = optional(label="RDI modes")
+    rdi_modes_used: int | None = optional("beside the mean, around the planet", label="RDI modes")
     core_throughput: float | None = optional(format="%")
     n_background_apertures: int | None = optional(label="background apertures")
     saturated_in_hole: int | None = optional(

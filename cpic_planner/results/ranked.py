@@ -11,6 +11,13 @@ KNOWN_PLANETS = "known planets"
 """Name of the population where completeness refers to the stars' own planets."""
 
 
+_CALMER = (
+    "largest factor on the drift, common part and walk included, with which the planet is detected in the given time, "
+    "visits and place chosen anew; null where it is detected, or no drift is small enough"
+)
+_BRIGHTER = "factor by which the planet has to be brighter to be detected in the given time; null where it is detected"
+
+
 class ReferencePlanetRecord(Result):
     """The planet that ranked numbers refer to."""
 
@@ -60,7 +67,10 @@ class RankedTarget(Row):
     threshold: float = column("small-sample detection threshold for significance, 5 sigma-equivalent")
     detection_margin: float
     status: StatusText = column("ok when the reference planet is detected in the given time")
-    reason: str = column("why not, empty when ok; speckle_floor: no length of visit is enough; limited_by says why")
+    reason: str = column(
+        "why not, empty when ok; speckle_floor: no length of so many visits is enough; common_speckle_floor: no number "
+        "of visits is, up to 1000; limited_by says why"
+    )
     verdict: VerdictText | None = optional(
         "of the reference planet in the given time: detected with status ok, else unreachable; null in older results"
     )
@@ -75,25 +85,49 @@ class RankedTarget(Row):
         "least wall time that detects the reference planet, in any band and at any separation; null: none",
         format="time",
     )
+    detection_visits: int | None = optional("visits of that observation; null: none, or an older result")
     completeness: float = column(
-        "fraction of the population that one observation detects in the best band, each planet looked for at its "
-        "known place: its significance reaches the threshold there; planets that velocities, a companion star or a "
-        "known giant exclude do not count"
+        "fraction of the population that one observation detects in the best band by a search that does not know "
+        "where planets stand: mean of their probabilities; planets that velocities, a companion star or a known giant "
+        "exclude do not count"
     )
-    completeness_error: float = column("its binomial standard error", format="%")
+    completeness_known_place: float | None = optional(
+        "the same where each planet is looked for at its known place; null in older results"
+    )
+    completeness_error: float = column("standard error, by the planets drawn, of the one that counts", format="%")
     completeness_band: str = column("band of that observation", label="in")
     completeness_time_s: float | None = column("its wall time, s", format="time")
-    completeness_per_hour: float = column("completeness over that time in hours")
+    completeness_per_hour: float = column("the completeness that counts over that time in hours")
     completeness_unconditional: float | None = optional(
-        "the same of all planets, whatever is known of the star; null in older results",
+        "completeness of all planets, whatever is known of the star; null in older results",
         label="completeness of all",
         short="of all %",
         format="%",
     )
-    expected_planets: float | None = optional("completeness times planets per star of the population", format=".2g")
+    completeness_known_place_unconditional: float | None = optional(
+        "the same where each planet is looked for at its known place; null in older results",
+        label="completeness of all at known places",
+        short="known, of all %",
+        format="%",
+    )
+    expected_planets: float | None = optional(
+        "the completeness that counts times planets per star of the population", format=".2g"
+    )
     expected_planets_unconditional: float | None = optional("the same of all planets", format=".2g")
     exposure_s: float | None
-    n_frames: int | None = column("science frames; as many reference frames are taken")
+    visits: int | None = None
+    reference_visits: int | None = None
+    frames_per_visit: int | None = None
+    visit_time_s: float | None = None
+    span_days: float | None = None
+    required_visits: int | None = None
+    required_time_s: float | None = optional(
+        "least wall time that detects the planet, visits chosen anew unless their number is given; null where it is "
+        "detected, or no time does"
+    )
+    required_drift_factor: float | None = optional(_CALMER)
+    required_contrast_factor: float | None = optional(_BRIGHTER)
+    n_frames: int | None = column("science frames of all visits; reference frames are so many times the ratio")
     em_gain: float | None
     integration_s: float | None
     time_s: float | None
@@ -127,6 +161,17 @@ class RankResult(Result):
     time_s: float = Field(description="wall time per target and band, s")
     sigma: float = Field(description="detection level whose false-alarm probability the thresholds keep")
     reference_library: str = Field(description="reference library of the subtraction")
+    search: DetectionMode = Field(
+        default="known_place",
+        description="how the planets that completeness counts are looked for, which says which completeness the score, "
+        "its error and the expected planets are of; known_place in older results",
+    )
+    visits: int | None = Field(
+        default=None, description="visits of every observation; null: the best number for each star and band"
+    )
+    drift_nm: float | None = Field(
+        default=None, description="rms of the wavefront offset of a visit; null in older results"
+    )
     reference_planet: ReferencePlanetRecord
     population: PopulationRecord
     score_name: ScoreName = Field(description="what the ranking is by")
@@ -205,15 +250,27 @@ class BandStanding(Row):
     threshold: float
     detection_margin: float
     floor_margin: float = column(
-        "margin that no length of visit can pass", label="margin at most", short="at most", format=".3g"
+        "margin that no programme can pass, of the given number of visits or of up to 1000",
+        label="margin at most",
+        short="at most",
+        format=".3g",
     )
     completeness: float = column(
         "fraction of the population that one observation in this band detects and nothing known excludes"
     )
+    completeness_known_place: float | None = optional(
+        "the same where each planet is looked for at its known place; null in older results"
+    )
     completeness_unconditional: float | None = optional(
-        "the same of all planets, whatever is known of the star; null in older results",
+        "completeness of all planets, whatever is known of the star; null in older results",
         label="completeness of all",
         short="of all %",
+        format="%",
+    )
+    completeness_known_place_unconditional: float | None = optional(
+        "the same where each planet is looked for at its known place; null in older results",
+        label="completeness of all at known places",
+        short="known, of all %",
         format="%",
     )
     in_zone: float = column("fraction of the population in the dark quadrants", short="in zone %", format="%")
@@ -221,6 +278,14 @@ class BandStanding(Row):
     time_s: float | None
     exposure_s: float | None
     n_frames: int | None
+    visits: int | None = None
+    reference_visits: int | None = None
+    frames_per_visit: int | None = None
+    visit_time_s: float | None = None
+    span_days: float | None = None
+    required_visits: int | None = None
+    required_drift_factor: float | None = optional(_CALMER)
+    required_contrast_factor: float | None = optional(_BRIGHTER)
     em_gain: float | None
     exposure_limited_by: str
     gain_limited_by: str

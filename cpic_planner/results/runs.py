@@ -26,9 +26,53 @@ class PlannedSequenceRow(Row):
     em_gain: float = column(short="gain", format="g")
     start_utc: str = column("begin of the first exposure", short="begins (UTC)")
     file: str = Field(description="Level-0 file below the folder of the run")
+    visit: int | None = optional("number of the visit of its role, from 1; null outside of a programme")
+    window: int | None = optional("number of the window of the orbit in the visit, from 1; null outside of a programme")
     modelled: ModellingRecord | None = optional(
         "what its tolerance leaves out, and the predicted error; null without a tolerance"
     )
+
+
+class VisitRow(Row):
+    """One sequence of a programme: the frames of a visit in one window of the orbit."""
+
+    visit: int = Field(description="number of the visit among those of its role, from 1")
+    n_visits: int = Field(description="visits of its role")
+    role: Literal["science", "reference"]
+    window: int = Field(description="number of the window of the orbit in the visit, from 1")
+    folder: str = Field(description="tree of products of the visit, beside the list of visits")
+    file: str = Field(description="Level-0 file, below the folder of the list of visits")
+    obsid: str = column("number of the observation, eleven digits", label="OBSID")
+    band: str
+    start_utc: str = column("begin of the first exposure", short="begins (UTC)")
+    begin_mjd: float = Field(description="begin of the first exposure, MJD (UTC)")
+    end_mjd: float = Field(description="end of the last exposure, MJD (UTC)")
+    n_frames: int
+    first_frame: int = Field(description="number of its first frame in the visit, from 0")
+    exposure_s: float = Field(description="exposure of a frame, s")
+    em_gain: float = column(short="gain", format="g")
+    roll_deg: float = column("position angle of the +y axis", format="g")
+    seed: int
+    streams: list[str | int] = Field(description="names of the random streams of the visit, below the seed")
+
+
+class SimulatedProgramme(Result):
+    """Visits of one star that are to be reduced together, as the file ``programme.json`` lists them."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["programme"] = "programme"
+    file: str = Field(description="this list below the folder of the run")
+    target: str = Field(description="name of the scene of the science visits")
+    reference: str | None = Field(description="name of the scene of the reference visits; null without any")
+    visits: int = Field(description="science visits")
+    reference_visits: int
+    reference_scheme: Literal["interleaved", "half", "swapped", "other_star"] = Field(
+        description="where in the orbit references are taken"
+    )
+    visit_gap_h: float = Field(description="least time between a visit with its references and the next")
+    orbit_s: float = Field(description="period of the orbit, whose windows the visits begin with")
+    span_days: float = Field(description="from the begin of the first exposure to the end of the last")
+    sequences: list[VisitRow] = Field(description="in the order of time")
 
 
 class SimulatedSequence(PlannedSequenceRow):
@@ -73,6 +117,7 @@ class SimulationResult(Result):
     n_frames: int
     size_bytes: int
     sequences: list[SimulatedSequence]
+    programmes: list[SimulatedProgramme] = Field(default_factory=list, description="visits of each programme")
 
 
 class FindingRecord(Row):

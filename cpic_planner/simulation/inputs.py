@@ -14,7 +14,7 @@ from catalogs import NAMED_TABLES, Catalogue, open_catalogue, stars_at
 from cpic_core import InputError, load_mapping
 from cpic_planner.jobs import Cost
 from cpic_planner.results import ModellingRecord, PlannedSequenceRow, SimulationEstimate
-from cpic_planner.simulation.sequences import PlannedSequence, check_light, plan_sequences
+from cpic_planner.simulation.sequences import PlannedSequence, plan_sequences
 from cpic_planner.validation import modelling_record
 from simulator import config
 from simulator.config import Instrument, Scene, SequenceConfig, SimulationConfig
@@ -27,7 +27,8 @@ def sequence_choice(item: PlannedSequence) -> Choice | None:
     entry = item.entry
     if entry.scene is None or entry.tolerance == 0:
         return None
-    frames = {name: getattr(item, name) for name in ("band", "exposure_s", "n_frames", "em_gain", "start_utc")}
+    frames = {name: getattr(item, name) for name in ("band", "exposure_s", "em_gain", "start_utc")}
+    frames |= {"n_frames": entry.frames}
     light = {name: getattr(entry, name) for name in ("tolerance", "roll_deg", "star_offset_arcsec", "scene_model")}
     finest, switches = FIDELITIES[entry.fidelity], entry.switches_for(item.camera)
     settings: dict[str, Any] = {"quantity": None, "finest": finest, "full": True, "switches": switches}
@@ -64,7 +65,8 @@ def simulation_from(
         FITS; ``snapshot``, ``latest``, ``simbad_2012``), each row of which is a scene. Nothing for a calibration
         ``kind``.
     settings : mapping, optional
-        Keys of `SequenceConfig` for the scenes; a simulation has its own.
+        Keys of `SequenceConfig` for the scenes; a simulation has its own. The scene of references may have the forms
+        that `simulator.config.scene.load_scene` reads.
     changes : mapping, optional
         Values that replace those of every sequence; see `simulator.config.scene_files.simulation_of`.
     instrument : Instrument, mapping, str or Path, optional
@@ -84,6 +86,8 @@ def simulation_from(
         For the first thing that cannot be used, and for settings that concern none of it.
     """
     own = dict(settings or {})
+    if own.get("reference_scene") is not None:
+        own["reference_scene"] = config.load_scene(own["reference_scene"])
     kind = own.get("kind", "SCI")
     for key, value in own.items():
         if key not in config.meaningful_keys(kind):
@@ -289,3 +293,34 @@ def _time_s(item: PlannedSequence, record: ModellingRecord | None) -> float:
     rays = instrument.cosmic_rays.peak_rate_per_s_cm2 * area_cm2 * item.exposure_s
     rays = 0.0 if "cosmic_rays" in gone else rays
     return setup + item.n_frames * (_FRAME_S + _FRAME_S_MPX * megapixels + _RAY_S * rays)
+
+
+def located(error: InputError, where: str) -> InputError:
+    """Return the same refusal, which says where the value belongs to."""
+    return InputError(f"{error.key} of {where}", error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
+
+
+def check_light(planned: tuple[PlannedSequence, ...]) -> None:
+    """Refuse scenes whose light cannot be computed, before any frame is made.
+
+    Raises
+    ------
+    InputError
+        Naming the sequence and the source.
+    """
+    from simulator.target import extended_rates, scene_sources
+
+    seen: set[tuple[int, int, str]] = set()
+    for item in planned:
+        entry = item.entry
+        if entry.scene is None:
+            continue
+        light = id(entry.scene), id(entry.instrument), item.band
+        if light in seen:
+            continue
+        seen.add(light)
+        try:
+            scene_sources(entry.scene, entry.instrument, item.band, roll_deg=entry.roll_deg)
+            extended_rates(entry.scene, entry.instrument, item.band)
+        except InputError as error:
+            raise located(error, f"{item.target} in {item.band}") from None

@@ -6,15 +6,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Unpack, cast
 
-from cpic_core import InputError, digest_of
+from cpic_core import InputError, digest_of, dump_json
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, Task, run
-from cpic_planner.results import SimulatedSequence, SimulationResult
-from cpic_planner.simulation.inputs import disk_bytes, modelled, sequences_cost
-from cpic_planner.simulation.sequences import PlannedSequence, check_light, located, plan_sequences
+from cpic_planner.results import SimulatedProgramme, SimulatedSequence, SimulationResult, VisitRow
+from cpic_planner.simulation.inputs import check_light, disk_bytes, located, modelled, sequences_cost
+from cpic_planner.simulation.sequences import PlannedSequence, plan_sequences
 from cpic_planner.version import __version__
 from simulator.camera import Frame
 from simulator.config import FrozenModel, SimulationConfig, content_hash
-from simulator.products import PARAMS_FILES, FrameSequence, ProductName, refuse_taken, write_level0
+from simulator.products import (
+    PARAMS_FILES,
+    PROGRAMME_FILE,
+    FrameSequence,
+    orbit_s,
+    refuse_taken,
+    write_level0,
+)
 
 RESULT_VERSION = 1
 """Raised when the same configuration gives other frames, so that old folders are not continued."""
@@ -39,7 +46,7 @@ def simulation_job(
     def work(runner: Runner) -> SimulationResult:
         folder = runner.folder
         for item in planned:
-            refuse_taken(folder.path, item.name, overwrite=True)
+            refuse_taken(folder.path / item.folder, item.name, overwrite=True)
         root = str(folder.temporary.resolve())
         tasks = [Task(item.obsid, (item, root, truth), steps=item.n_frames) for item in planned]
         bodies = runner.finish(make_sequence, tasks, store=_Products(folder), tells=True)
@@ -52,14 +59,20 @@ def simulation_job(
             n_frames=sum(item.n_frames for item in planned),
             size_bytes=sum(row.size_bytes for row in rows),
             sequences=rows,
+            programmes=list(_programmes(planned, bodies)),
         )
+
+    def write(folder: RunFolder, result: SimulationResult, bodies: Mapping[str, Any]) -> None:
+        for programme in result.programmes:
+            folder.write(programme.file, dump_json(programme.model_dump(mode="json")))
 
     return Job(
         kind="simulation",
         results=RESULT_VERSION,
         decides=lambda: {"truth": truth, "sequences": settings, "files": digests.files},
         work=work,
-        products=[name for item in planned for name in _files(item.name, truth=truth)],
+        write=write,
+        products=[*(name for item in planned for name in _files(item, truth=truth)), *_manifests(planned)],
         cost=lambda: sequences_cost(planned, [modelled(item) for item in planned], truth=truth),
     )
 
@@ -173,18 +186,67 @@ def make_sequence(
         tally = _Tally(item.build())
         shown = f"{item.target} {item.band}".strip()
         advance = None if progress is None else lambda done, total: progress(shown, 1)
-        write_level0(cast(Any, tally), own, obsid=item.obsid, overwrite=True, truth=truth, progress=advance)
+        write_level0(
+            cast(Any, tally), own / item.folder, obsid=item.obsid, overwrite=True, truth=truth, progress=advance
+        )
     except InputError as error:
         raise located(error, f"sequence {item.obsid}") from None
-    names = _files(item.name, truth=truth)
+    names = _files(item, truth=truth)
     files = {name: {"size_bytes": (own / name).stat().st_size, "sha256": digest_of(own / name)} for name in names}
-    return {"files": files} | {name: getattr(tally, name) for name in _TALLIED}
+    streams = {} if item.part is None else {"streams": list(tally.path)}
+    return {"files": files} | {name: getattr(tally, name) for name in _TALLIED} | streams
 
 
-def _files(name: ProductName, *, truth: bool) -> list[str]:
+def _files(item: PlannedSequence, *, truth: bool) -> list[str]:
     """Files of a sequence below the root, the Level-0 file first."""
-    params = [name.params / file for file in PARAMS_FILES]
-    return [path.as_posix() for path in [name.file, *([name.truth] if truth else []), *params]]
+    params = [item.name.params / file for file in PARAMS_FILES]
+    return [item.place(path) for path in [item.name.file, *([item.name.truth] if truth else []), *params]]
+
+
+def _manifests(planned: Sequence[PlannedSequence]) -> dict[str, list[PlannedSequence]]:
+    """Sequences of each programme by the file that lists them."""
+    found: dict[str, list[PlannedSequence]] = {}
+    for item in planned:
+        if item.part is not None:
+            found.setdefault((Path(item.programme) / PROGRAMME_FILE).as_posix(), []).append(item)
+    return found
+
+
+def _programmes(planned: Sequence[PlannedSequence], bodies: Mapping[str, Any]) -> Iterator[SimulatedProgramme]:
+    """Yield what each programme is."""
+    for file, items in _manifests(planned).items():
+        science = next(item for item in items if item.entry.role == "science").entry
+        looked = {item.target for item in items if item.entry.role == "reference"}
+        yield SimulatedProgramme(
+            file=file,
+            target=science.scene.name if science.scene else "",
+            reference=next(iter(looked), None),
+            visits=science.visits,
+            reference_visits=science.references,
+            reference_scheme=science.reference_scheme,
+            visit_gap_h=science.visit_gap_h,
+            orbit_s=orbit_s(science),
+            span_days=max(item.end_mjd for item in items) - min(item.begin_mjd for item in items),
+            sequences=[_visit_row(item, bodies[item.obsid]["streams"]) for item in items],
+        )
+
+
+def _visit_row(item: PlannedSequence, streams: list[str | int]) -> VisitRow:
+    assert item.part is not None
+    shared = {name: getattr(item.part, name) for name in ("role", "n_visits", "first_frame", "n_frames")}
+    shared |= {name: getattr(item, name) for name in ("obsid", "band", "exposure_s", "em_gain", "start_utc")}
+    return VisitRow(
+        visit=item.part.visit + 1,
+        window=item.part.window + 1,
+        folder=item.part.folder,
+        file=(Path(item.part.folder) / item.name.file).as_posix(),
+        begin_mjd=item.begin_mjd,
+        end_mjd=item.end_mjd,
+        roll_deg=item.entry.roll_deg,
+        seed=item.entry.seed,
+        streams=streams,
+        **shared,
+    )
 
 
 def _whole(root: Path, body: dict[str, Any]) -> bool:
@@ -198,7 +260,7 @@ def _whole(root: Path, body: dict[str, Any]) -> bool:
 
 def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) -> None:
     """Refuse a simulation that the disk has no room for, before anything is written."""
-    needed = sum(disk_bytes(item, truth=truth) for item in planned if not (root / item.name.file).exists())
+    needed = sum(disk_bytes(item, truth=truth) for item in planned if not (root / item.place(item.name.file)).exists())
     whole = root.resolve()
     free = shutil.disk_usage(next(place for place in (whole, *whole.parents) if place.is_dir())).free
     if needed > free:
@@ -211,9 +273,9 @@ def _row(item: PlannedSequence, settings: dict[str, Any], body: Mapping[str, Any
         **item.row(),
         modelled=modelled(item),
         settings=settings,
-        truth=item.name.truth.as_posix() if truth else None,
-        params=item.name.params.as_posix(),
+        truth=item.place(item.name.truth) if truth else None,
+        params=item.place(item.name.params),
         size_bytes=sum(known["size_bytes"] for known in body["files"].values()),
-        sha256=body["files"][item.name.file.as_posix()]["sha256"],
+        sha256=body["files"][item.place(item.name.file)]["sha256"],
         **{name: body[name] for name in _TALLIED},
     )

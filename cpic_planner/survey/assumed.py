@@ -23,7 +23,7 @@ _FIRST_NM, _MOST_NM, _RTOL, _ROUNDING = 0.01, 100.0, 1e-7, 1e-9
 
 
 def assumed_model(instrument: Instrument, strategy: SurveyStrategy, bands: Sequence[str]) -> EtcModel:
-    """Model of the ETC under the assumptions of a strategy.
+    """Model of the ETC under the assumptions of a strategy, whose observations have one visit unless it says more.
 
     Throughput and drift change the rates alone and dust the sky: optics are those of the instrument. A dark hole that
     is brighter than the instrument's is that of a less steady mirror, band by band (`mirror_noise_nm`); a darker one
@@ -42,15 +42,16 @@ def assumed_model(instrument: Instrument, strategy: SurveyStrategy, bands: Seque
         If a band is unknown, or a number becomes impossible.
     """
     assumed = strategy.assumptions
-    reduction = Strategy.model_validate(strategy.reduction.model_dump() | {"sigma": strategy.detection.sigma})
+    own = {"sigma": strategy.detection.sigma, "visits": strategy.reduction.visits or 1}
+    reduction = Strategy.model_validate(strategy.reduction.model_dump() | own)
     nominal = build_model(instrument, bands, reduction)
-    own = _changes(assumed, nominal.bands)
+    changes = _changes(assumed, nominal.bands)
     metrics, contrast = nominal.metrics, assumed.contrast
     if contrast is not None:
         metrics = {band: _assumed_metrics(instrument, band, item, contrast) for band, item in metrics.items()}
-    if not own and metrics is nominal.metrics:
+    if not changes and metrics is nominal.metrics:
         return nominal
-    other = changed(instrument, own)
+    other = changed(instrument, changes)
     return EtcModel(other, Passbands.from_instrument(other), metrics, reduction)
 
 

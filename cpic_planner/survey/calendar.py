@@ -72,10 +72,10 @@ class Calendar:
         return replace(self, fraction=self.fraction * open_slots, allowed_h=self.allowed_h * open_slots)
 
     def cost_h(self, model: EtcModel, star: int, setting: Setting, settlings: int = 1) -> FloatArray:
-        """Telescope time of one visit in every slot, hours; infinite where it is not possible.
+        """Telescope time of one observation in every slot, hours; infinite where it is not possible.
 
-        Slews and settling come before; then as many orbits as the wall time needs, each counting for the whole frames
-        that fit its longest window.
+        Each of its visits begins with slews and settling; then come as many orbits as the wall time needs, each
+        counting for the whole frames that fit its longest window. All visits are in one slot.
 
         Parameters
         ----------
@@ -92,7 +92,8 @@ class Calendar:
         window = self.window_s[star]
         with np.errstate(divide="ignore", invalid="ignore"):
             filled = np.where(window >= frame, np.floor(window / frame) * frame / window, 0.0)
-            elapsed = setting.time_s / (self.fraction[star] * filled) / _HOUR_S + settlings * self.settle_h
+            settled_h = (model.strategy.visits or 1) * settlings * self.settle_h
+            elapsed = setting.time_s / (self.fraction[star] * filled) / _HOUR_S + settled_h
         good = (filled > 0) & (self.fraction[star] > 0) & (elapsed <= self.allowed_h[star])
         return np.where(good, elapsed, np.inf)
 

@@ -106,9 +106,9 @@ def settings_of(model: EtcModel, targets: Targets, band: str, visit: VisitRule, 
     if visit.goal != "time":
         quick = optimise(model, targets, snr=visit.snr, detect=visit.goal == "detect", planet=planet, bands=[band])
         ends = (quick.n_frames >= 1) & (quick.time_s <= time_s)
-        taken = ("exposure_s", "n_frames", "em_gain", "time_s", "separation_arcsec", "contrast")
+        taken = ("exposure_s", "frames_per_visit", "em_gain", "time_s", "separation_arcsec", "contrast")
         best = replace(best, **{name: np.where(ends, getattr(quick, name), getattr(best, name)) for name in taken})
-    columns = [best.exposure_s, best.n_frames, best.em_gain, best.time_s]
+    columns = [best.exposure_s, best.frames_per_visit, best.em_gain, best.time_s]
     if visit.exposure_s is not None or visit.em_gain is not None:
         columns = _fixed(model, targets, visit, best)
     return [Setting(band, *(float(value) for value in row)) for row in zip(*columns, strict=True)]
@@ -123,8 +123,10 @@ def _fixed(model: EtcModel, targets: Targets, visit: VisitRule, best: OptimalSet
     x, y = planet_offsets(model, targets, band, best.separation_arcsec[:, None])
     rates = aperture_rates(model, targets, band, x, y, best.contrast[:, None])
     problem = frame_problem(rates, camera, model.strategy, objective="significance", em_gain=visit.em_gain)
-    choice = best_in_visit(problem, model.visit_s(best.time_s)[:, None])
-    return [choice.exposure_s[:, 0], choice.n_frames[:, 0], choice.em_gain[:, 0], model.time_s(choice.visit_s)[:, 0]]
+    visits = best.visits[:, None]
+    choice = best_in_visit(problem, model.visit_s(best.time_s[:, None] / visits))
+    time_s = visits * model.time_s(choice.visit_s)
+    return [part[:, 0] for part in (choice.exposure_s, choice.n_frames, choice.em_gain, time_s)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +183,10 @@ def screen(
                     exposure_s=np.array([item.exposure_s for item in own]),
                     n_frames=np.array([item.n_frames for item in own]),
                     em_gain=np.array([item.em_gain for item in own]),
+                    visits=float(model.strategy.visits or 1),
                 )
-                promising |= counted.completeness > 0.0
+                # Half a planet of those drawn, at its known place: a probability is nowhere exactly zero.
+                promising |= counted.completeness_known_place > 0.5 / N_SCREEN
     known_rows = tuple(tuple(every[row]) for row in rows)
     return Screened(strategy, model, chosen, tuple(settings), promising, known_rows)
 

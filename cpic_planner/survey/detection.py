@@ -4,7 +4,7 @@ False alarms of a visit: noise that passes the threshold, and background stars t
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,9 +12,11 @@ from catalogs import OrbitPlaces
 from cpic_core import ArrayLike, BoolArray, FloatArray
 from cpic_planner.etc import (
     EtcModel,
+    Programme,
     StackNoise,
     aperture_rates,
     detection,
+    effective_visits,
     mixture_contrast,
     stack_noise,
     threshold_array,
@@ -59,7 +61,7 @@ class ExpectedSignals:
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
     threshold is defined there; ``tails`` the share of the noise, as rms, that is light of the wavefront's errors, and
     ``inward`` the width of a resolution element over the separation, both 0 there too. The others are the planet's own,
-    ``pa_deg`` east of north.
+    ``pa_deg`` east of north. ``visits`` are the independent wavefronts behind the noise.
     """
 
     margin: FloatArray
@@ -71,6 +73,13 @@ class ExpectedSignals:
     pa_deg: FloatArray
     distance_au: FloatArray
     phase_deg: FloatArray
+    visits: FloatArray = field(default_factory=lambda: np.ones(()))
+
+
+def wavefronts(model: EtcModel) -> float:
+    """Return the independent wavefronts that the reduction of a model brings together (`effective_visits`)."""
+    made = Programme.of(model.strategy)
+    return float(effective_visits(made.visits, made.reference_visits))
 
 
 def expected_signals(
@@ -143,7 +152,16 @@ def expected_signals(
             inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[0]
     return ExpectedSignals(
-        margin, tails, inward, snr, contrast, separation, pa_deg, places.distance_au, places.phase_deg
+        margin,
+        tails,
+        inward,
+        snr,
+        contrast,
+        separation,
+        pa_deg,
+        places.distance_au,
+        places.phase_deg,
+        np.full(shape, wavefronts(model)),
     )
 
 
@@ -188,7 +206,9 @@ def tail_share(model: EtcModel, setting: Setting, separation_arcsec: FloatArray,
     return detection.tail_share(model, setting.band, separation_arcsec, visit_s, noise)
 
 
-def half_margin(rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward: ArrayLike) -> FloatArray:
+def half_margin(
+    rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward: ArrayLike, visits: ArrayLike = 1.0
+) -> FloatArray:
     """Significance over threshold at which half of the planets are detected.
 
     Parameters
@@ -197,12 +217,12 @@ def half_margin(rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward:
         ``expected`` is a step at 1; any other follows the law of `cpic_planner.etc.detection.half_margin`.
     known : array_like of bool
         Planets whose place is known.
-    tails, inward : array_like
+    tails, inward, visits : array_like
         As of `ExpectedSignals`.
     """
     if rule.rule == "expected":
         return np.ones(np.broadcast_shapes(np.shape(known), np.shape(tails)))
-    return detection.half_margin(rule, _at_place(rule, known), tails, inward)
+    return detection.half_margin(rule, _at_place(rule, known), tails, inward, visits)
 
 
 def detection_chance(
@@ -230,7 +250,7 @@ def detection_chance(
     if rule.rule == "expected":
         return np.where(seen.margin >= 1.0, 1.0, 0.0)
     expected = seen.margin, _at_place(rule, known), seen.tails, seen.inward
-    return detection.detection_probability(rule, *expected, shift=shift, calibration=calibration)
+    return detection.detection_probability(rule, *expected, visits=seen.visits, shift=shift, calibration=calibration)
 
 
 def _at_place(rule: DetectionRule, known: ArrayLike) -> BoolArray:
@@ -340,7 +360,7 @@ def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: De
     separation = np.hypot(x, y)
     threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
     tails, inward = tail_share(model, setting, separation[None], noise)[0], metrics.lambda_d_arcsec / separation
-    middle = half_margin(rule, np.zeros(x.size, bool), tails, inward)
+    middle = half_margin(rule, np.zeros(x.size, bool), tails, inward, wavefronts(model))
     with np.errstate(divide="ignore"):
         faintest = middle * _PROBE * threshold / noise.significance[0]
     good = np.isfinite(faintest) & (faintest > 0.0)

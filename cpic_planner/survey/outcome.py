@@ -127,13 +127,14 @@ def _time_use(survey: Survey, universes: Columns, stars: Columns) -> results.Tim
     """Means over universes; a visit's parts are those of the planned visits of its star."""
     n = len(universes["visits"])
     exposing = settling = 0.0
+    settle_h = survey.strategy.visit.settlings * (survey.model.strategy.visits or 1) * survey.calendar.settle_h
     for i, name in enumerate(survey.targets.name):
         mine = stars["star"] == name
         visits = float(stars["visits"][mine].sum()) / n
         own = _planned(survey, i)
         if own:
             exposing += visits * float(np.mean([survey.options[i][visit.option].time_s for visit in own])) / 3600.0
-            settling += visits * survey.strategy.visit.settlings * survey.calendar.settle_h
+            settling += visits * settle_h
     search, follow = (float(universes[name].mean()) for name in ("search_h", "follow_up_h"))
     return results.TimeUse(
         exposing_h=exposing,

@@ -185,6 +185,9 @@ class SurveyStrategy(FrozenModel):
     name, description : str
     time_budget_h : float
         Telescope time, slews, settling and occultations included.
+    reduction : Strategy
+        How an observation is made and reduced. It is a programme of ``reduction.visits`` visits, one unless given, all
+        in one slot of the calendar, each with its own settlings; what survey words call a visit is all of it.
     slot_share : float
         Largest fraction of any slot of the calendar that the coronagraph may take; ``share`` in files is the same. It
         is no share of the mission: that is ``time_budget_h`` over the length of the survey.

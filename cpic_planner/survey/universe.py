@@ -7,7 +7,14 @@ import numpy as np
 
 from catalogs import KnownPlanetTable, OrbitPlaces
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, stream
-from cpic_planner.planets import OrbitingPlanets, PopulationConfig, StarLimits, chosen_entry, draw_known
+from cpic_planner.planets import (
+    OrbitingPlanets,
+    PopulationConfig,
+    StarLimits,
+    chosen_entry,
+    draw_known,
+    masses_of_gravity_msun,
+)
 from cpic_planner.planets.known_rows import QUANTITIES as KNOWN_QUANTITIES
 from cpic_planner.planets.population_config import QUANTITIES
 from cpic_planner.targets import Targets
@@ -82,15 +89,8 @@ class PlanetSample(OrbitingPlanets):
 
 
 def star_mass_msun(targets: Targets) -> FloatArray:
-    """Masses from surface gravity, luminosity and temperature, solar masses, shape ``(n,)``.
-
-    ``log M = log g - 4.438 + 2 log R`` with ``R^2 = L (5772 K / Teff)^4``: the inverse of how
-    `catalogs.stellar_physics` fills the gravity. Held between 0.2 and 5, where a measured gravity and an assumed
-    luminosity disagree.
-    """
-    radius2 = targets.luminosity_lsun * (5772.0 / targets.teff_k) ** 4
-    mass = 10.0 ** (targets.log_g - 4.438) * radius2
-    return np.clip(np.where(np.isfinite(mass), mass, 1.0), 0.2, 5.0)
+    """Return the masses of stars that follow from their gravity (`cpic_planner.planets.masses_of_gravity_msun`)."""
+    return masses_of_gravity_msun(targets.log_g, targets.luminosity_lsun, targets.teff_k)
 
 
 def occurrence(population: PopulationConfig) -> float:

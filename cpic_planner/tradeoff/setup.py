@@ -174,6 +174,8 @@ class Setup:
         Sources of the scene to leave out.
     sky, drift : bool
         Whether the sky shines and the wavefront drifts.
+    still : tuple of str
+        Numbers of the drift that are taken as 0.
     scene_model : {"exact", "paper"}
     """
 
@@ -184,6 +186,7 @@ class Setup:
     switches: Mapping[str, bool] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
     sky: bool = True
+    still: tuple[str, ...] = ()
     drift: bool = True
     scene_model: SceneModel = "exact"
 
@@ -196,8 +199,9 @@ class Setup:
         instrument = case.instrument
         if self.draw == "sums":
             instrument = images_of(instrument)
-        if not self.drift:
-            instrument = instrument.changed({"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}})
+        names = self.still if self.drift else ("visit_nm", "walk_nm_per_sqrt_hour", "orbital_nm")
+        if names:
+            instrument = instrument.changed({"drift": dict.fromkeys(names, 0.0)})
         if not self.sky:
             instrument = _dark_sky(instrument)
         return instrument.switched(self.switches)
@@ -271,6 +275,7 @@ def chosen_by(case: FixedScene, choice: Choice) -> Setup:
         switches=dict(choice.switches),
         left_out=tuple(choice.left_out),
         sky=choice.sky,
+        still=choice.still,
         scene_model=case.scene_model,
     )
 

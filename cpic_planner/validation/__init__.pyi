@@ -1,7 +1,11 @@
 from cpic_planner.etc.detection import detection_threshold as detection_threshold, threshold_array as threshold_array
 from cpic_planner.validation.albedo_fit import AlbedoFit as AlbedoFit, fit_albedo as fit_albedo
 from cpic_planner.validation.albedo_model import AlbedoModel as AlbedoModel, planet_albedo_model as planet_albedo_model
-from cpic_planner.validation.apertures import aperture_sum as aperture_sum, aperture_weights as aperture_weights
+from cpic_planner.validation.apertures import (
+    aperture_sum as aperture_sum,
+    aperture_weights as aperture_weights,
+    edge_crossed as edge_crossed,
+)
 from cpic_planner.validation.astrometry import (
     Astrometry as Astrometry,
     SkyPosition as SkyPosition,
@@ -30,7 +34,6 @@ from cpic_planner.validation.libraries import (
 from cpic_planner.validation.measure import (
     Measurement as Measurement,
     PlanetTemplate as PlanetTemplate,
-    edge_crossed as edge_crossed,
     measure_planets as measure_planets,
     planet_templates as planet_templates,
 )

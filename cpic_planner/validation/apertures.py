@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_number, checked_array, load_quietly
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Reason, check_number, checked_array, load_quietly
+from simulator.imaging import HoleZone
 
 
 def described(array: np.ndarray) -> str:
@@ -144,6 +145,22 @@ def outside_discs(region: BoolArray, places: Iterable[Sequence[float]], radius_p
     return region
 
 
+def edge_crossed(zone: HoleZone, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> Reason:
+    """Which edge of the dark hole the aperture of a source crosses that does not lie in it.
+
+    Parameters
+    ----------
+    zone : HoleZone
+    x_arcsec, y_arcsec : float
+        Offsets of the source from the star on the detector.
+    radius_arcsec : float
+        Radius of the aperture.
+    """
+    near, far = sorted((abs(x_arcsec), abs(y_arcsec)))
+    inner = near - radius_arcsec < zone.inner_arcsec and far + radius_arcsec <= zone.outer_arcsec
+    return Reason.INSIDE_INNER_EDGE if inner else Reason.OUTSIDE_OUTER_EDGE
+
+
 MIN_BACKGROUND_APERTURES = 3
 
 
@@ -211,7 +228,12 @@ def aperture_sum(image: ArrayLike, x_pixel: ArrayLike, y_pixel: ArrayLike, radiu
 
 
 def sample_scatter(
-    image: ArrayLike, region: ArrayLike, radius_pixel: float, *, phase_pixel: tuple[float, float] = (0.0, 0.0)
+    image: ArrayLike,
+    region: ArrayLike,
+    radius_pixel: float,
+    *,
+    phase_pixel: tuple[float, float] = (0.0, 0.0),
+    kernel: FloatArray | None = None,
 ) -> tuple[float, int]:
     """Standard deviation of aperture sums inside a region, and how many independent apertures it holds.
 
@@ -230,6 +252,8 @@ def sample_scatter(
     phase_pixel : tuple of float, optional
         Sub-pixel offset (x, y) of the centres, -0.5 to 0.5: that of the aperture the scatter is meant for,
         since the weights of the edge pixels, and with them the noise, depend on it.
+    kernel : ndarray, optional
+        Weights of the sums instead of those of a circle, odd sides; grids keep the pitch of the circles.
 
     Returns
     -------
@@ -255,7 +279,8 @@ def sample_scatter(
     if 2.0 * radius_pixel > min(data.shape):
         raise too_few
     side = 2 * half + 1
-    kernel = aperture_weights((side, side), half + phase_pixel[0], half + phase_pixel[1], radius_pixel)
+    if kernel is None:
+        kernel = aperture_weights((side, side), half + phase_pixel[0], half + phase_pixel[1], radius_pixel)
     pitch = math.ceil(2.0 * radius_pixel)
     y, x = np.nonzero(binary_erosion(allowed[box], structure=kernel > 0))
     grid = (y % pitch) * pitch + x % pitch

@@ -10,16 +10,16 @@ import numpy as np
 
 from cpic_core import NDArray, Status, announce
 from cpic_planner.results import AuditRecord, CandidateRecord, SearchRecord
-from cpic_planner.validation.astrometry import Astrometry
+from cpic_planner.validation.astrometry import Astrometry, fit_position
 from cpic_planner.validation.detection import BlindSearch
 from cpic_planner.validation.measure import (
     MATCH_LAMBDA_D,
     Measurement,
     PlanetTemplate,
+    match_of,
     measure_planets,
     obstacle,
     planet_templates,
-    positions_of,
 )
 from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, realise_frames, visit_pair
@@ -101,6 +101,33 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         "planet_offsets_arcsec": [list(planet.places_arcsec[0]) for planet in planets],
         "search": None if record is None else record.model_dump(mode="json"),
     }
+
+
+def positions_of(
+    visits: VisitPair, realisation: Realisation, blind: BlindSearch, planet: PlanetTemplate
+) -> Astrometry | None:
+    """Fitted position of a planet that the search found; None where it did not.
+
+    Parameters
+    ----------
+    visits : VisitPair
+    realisation : Realisation
+    blind : BlindSearch
+    planet : PlanetTemplate
+    """
+    match = match_of(blind, planet, visits.geometry)
+    if match is None or not match.detected:
+        return None
+    pixel, middle = visits.geometry.pixel_scale_arcsec, visits.geometry.stamp_pixels // 2
+    others = [((x - middle) * pixel, (y - middle) * pixel) for x, y in planet.others]
+    return fit_position(
+        realisation.reduced,
+        visits.optics,
+        match.x_arcsec,
+        match.y_arcsec,
+        roll_deg=visits.plan.science["roll_deg"],
+        exclude=others,
+    )
 
 
 def _search_record(blind: BlindSearch, visits: VisitPair, planets: tuple[PlanetTemplate, ...]) -> SearchRecord:

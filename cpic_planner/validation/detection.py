@@ -6,18 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, Outcome, Reason, Status
+from cpic_core import FloatArray, InputError, Outcome, Reason, Status, check_whole, checked_scalar
 from cpic_planner.validation.apertures import check_positive, checked_image
 from cpic_planner.validation.noise_law import snr_at
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.search import MAX_SIGMA, SearchedRegion, false_alarms, search_threshold
-from cpic_planner.validation.search_field import REPORTED_SIGMA, Peak, SearchField
+from cpic_planner.validation.search_field import REPORTED_SIGMA, Peak, SearchedProgramme, SearchField
 from cpic_planner.validation.speckle_maps import SpeckleMaps
 from simulator.imaging import AnyPsf
 
 _CLEANED_SIGMA = 5.0  # sources that are taken out before others are looked for
 _MAX_CLEANED = 10
 _LEAST_SAMPLES = 3.0
+MAX_VISITS = 10_000
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,9 @@ def search(
     sigma: float = 5.0,
     per_search: bool = False,
     known: Sequence[tuple[float, float]] = (),
+    visits: int = 1,
+    reference_visits: int = 1,
+    common_fraction: float = 0.0,
 ) -> BlindSearch:
     """Look for sources everywhere in the dark hole.
 
@@ -152,6 +156,12 @@ def search(
         That probability for the whole search instead.
     known : sequence of (x_arcsec, y_arcsec)
         Sources that are neither reported nor allowed to count as noise.
+    visits, reference_visits : int
+        Visits that the science images of the stack, in their order, and all its references come from; each has a
+        wavefront of its own. At least 1.
+    common_fraction : float
+        Believed rms, over that of a visit's offset, of the wavefront by which science and reference differ in every
+        visit (`Drift.common_fraction`): it is fitted, from a prior around this number; 0 for none. 0 to 1.
 
     Returns
     -------
@@ -167,17 +177,24 @@ def search(
     The variance of a matched-filtered pixel is ``level white + drift linear + drift^2 square`` with the shapes of white
     noise, of ``2 Re(E0* dE)`` and of ``|dE|^2``; both factors are fitted to the residual, for each candidate without
     the disc of 1.22 lambda/D around it and, as far as speckles rule there, around its mirror image: pupil phases make
-    pairs. The law of a position is Gaussian noise plus a Laplace share of the same kurtosis, over the error of the fit;
+    pairs. V science and R reference visits leave (1/V + 1/R)/2 of the last two terms, and a part that all visits share;
+    how the visits scatter around their mean, where no planet and nothing common is left, tells the noise V - 1 times
+    over. The law of a position is Gaussian noise plus Laplace variates, one for each of `effective_visits` pairs, of
+    the same kurtosis, over the error of the fit;
     as an equivalent Gaussian field it has the threshold of `search_threshold`. Up to ten sources beyond 5 sigma are
     subtracted, brightest first, before others are looked for. ``sep`` finds the peaks of the matched-filtered image.
     """
     check_positive("star_rate_e_s", star_rate_e_s, "e-/s")
     if not REPORTED_SIGMA <= sigma <= MAX_SIGMA:
         raise InputError("sigma", sigma, unit="sigma", allowed=f"{REPORTED_SIGMA:g} to {MAX_SIGMA:g}")
+    for key, number in (("visits", visits), ("reference_visits", reference_visits)):
+        check_whole(key, number, 1, MAX_VISITS)
+    checked_scalar("common_fraction", common_fraction, low=0.0, high=1.0)
     image = checked_image(stack.image_e)
     if maps.linear.shape != image.shape:
         raise InputError("maps", maps.linear.shape, unit="px", allowed=f"maps of {image.shape}")
-    field = SearchField(stack, psf, maps, star_rate_e_s * stack.integration_s, known)
+    programme = SearchedProgramme(visits, reference_visits, common_fraction)
+    field = SearchField(stack, psf, maps, star_rate_e_s * stack.integration_s, known, programme)
     if field.samples < _LEAST_SAMPLES:
         text = f"{field.samples:.3g} independent samples of noise: too few to know the noise"
         threshold: Outcome[float] = Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
@@ -208,7 +225,8 @@ def search(
         field.exclude(found[0].x_pixel, found[0].y_pixel)
     peaks = [field.with_final_noise(peak, state) for peak in peaks]
     peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
-    needed = snr_at(level.unwrap(), [peak.laplace for peak in peaks], [peak.dof for peak in peaks]) if peaks else ()
+    laplace, dof = [peak.laplace for peak in peaks], [peak.dof for peak in peaks]
+    needed = snr_at(level.unwrap(), laplace, dof, programme.pairs) if peaks else ()
     candidates = [
         _candidate(peak, field.offset_arcsec(peak), level.unwrap(), float(snr), field.size, state.roughness)
         for peak, snr in zip(peaks, needed, strict=True)

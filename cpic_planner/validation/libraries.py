@@ -26,7 +26,7 @@ class VisitSettings(TypedDict):
 
 @dataclass(frozen=True)
 class LibraryPlan:
-    """The two visits of an observation whose references come from a named library.
+    """The visits of an observation whose references come from a named library.
 
     Attributes
     ----------
@@ -36,7 +36,9 @@ class LibraryPlan:
         What the frames of each visit show.
     science, reference : dict
         ``role``, ``roll_deg`` and ``n_frames`` of each visit, for `simulator.observing.observation.observe`. Visits of
-        different role have wavefront offsets, walks and noise of their own.
+        different role or number have wavefront offsets, walks and noise of their own.
+    visits, reference_visits : int
+        How many there are of each.
     shows_planet : bool
         Whether the planet is in the reference frames too: then both visits are science, each the other's reference
         (`cpic_planner.validation.roll`).
@@ -52,35 +54,45 @@ class LibraryPlan:
     reference_scene: Scene
     science: VisitSettings
     reference: VisitSettings
+    visits: int = 1
+    reference_visits: int = 1
     shows_planet: bool = False
     noise_free: bool = False
     flags: tuple[str, ...] = ()
 
 
-def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, roll_deg: float = 0.0) -> LibraryPlan:
+def library_plan(
+    strategy: Strategy, scene: Scene, n_frames: int, *, visits: int = 1, roll_deg: float = 0.0
+) -> LibraryPlan:
     """What to simulate for the library that a strategy names (`cpic_planner.registry.libraries`).
 
     Parameters
     ----------
     strategy : Strategy
-        ``library``, ``reference_ratio``, ``reference_star``, ``roll_deg``: those of the ETC.
+        ``library``, ``reference_ratio``, ``reference_visits``, ``reference_star``, ``roll_deg``: those of the ETC.
     scene : Scene
         With its planets.
     n_frames : int
-        Science frames, at least 1; for ``roll`` those of each roll.
+        Science frames of a visit, at least 1; for ``roll`` those of each roll.
+    visits : int
+        Science visits, at least 1.
     roll_deg : float
         Roll of the science visit; the middle of the two rolls.
 
     Returns
     -------
     LibraryPlan
-        With ``round(n_frames * reference_ratio)`` reference frames, at least 1.
+        With ``round(n_frames * reference_ratio * V / R)`` reference frames, at least 1, in each of R reference visits
+        of V science visits; without the factor ``V / R`` for a library whose visits are there already.
     """
     count = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
     middle = check_number("roll_deg", roll_deg, "deg")
     library, rolls = strategy.reference_library, strategy.rolls_deg
     role: Role = "science" if library.noise_free else "reference"
-    references = count if library.noise_free else max(round(count * strategy.reference_ratio), 1)
+    # Expectations are those of the very visits that they stand beside.
+    number = visits if library.noise_free else strategy.references_of(visits)
+    length = float(library.reference_length(np.asarray(float(visits)), np.asarray(float(number))))
+    references = count if library.noise_free else max(round(count * strategy.reference_ratio * length), 1)
     science: VisitSettings = {"role": "science", "roll_deg": middle + rolls[0], "n_frames": count}
     reference: VisitSettings = {"role": role, "roll_deg": middle + rolls[-1], "n_frames": references}
     return LibraryPlan(
@@ -89,6 +101,8 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, roll_deg: f
         reference_scene=library.reference_scene(strategy, scene),
         science=science,
         reference=reference,
+        visits=visits,
+        reference_visits=number,
         shows_planet=len(rolls) > 1,
         noise_free=library.noise_free,
         flags=library.flags,

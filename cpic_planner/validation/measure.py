@@ -1,24 +1,33 @@
 """Measurement of one realisation: the blind search decides, forced photometry gives the flux."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, Reason
-from cpic_planner.validation.apertures import aperture_weights, outside_discs
-from cpic_planner.validation.astrometry import Astrometry, fit_position
+from cpic_planner.queries import FluxFilter
+from cpic_planner.validation.apertures import aperture_weights, edge_crossed, outside_discs
 from cpic_planner.validation.detection import BlindSearch, Candidate, search
-from cpic_planner.validation.photometry import EXCLUSION_RADII, Photometry, aperture_photometry
+from cpic_planner.validation.photometry import (
+    EXCLUSION_RADII,
+    Photometry,
+    aperture_photometry,
+    kernel_at,
+    sum_weights,
+)
+from cpic_planner.validation.rdi import paying_modes, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
 from cpic_planner.validation.roll import roll_photometry
-from cpic_planner.validation.speckle_maps import speckle_maps
+from cpic_planner.validation.speckle_maps import matched_sum, speckle_maps
 from cpic_planner.validation.star_flux import StarFlux
-from simulator.imaging import BandGeometry, HoleZone
+from simulator.imaging import BandGeometry
 from simulator.target import scene_sources
 
 LEAST_COVERED = 0.9
 """Share of an aperture that must be left by limits and rejection."""
+MODES_LAMBDA_D = 2.4
+"""Half width of the annulus around a planet whose modes are projected out."""
 MATCH_LAMBDA_D = 0.5
 """A detection this close to the planet's place is the planet."""
 
@@ -56,6 +65,28 @@ class PlanetTemplate:
     def core(self) -> float:
         """Mean core throughput over the rolls."""
         return float(np.mean(self.cores))
+
+    def kernels(self, geometry: BandGeometry, filter_name: FluxFilter) -> tuple[FloatArray, ...]:
+        """Weights of the sum that measures it around its pixel in every roll.
+
+        Those of the matched filter are scaled so that they find as much of its light as the aperture.
+
+        Parameters
+        ----------
+        geometry : BandGeometry
+        filter_name : {"aperture", "matched", "mirror"}
+        """
+        found = []
+        for place, template, aperture in zip(self.places_arcsec, self.templates, self.apertures, strict=True):
+            pixel, scale = _pixels(geometry, place), geometry.pixel_scale_arcsec
+            if filter_name == "matched":
+                kernel = kernel_at(template, *pixel, geometry.lambda_d_arcsec / scale)
+                weights = sum_weights(template.shape, *pixel, 1.0, kernel)
+                kernel *= np.sum(template * aperture) / np.sum(template * weights)
+            else:
+                kernel = kernel_at(aperture, *pixel, geometry.aperture_radius_arcsec / scale + 1.0)
+            found.append(kernel)
+        return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -142,22 +173,6 @@ def _pixels(geometry: BandGeometry, place_arcsec: tuple[float, float]) -> tuple[
     return middle + place_arcsec[0] / pixel, middle + place_arcsec[1] / pixel
 
 
-def edge_crossed(zone: HoleZone, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> Reason:
-    """Which edge of the dark hole the aperture of a source crosses that does not lie in it.
-
-    Parameters
-    ----------
-    zone : HoleZone
-    x_arcsec, y_arcsec : float
-        Offsets of the source from the star on the detector.
-    radius_arcsec : float
-        Radius of the aperture.
-    """
-    near, far = sorted((abs(x_arcsec), abs(y_arcsec)))
-    inner = near - radius_arcsec < zone.inner_arcsec and far + radius_arcsec <= zone.outer_arcsec
-    return Reason.INSIDE_INNER_EDGE if inner else Reason.OUTSIDE_OUTER_EDGE
-
-
 def obstacle(planet: PlanetTemplate, geometry: BandGeometry) -> tuple[Reason, str] | None:
     """Why a planet cannot be measured whatever the frames hold, in a word and a sentence; None where it can.
 
@@ -188,40 +203,58 @@ def _tells_noise(region: BoolArray, planet: PlanetTemplate) -> bool:
 
 
 def measure_planets(
-    visits: VisitPair, realisation: Realisation, planets: Sequence[PlanetTemplate], star: StarFlux
+    visits: VisitPair,
+    realisation: Realisation,
+    planets: Sequence[PlanetTemplate],
+    star: StarFlux,
+    *,
+    searched: bool = True,
 ) -> tuple[list[Measurement | None], BlindSearch | None]:
     """Search one realisation blind, then measure every planet at its place.
 
     Parameters
     ----------
-    visits : Visits
+    visits : VisitPair
     realisation : Realisation
     planets : sequence of PlanetTemplate
         `planet_templates` the visits.
     star : StarFlux
         Rate of the star that contrasts refer to.
+    searched : bool
+        Whether it is searched blind first.
 
     Returns
     -------
     measurements : list of Measurement or None
         In the order of the planets; None where a limit took the aperture or the background around it away.
     blind : BlindSearch or None
-        None for two rolls, where each half shows every planet twice: the threshold for a known place decides there.
+        None without a search, and for two rolls, where each half shows every planet twice: the threshold for a known
+        place decides there.
     """
     stack, geometry = realisation.reduced, visits.geometry
-    blind = None
-    if realisation.roll is None:
+    blind: BlindSearch | None = None
+    if searched and realisation.roll is None:
         maps = speckle_maps(visits.optics, visits.instrument.drift)
-        blind = search(stack, visits.optics, maps, star_rate_e_s=star.rate_e_s, sigma=visits.strategy.sigma)
+        blind = search(
+            stack,
+            visits.optics,
+            maps,
+            star_rate_e_s=star.rate_e_s,
+            sigma=visits.strategy.sigma,
+            visits=visits.plan.visits,
+            reference_visits=visits.plan.reference_visits,
+            common_fraction=visits.instrument.drift.common_fraction,
+        )
     found: list[Measurement | None] = []
     for planet, expected in zip(planets, visits.task.predictions, strict=True):
         covered = all(_is_covered(stack.region, weights) for weights in planet.apertures)
         if not covered or not _tells_noise(stack.region, planet):
             found.append(None)
             continue
-        measured = forced_photometry(realisation, planet, geometry)
+        near = reduced_around(realisation, planet, visits)
+        measured = forced_photometry(near, planet, geometry, visits.strategy.filter)
         star_e = measured.throughput * planet.core * star.rate_e_s * stack.integration_s
-        match = None if blind is None else _match(blind, planet, geometry)
+        match = None if blind is None else match_of(blind, planet, geometry)
         seen = measured.significance >= expected["threshold"] if blind is None else bool(match and match.detected)
         one = Measurement(
             contrast=measured.raw_flux / star_e,
@@ -231,7 +264,7 @@ def measure_planets(
             significance=measured.significance,
             throughput=measured.throughput,
             n_apertures=measured.n_background_apertures,
-            modes=stack.rdi.modes_used,
+            modes=near.reduced.rdi.modes_used,
             found=seen,
             search_snr=match.snr_mf if match else None,
             search_threshold=match.threshold if match else None,
@@ -240,7 +273,52 @@ def measure_planets(
     return found, blind
 
 
-def forced_photometry(realisation: Realisation, planet: PlanetTemplate, geometry: BandGeometry) -> Photometry:
+def reduced_around(realisation: Realisation, planet: PlanetTemplate, visits: VisitPair) -> Realisation:
+    """Reduce a realisation anew for one planet, with modes of the annulus around its place.
+
+    Modes of the whole hole are those of its inner corner; they do little, or harm, farther out. Without modes, the
+    realisation as it is.
+
+    Parameters
+    ----------
+    realisation : Realisation
+    planet : PlanetTemplate
+    visits : VisitPair
+        Its strategy says how many modes, or that as many of them are to be taken as pay.
+    """
+    stack, roll, geometry, strategy = realisation.reduced, realisation.roll, visits.geometry, visits.strategy
+    n_modes = strategy.n_modes
+    if n_modes == 0:
+        return realisation
+    annulus = stack.region & geometry.annulus(float(np.hypot(*planet.places_arcsec[0])), MODES_LAMBDA_D)
+    if strategy.choose_modes and stack.inputs is not None:
+        kernel = planet.kernels(geometry, strategy.filter)[0]
+        n_modes = paying_modes(
+            stack.inputs.library_e,
+            n_modes,
+            region=annulus,
+            template=planet.templates[0],
+            weights=planet.apertures[0],
+            kernel=kernel,
+            samples=_whole_kernels(planet.background & stack.region, kernel),
+        )
+    return replace(
+        realisation,
+        reduced=stack.within(annulus, n_modes),
+        roll=None if roll is None else roll.within(annulus, n_modes),
+    )
+
+
+def _whole_kernels(region: BoolArray, kernel: FloatArray) -> BoolArray:
+    """Centres of the kernels that lie wholly in a region."""
+    from scipy.ndimage import binary_erosion
+
+    return np.asarray(binary_erosion(region, structure=kernel > 0))
+
+
+def forced_photometry(
+    realisation: Realisation, planet: PlanetTemplate, geometry: BandGeometry, filter_name: FluxFilter = "aperture"
+) -> Photometry:
     """Flux of a planet at its place, over the fraction that the subtraction leaves; of two rolls the mean.
 
     Parameters
@@ -248,11 +326,15 @@ def forced_photometry(realisation: Realisation, planet: PlanetTemplate, geometry
     realisation : Realisation
     planet : PlanetTemplate
     geometry : BandGeometry
+    filter_name : {"aperture", "matched", "mirror"}
+        How the sum weighs pixels, and what is taken off before: see `cpic_planner.queries.shared.Reduction`.
     """
     radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
     stack, roll = realisation.reduced, realisation.roll
     first, *second = (_pixels(geometry, place) for place in planet.places_arcsec)
     around = planet.background & stack.region
+    kernels = planet.kernels(geometry, filter_name)
+    matched = kernels if filter_name == "matched" else None
     if roll is not None:
         one, two = planet.templates
         return roll_photometry(
@@ -265,48 +347,50 @@ def forced_photometry(realisation: Realisation, planet: PlanetTemplate, geometry
             background_region=around,
             em_gain=stack.em_gain,
             stages=stack.stages,
+            kernels=None if matched is None else (matched[0], matched[1]),
         )
+    image, template = stack.image_e, planet.templates[0]
+    left = stack.rdi.project(template)
+    if filter_name == "mirror":
+        # Nothing of the planet, nor of the others, at either place, nor at what they leave at the opposite ones.
+        middle = len(image) - 1
+        places = [first, *planet.others]
+        around = outside_discs(around & around[::-1, ::-1], places, EXCLUSION_RADII * radius)
+        opposite = [(middle - x, middle - y) for x, y in places]
+        around = outside_discs(around, opposite, EXCLUSION_RADII * radius)
+        share = _mirror_share(image, kernels[0], around)
+        image, left = (part - share * part[::-1, ::-1] for part in (image, left))
     ring = outside_discs(around, [first], EXCLUSION_RADII * radius)
-    left = stack.rdi.throughput(planet.templates[0], planet.apertures[0], background=ring)
+    weights = sum_weights(image.shape, *first, radius, None if matched is None else matched[0])
     return aperture_photometry(
-        stack.image_e,
+        image,
         *first,
         radius,
         background_region=around,
-        throughput=left,
+        throughput=surviving_fraction("template", template, left, weights, ring),
         em_gain=stack.em_gain,
         stages=stack.stages,
+        kernel=None if matched is None else matched[0],
     )
 
 
-def _match(blind: BlindSearch, planet: PlanetTemplate, geometry: BandGeometry) -> Candidate | None:
-    """The strongest candidate at the planet's place."""
-    near = blind.near(*planet.places_arcsec[0], MATCH_LAMBDA_D * geometry.lambda_d_arcsec)
-    return max(near, key=lambda item: item.snr_mf, default=None)
+def _mirror_share(image: FloatArray, kernel: FloatArray, region: BoolArray) -> float:
+    """Part of the residual at the opposite place that is best subtracted: least squares over sums in a region."""
+    places = _whole_kernels(region, kernel)
+    sums = matched_sum(image, kernel)
+    here, there = sums[places], sums[::-1, ::-1][places]
+    here, there = here - here.mean(), there - there.mean()
+    return float(here @ there / (there @ there)) if np.count_nonzero(places) > 1 and there.any() else 0.0
 
 
-def positions_of(
-    visits: VisitPair, realisation: Realisation, blind: BlindSearch, planet: PlanetTemplate
-) -> Astrometry | None:
-    """Fitted position of a planet that the search found; None where it did not.
+def match_of(blind: BlindSearch, planet: PlanetTemplate, geometry: BandGeometry) -> Candidate | None:
+    """Return the strongest candidate at a planet's place; None where there is none.
 
     Parameters
     ----------
-    visits : Visits
-    realisation : Realisation
     blind : BlindSearch
     planet : PlanetTemplate
+    geometry : BandGeometry
     """
-    match = _match(blind, planet, visits.geometry)
-    if match is None or not match.detected:
-        return None
-    pixel, middle = visits.geometry.pixel_scale_arcsec, visits.geometry.stamp_pixels // 2
-    others = [((x - middle) * pixel, (y - middle) * pixel) for x, y in planet.others]
-    return fit_position(
-        realisation.reduced,
-        visits.optics,
-        match.x_arcsec,
-        match.y_arcsec,
-        roll_deg=visits.plan.science["roll_deg"],
-        exclude=others,
-    )
+    near = blind.near(*planet.places_arcsec[0], MATCH_LAMBDA_D * geometry.lambda_d_arcsec)
+    return max(near, key=lambda item: item.snr_mf, default=None)

@@ -59,28 +59,29 @@ def task_cost(task: ConfirmTask) -> TaskCost:
     frame by frame instead.
     """
     how = modelling_of(task)
-    ratio = float(task.strategy["reference_ratio"])
-    frames = task.n_frames + max(round(task.n_frames * ratio), 1)
+    frames = round(task.n_all_frames)
     stamp_s = _stamp_s(how.knobs)
     work = _SETUP_S + _SETUP_STAMPS * stamp_s
     one_by_one, largest = 0, 0
     if how.draw == "sums":
         runs = task.realisations
-        work += runs * (_SUMS_S + 2 * min(how.epochs, task.n_frames) * _HOLE_SHARE * stamp_s)
+        visits = task.visits + task.reference_visits
+        work += runs * (_SUMS_S + visits * min(how.epochs, task.n_frames) * _HOLE_SHARE * stamp_s)
         if task.audit:
             one_by_one, largest = frames, task.n_frames
-            work += _frames_s(how, "hole", task.n_frames, frames, stamp_s)
+            work += _frames_s(how, "hole", task, frames, stamp_s)
     else:
         runs = how.runs_by_frames(task.realisations)
         one_by_one, largest = runs * frames, task.n_frames
-        work += runs * _frames_s(how, how.region, task.n_frames, frames, stamp_s)
+        work += runs * _frames_s(how, how.region, task, frames, stamp_s)
     stack = largest * how.knobs.stamp_pixels**2 * 2 * _STACK_BYTES / 1e6
     whole = _WHOLE_FRAME_MB if how.draw == "frames" and how.region == "full" else 0.0
     return TaskCost(work, runs, one_by_one, _BASE_MB + whole + stack)
 
 
-def _frames_s(how: "Modelling", region: str, n_frames: int, frames: int, stamp_s: float) -> float:
-    return 2 * min(how.epochs, n_frames) * stamp_s + frames * _FRAME_S[region]
+def _frames_s(how: "Modelling", region: str, task: ConfirmTask, frames: int, stamp_s: float) -> float:
+    visits = task.visits + task.reference_visits
+    return visits * min(how.epochs, task.n_frames) * stamp_s + frames * _FRAME_S[region]
 
 
 def _stamp_s(knobs: Knobs) -> float:
@@ -118,9 +119,10 @@ class Modelling(Choice):
 
     def instrument(self, instrument: Instrument) -> Instrument:
         """The camera with what is modelled of it."""
+        seen = self.drifting(instrument)
         if self.draw == "sums":
-            return images_of(instrument)
-        return instrument.switched(self.switches) if self.switches else instrument
+            return images_of(seen)
+        return seen.switched(self.switches) if self.switches else seen
 
     def scene(self, scene: Scene) -> Scene:
         """The sources that are modelled."""
@@ -133,7 +135,7 @@ class Modelling(Choice):
     def whole(self) -> "Modelling":
         """Every frame with every effect, by the same knobs."""
         epochs = max(self.epochs, MAX_EPOCHS)
-        return dataclasses.replace(self, draw="frames", epochs=epochs, switches={}, left_out=())
+        return dataclasses.replace(self, draw="frames", epochs=epochs, switches={}, left_out=(), still=())
 
     def runs_by_frames(self, realisations: int) -> int:
         """How many realisations are made where each is drawn frame by frame: all of them for the reference alone."""
@@ -170,7 +172,7 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     instrument = validate(Instrument, task.simulator, where="instrument")
     strategy = validate(Strategy, task.strategy, where="strategy")
     scene = validate(Scene, task.scene, where="scene")
-    plan = library_plan(strategy, scene, task.n_frames)
+    plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
     dial = task.dial.of("planet_flux", "snr")
     shown, measured = plan.science_scene, tuple(task.planets)
     if not measured:
@@ -188,6 +190,8 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
         planets=measured,
         reduced=True,
         full=whole,
+        visits=task.visits,
+        timing=task.timing,
         switches=None if by_frames or whole else dict.fromkeys(limits, False),
     )
     if not by_frames:

@@ -1,7 +1,4 @@
-"""Noise of a matched-filtered residual: the law of one position, and the level and strength that the residual tells.
-
-Gaussian noise and speckles follow the law, with a scale that is estimated; the fit finds the level of the white noise
-and the strength of the speckles.
+"""Noise of one position of a residual: Gaussian noise and the speckles of some visits, with a scale that is estimated.
 
 What a pixel without a cosmic ray can show: upper limits from the exact law of the camera.
 
@@ -19,17 +16,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray
+from cpic_core import ArrayLike, FloatArray
 from simulator.detectors import generating_function, stage_probability
 
-_LEAST_SHARE, _MOST_SHARE = 1e-3, 0.98
-# Range of the logarithm of the squared scale: beyond it the chi-square of 3 degrees of freedom holds 1e-4 of its mass.
-_LOG_SCALE2 = np.linspace(-7.0, 2.5, 191)[:, None]
-_SCALE = np.exp(0.5 * _LOG_SCALE2)
-_KNOWN_DOF = 1e4
+# Beyond these a law is as good as its limit: known noise, and Gaussian speckles.
+_KNOWN_DOF, _MANY_VISITS = 1e6, 1e6
+_DROP, _STEPS = 23.0, 14  # of the logarithm of the integrand at the ends of the sum; of their search
+_LEAST_LOG, _TERMS = -600.0, 18
+_MOST_ROUNDS, _CLOSE = 80, 1e-11
 
 
-def log_tail(snr: ArrayLike, laplace: ArrayLike, dof: ArrayLike = np.inf) -> FloatArray:
+def log_tail(snr: ArrayLike, laplace: ArrayLike, dof: ArrayLike = np.inf, visits: ArrayLike = 1.0) -> FloatArray:
     """Logarithm of the probability that noise alone reaches a level.
 
     Parameters
@@ -37,218 +34,157 @@ def log_tail(snr: ArrayLike, laplace: ArrayLike, dof: ArrayLike = np.inf) -> Flo
     snr : array_like, shape (n,)
         Signal over estimated standard deviation, at least 0.
     laplace : array_like
-        Share of the variance that follows a Laplace law, 0 to 1; the rest is Gaussian.
+        Share of the variance that is a sum of Laplace variates, 0 to 1; the rest is Gaussian.
     dof : array_like
         Degrees of freedom of the estimated variance, above 0; broadcasts.
+    visits : array_like
+        Number V of these variates, of equal variance, above 0; fractions allowed (`effective_visits`).
 
     Notes
     -----
-    The light of two independent circular Gaussian fields differs by a Laplace variate; its sum with Gaussian noise has
-    the tail ``Phi(-x) + exp(y^2/2) [exp(-t/b) Phi(x - y) - exp(t/b) Phi(-x - y)] / 2`` with ``x = t/s, y = s/b``
-    (normal-Laplace law, Reed & Jorgensen 2004, Commun. Stat. Theory Methods 33, 1733). The mean over the estimated
-    scale is taken numerically; without a Laplace share it is Student's t.
+    The light of two independent circular Gaussian fields differs by a Laplace variate. The sum of V of them is Gaussian
+    noise of a variance that is a Gamma variate of shape V (variance-gamma law, Madan & Seneta 1990, J. Business 63,
+    511), so that the noise has the characteristic function ``exp(-(1-s) t^2/2) (1 + s t^2/(2V))^-V``. The tail is the
+    mean of Gaussian tails, of Student's where the scale is estimated, over that variate: a trapezoidal sum over its
+    logarithm, around the largest term, to 1e-9 of the tail.
     """
-    parts = (np.atleast_1d(np.asarray(part, np.float64)) for part in (snr, laplace, dof))
-    level, share, free = np.broadcast_arrays(*parts)
-    return _tail(level, share, *_scale_weights(free))
+    parts = (np.atleast_1d(np.asarray(part, np.float64)) for part in (snr, laplace, dof, visits))
+    level, share, free, number = np.broadcast_arrays(*parts)
+    share = np.where(number < _MANY_VISITS, share, 0.0)
+    result = _scaled_tail(level, free)
+    mixed = share > 0.0
+    if mixed.any():
+        result[mixed] = _mixed_tail(level[mixed], share[mixed], free[mixed], number[mixed])
+    return result
 
 
-def equivalent_sigma(snr: ArrayLike, laplace: ArrayLike, dof: ArrayLike = np.inf) -> FloatArray:
+def _mixed_tail(level: FloatArray, share: FloatArray, free: FloatArray, number: FloatArray) -> FloatArray:
+    """`log_tail` for shares above 0, shape (n,)."""
+    from scipy.special import gammaln, wrightomega
+
+    few, squared = np.minimum(free, 1e9), level**2
+
+    def exponent(log_ratio: FloatArray) -> FloatArray:
+        """Logarithm of the integrand but for factors that vary slowly."""
+        ratio = np.exp(log_ratio)
+        variance = np.maximum(1.0 - share + share * ratio, 1e-300)
+        return np.asarray(number * (log_ratio - ratio) - 0.5 * (few + 1.0) * np.log1p(squared / (few * variance)))
+
+    # The largest term: a root of a convex falling function of the ratio, which Newton's steps reach from below.
+    ratio, extra = np.ones(level.shape), squared / few
+    for _ in range(_STEPS):
+        variance = 1.0 - share + share * ratio
+        pull = 0.5 * (few + 1.0) * share * extra / (variance * (variance + extra))
+        slope = -number / ratio**2 - pull * share * (1.0 / variance + 1.0 / (variance + extra))
+        ratio = ratio - (number / ratio - number + pull) / slope
+    top = np.log(ratio)
+    floor = exponent(top) - _DROP
+    height = ratio - top + (0.5 * (few + 1.0) * np.log1p(extra / (1.0 - share + share * ratio)) + _DROP) / number
+    ends = []
+    for end in (top - ratio - _DROP / number, np.log(2.0 * height + 2.0)):
+        inside, outside = top, end
+        for _ in range(_STEPS):
+            middle = 0.5 * (inside + outside)
+            above = exponent(middle) > floor
+            inside, outside = np.where(above, middle, inside), np.where(above, outside, middle)
+        ends.append(outside)
+    # In p with log G = p - exp(-p) the integrand falls doubly exponentially to both sides.
+    low, high = (end + wrightomega(-end) for end in ends)
+    count = int(_TERMS + _TERMS / min(float(number.min()), 1e3))
+    step = (high - low) / count
+    places = low + step * np.arange(count + 1)[:, None]
+    shrunk = np.exp(-places)
+    logs = places - shrunk
+    ratios = np.exp(logs)
+    weights = number * (logs - ratios + np.log(number)) - gammaln(number) + np.log1p(shrunk)
+    spread = np.sqrt(np.maximum(1.0 - share + share * ratios, 1e-300))
+    return np.asarray(_log_sum(weights + _scaled_tail(level / spread, free)) + np.log(step))
+
+
+def _scaled_tail(level: FloatArray, free: FloatArray) -> FloatArray:
+    """Logarithm of the tail of Student's law, of the normal law for many degrees of freedom."""
+    from scipy.special import betaln, hyp2f1, log_ndtr, stdtr
+
+    free = np.broadcast_to(free, level.shape)
+    known = free >= _KNOWN_DOF
+    tail = np.empty(level.shape)
+    tail[known] = log_ndtr(-level[known])
+    if not known.all():
+        number, value = free[~known], level[~known]
+        with np.errstate(divide="ignore"):
+            logs = np.log(stdtr(number, -value))
+        far = logs < _LEAST_LOG  # where the tail itself is no number: the incomplete beta function's series
+        half, below = 0.5 * number[far], 1.0 / (1.0 + value[far] ** 2 / number[far])
+        series = np.log(hyp2f1(half, 0.5, half + 1.0, below)) - np.log(2.0 * half) - betaln(half, 0.5)
+        logs[far] = half * np.log(below) + series
+        tail[~known] = logs
+    return tail
+
+
+def _log_sum(logs: FloatArray) -> FloatArray:
+    """Logarithm of the sum of exponentials over the first axis."""
+    top = logs.max(axis=0)
+    return np.asarray(top + np.log(np.exp(logs - top).sum(axis=0)))
+
+
+def equivalent_sigma(
+    snr: ArrayLike, laplace: ArrayLike, dof: ArrayLike = np.inf, visits: ArrayLike = 1.0
+) -> FloatArray:
     """Return the level of a standard normal variate that noise reaches as rarely.
 
     Parameters
     ----------
     snr : array_like
         Signal over estimated standard deviation, of any sign.
-    laplace, dof : array_like
+    laplace, dof, visits : array_like
         As of `log_tail`.
     """
     from scipy.special import ndtri_exp
 
     level = np.asarray(snr, np.float64)
-    return np.asarray(np.copysign(ndtri_exp(log_tail(np.abs(level), laplace, dof)), level))
+    return np.asarray(np.copysign(ndtri_exp(log_tail(np.abs(level), laplace, dof, visits)), level))
 
 
-def snr_at(sigma: float, laplace: ArrayLike, dof: ArrayLike = np.inf) -> FloatArray:
-    """Return the signal over estimated noise whose `equivalent_sigma` is ``sigma``, to 1e-6; bisection.
+def snr_at(sigma: float, laplace: ArrayLike, dof: ArrayLike = np.inf, visits: ArrayLike = 1.0) -> FloatArray:
+    """Return the signal over estimated noise whose `equivalent_sigma` is ``sigma``, to 1e-9; false position.
 
     Parameters
     ----------
     sigma : float
         Level of a standard normal variate, above 0.
-    laplace, dof : array_like
+    laplace, dof, visits : array_like
         As of `log_tail`.
     """
     from scipy.special import log_ndtr
 
-    share, free = np.broadcast_arrays(np.atleast_1d(np.asarray(laplace, float)), np.asarray(dof, float))
-    weights, asked = _scale_weights(free), log_ndtr(-sigma)
-    low, high = np.zeros(share.shape), np.full(share.shape, np.log(1e6))
-    for _ in range(45):
-        middle = 0.5 * (low + high)
-        above = _tail(np.expm1(middle), share, *weights) <= asked
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
-    return np.asarray(np.expm1(high))
+    parts = np.broadcast_arrays(*(np.atleast_1d(np.asarray(part, float)) for part in (laplace, dof, visits)))
+    asked = float(log_ndtr(-sigma))
 
+    def excess(logs: FloatArray) -> FloatArray:
+        """Of the square root of the tail's logarithm, which is nearly straight."""
+        return np.sqrt(-log_tail(np.exp(logs), *parts)) - math.sqrt(-asked)
 
-def _scale_weights(free: FloatArray) -> tuple[BoolArray, FloatArray]:
-    """Law of the scale of a variance with so many degrees of freedom.
-
-    Which scales are known, and the logarithms of the weights of the others, normalised, shape (scales, m).
-    """
-    from scipy.special import gammaln
-
-    known = free >= _KNOWN_DOF
-    half = 0.5 * free[~known]
-    logs = half * (np.log(half) + _LOG_SCALE2 - np.exp(_LOG_SCALE2)) - gammaln(half)
-    return known, logs - _log_sum(logs)
-
-
-def _tail(level: FloatArray, share: FloatArray, known: BoolArray, log_weights: FloatArray) -> FloatArray:
-    """`log_tail` for known weights."""
-    tail = np.empty(level.shape)
-    tail[known] = _known_scale(level[known], share[known])
-    if not known.all():
-        tail[~known] = _log_sum(_known_scale(level[~known] * _SCALE, share[~known]) + log_weights)
-    return tail
-
-
-def _log_sum(logs: FloatArray) -> FloatArray:
-    """Logarithm of the sum of exponentials over the first axis."""
-    top = np.maximum(logs.max(axis=0), -1e300)
-    with np.errstate(divide="ignore"):
-        return np.asarray(top + np.log(np.exp(logs - top).sum(axis=0)))
-
-
-def _known_scale(level: FloatArray, share: FloatArray) -> FloatArray:
-    from scipy.special import log_ndtr
-
-    heavy = np.clip(share, _LEAST_SHARE, _MOST_SHARE)
-    width, fall = np.sqrt(1.0 - heavy), np.sqrt(0.5 * heavy)
-    x, y = level / width, width / fall
-    gauss = log_ndtr(-x)
-    right = 0.5 * y**2 - level / fall + log_ndtr(x - y)
-    left = 0.5 * y**2 + level / fall + log_ndtr(-x - y)
-    # The terms of a Gaussian law with next to no Laplace share cancel: it is then better alone.
-    top = np.maximum(gauss, right)
-    total = np.exp(gauss - top) + 0.5 * (np.exp(right - top) - np.exp(left - top))
-    result: FloatArray = np.where(share > _LEAST_SHARE, top + np.log(np.maximum(total, 1e-300)), log_ndtr(-level))
-    return result
-
-
-# What is believed before the residual is seen, as standard deviations of natural logarithms: white noise is computed
-# from known numbers, the drift of a visit from an assumed one (A).
-PRIOR_WHITE, PRIOR_DRIFT = 0.25, 1.0
-_MAX_STEPS, _MAX_CHANGE, _DONE = 15, 2.0, 1e-3
-
-
-@dataclass(frozen=True, eq=False)
-class NoiseTerms:
-    """Terms of the variance per position, shape (p,): ``level white + drift linear + drift^2 square``."""
-
-    white: FloatArray
-    linear: FloatArray
-    square: FloatArray
-
-    def variance(self, logs: FloatArray) -> FloatArray:
-        """Sum of the terms at the logarithms of ``level`` and ``drift``."""
-        level, drift = np.exp(logs)
-        return np.asarray(level * self.white + drift * self.linear + drift**2 * self.square)
-
-    def slopes(self, logs: FloatArray, variance: FloatArray) -> FloatArray:
-        """Return the derivatives of the logarithm of the variance, shape (2, p).
-
-        Parameters
-        ----------
-        logs : ndarray, shape (2,)
-            Of ``level`` and ``drift``.
-        variance : ndarray, shape (p,)
-            There.
-        """
-        level, drift = np.exp(logs)
-        return np.stack([level * self.white, drift * self.linear + 2.0 * drift**2 * self.square]) / variance
-
-
-@dataclass(frozen=True, eq=False)
-class NoiseFit:
-    """Logarithms of ``level`` and ``drift``, the inverse of their covariance, and the variance per position."""
-
-    logs: FloatArray
-    information: FloatArray
-    variance: FloatArray
-
-
-def fit_noise(
-    ratio: FloatArray, before: FloatArray, terms: NoiseTerms, weight: FloatArray, start: FloatArray
-) -> NoiseFit:
-    """Most probable level and drift, given squared significances.
-
-    Parameters
-    ----------
-    ratio : ndarray, shape (p,)
-        Squares of the residual over its standard deviation, with the variances ``before``.
-    before : ndarray, shape (p,)
-        Variance that was assumed.
-    terms : NoiseTerms
-    weight : ndarray, shape (p,)
-        Independent samples per position: neighbours share their noise.
-    start : ndarray, shape (2,)
-        First guess of the logarithms.
-
-    Notes
-    -----
-    Minimises ``sum weight [ln V + ratio before / V] / 2`` plus the priors, by Fisher scoring with damping.
-    """
-    prior = np.diag([PRIOR_WHITE**-2, PRIOR_DRIFT**-2])
-
-    def cost(logs: FloatArray) -> tuple[float, FloatArray]:
-        variance = terms.variance(logs)
-        relative = variance / before
-        return 0.5 * float(np.sum(weight * (np.log(relative) + ratio / relative)) + logs @ prior @ logs), variance
-
-    logs = np.array(start, float)
-    value, variance = cost(logs)
-    damping = 1e-4
-    for _ in range(_MAX_STEPS):
-        slopes = terms.slopes(logs, variance)
-        gradient = 0.5 * (slopes * weight) @ (1.0 - ratio * before / variance) + prior @ logs
-        information = 0.5 * (slopes * weight) @ slopes.T + prior
-        while True:
-            change = np.linalg.solve(information + damping * np.diag(np.diag(information)), -gradient)
-            trial = logs + np.clip(change, -_MAX_CHANGE, _MAX_CHANGE)
-            lower, there = cost(trial)
-            if lower <= value or damping > 1e6:
-                break
-            damping *= 10.0
-        if lower > value:
+    # Tails are heavier than Gaussian ones: the level is not below.
+    low = np.full(parts[0].shape, math.log(sigma) - 1e-6)
+    high = low + 0.7
+    below, above = excess(low), excess(high)
+    while (short := above < 0.0).any():
+        low, below = np.where(short, high, low), np.where(short, above, below)
+        high = np.where(short, high + (high - math.log(sigma)), high)
+        above = np.where(short, excess(high), above)
+    middle, found = low, np.zeros(low.shape, bool)
+    for _ in range(_MOST_ROUNDS):
+        middle = np.where(found, middle, (low * above - high * below) / (above - below))
+        value = excess(middle)
+        found |= np.abs(value) < _CLOSE
+        if found.all():
             break
-        gained, logs, value, variance, damping = value - lower, trial, lower, there, 0.1 * damping
-        if gained < _DONE:
-            break
-    slopes = terms.slopes(logs, variance)
-    return NoiseFit(logs, 0.5 * (slopes * weight) @ slopes.T + prior, variance)
-
-
-def smooth_white(measured: FloatArray, patterns: FloatArray) -> FloatArray:
-    """Variance without the noise of its own measurement: least squares on smooth patterns.
-
-    Parameters
-    ----------
-    measured : ndarray, shape (p,)
-        Variance per position, from frames that hold the same noise as the residual: where they happen to be dark the
-        residual is bright and its variance is understated.
-    patterns : ndarray, shape (k, p)
-        Images of the light, at least 0.
-
-    Returns
-    -------
-    ndarray, shape (p,)
-        Not below a quarter of the median of ``measured``.
-    """
-    scales = patterns.mean(axis=1)
-    used = patterns[scales > 0] / scales[scales > 0][:, None]
-    weights, *_ = np.linalg.lstsq(used.T, measured, rcond=None)
-    return np.asarray(np.maximum(weights @ used, 0.25 * math.fabs(float(np.median(measured)))))
+        right = value > 0.0
+        # Illinois: an end that stays counts half, so that it moves soon.
+        below = np.where(right, 0.5 * below, value)
+        above = np.where(right, value, 0.5 * above)
+        low, high = np.where(right, low, middle), np.where(right, middle, high)
+    return np.asarray(np.exp(middle))
 
 
 # Slopes s of the bound in 1/e-: any set is valid, a dense one is sharp. Noise of 1e4 e- needs 5e-4.

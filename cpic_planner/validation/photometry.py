@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, InputError, check_number, numeric_context
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_number, numeric_context
 from cpic_planner.validation import apertures
 from simulator.detectors import excess_noise_factor2
 
@@ -172,6 +172,7 @@ def aperture_photometry(
     throughput: float = 1.0,
     em_gain: float = 1.0,
     stages: int = 604,
+    kernel: ArrayLike | None = None,
 ) -> Photometry:
     """Flux of a source at a given position, with empirical errors.
 
@@ -192,6 +193,9 @@ def aperture_photometry(
         Fraction of the aperture flux that the reduction leaves, above 0 (`RdiResult.throughput`).
     em_gain, stages : float, int, optional
         Gain (1 to 1e4) and stages of the register: they set the excess noise of the source's own electrons.
+    kernel : array_like, optional
+        Weights of a sum instead of those of a circle, (k, k) with k odd, for the pixel in their middle, which is the
+        one nearest to the source (`kernel_at`). The ``throughput`` has to be that of the same sum.
 
     Returns
     -------
@@ -214,12 +218,15 @@ def aperture_photometry(
     hole = apertures.check_mask("background_region", background_region, data.shape)
     apertures.check_positive("throughput", throughput)
     factor2 = float(excess_noise_factor2(em_gain, stages))
-    weights = apertures.aperture_weights(data.shape, x_pixel, y_pixel, radius_pixel)
+    own_kernel = None if kernel is None else apertures.checked_image(kernel)
+    weights = sum_weights(data.shape, x_pixel, y_pixel, radius_pixel, own_kernel)
     region = _without_sources(hole, [(x_pixel, y_pixel), *exclude], EXCLUSION_RADII * radius_pixel)
     phase = (x_pixel - round(x_pixel), y_pixel - round(y_pixel))
-    sigma, n_apertures = apertures.sample_scatter(data, region, radius_pixel, phase_pixel=phase)
+    sigma, n_apertures = apertures.sample_scatter(data, region, radius_pixel, phase_pixel=phase, kernel=own_kernel)
     pixels = data[region]
     area, area_background = math.pi * radius_pixel**2, pixels.size
+    if own_kernel is not None:
+        area = float(own_kernel.sum() ** 2 / np.sum(own_kernel**2))
     level = float(pixels.mean())
     source = data - level
     raw = float(np.sum(weights * source))
@@ -242,6 +249,57 @@ def aperture_photometry(
         flux_paper_error=paper,
         snr_paper=ratio(raw, paper),
     )
+
+
+def kernel_at(image: FloatArray, x_pixel: float, y_pixel: float, reach_pixel: float) -> FloatArray:
+    """Return the image of a source around its nearest pixel, cut to a disc, as weights of a matched filter.
+
+    Parameters
+    ----------
+    image : ndarray, shape (y, x)
+        Of the source alone, any scale.
+    x_pixel, y_pixel : float
+        Place of the source; pixel centres are at integers.
+    reach_pixel : float
+        Radius of the disc, above 0.
+
+    Returns
+    -------
+    ndarray, shape (2 k + 1, 2 k + 1)
+        ``k`` is the radius, rounded up; 0 beyond the disc and the image.
+    """
+    half = math.ceil(reach_pixel)
+    row, column = round(y_pixel), round(x_pixel)
+    padded = np.pad(np.asarray(image, dtype=np.float64), half)
+    cut = padded[row : row + 2 * half + 1, column : column + 2 * half + 1]
+    offset = np.arange(-half, half + 1)
+    away = np.hypot(offset[:, None] + row - y_pixel, offset + column - x_pixel)
+    return np.where(away <= reach_pixel, cut, 0.0)
+
+
+def sum_weights(
+    shape: tuple[int, int], x_pixel: float, y_pixel: float, radius_pixel: float, kernel: FloatArray | None = None
+) -> FloatArray:
+    """Return the weight of every pixel of an image in the sum that measures a source, (y, x).
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape (y, x) of the image.
+    x_pixel, y_pixel : float
+        Place of the source; pixel centres are at integers.
+    radius_pixel : float
+        Radius of a circle, above 0.
+    kernel : ndarray, optional
+        Weights around the pixel nearest to the source instead, odd sides; what lies beyond the image is cut off.
+    """
+    if kernel is None:
+        return apertures.aperture_weights(shape, x_pixel, y_pixel, radius_pixel)
+    half = len(kernel) // 2
+    row, column = round(y_pixel), round(x_pixel)
+    padded = np.zeros((shape[0] + 2 * half, shape[1] + 2 * half))
+    padded[row : row + 2 * half + 1, column : column + 2 * half + 1] = kernel
+    return padded[half : half + shape[0], half : half + shape[1]]
 
 
 def _without_sources(hole: BoolArray, positions: Sequence[tuple[float, float]], radius: float) -> BoolArray:

@@ -303,6 +303,84 @@ def rdi_subtract(
     )
 
 
+_FOLDS = 5
+_LEAST_GAIN = 0.98  # what the references cannot tell from none
+_AS_GOOD = 1.01
+
+
+@numeric_context()
+def paying_modes(
+    references: ArrayLike,
+    most: int,
+    *,
+    region: BoolArray,
+    template: FloatArray,
+    weights: FloatArray,
+    kernel: FloatArray,
+    samples: BoolArray,
+) -> int:
+    """Return how many modes give the lowest limit at a place, as references show that were held out.
+
+    Parameters
+    ----------
+    references : array_like
+        Reference images (m, y, x), one a visit: what varies from one to the other is the speckles and their noise.
+    most : int
+        Modes at most.
+    region : ndarray of bool
+        Pixels (y, x) whose modes are meant.
+    template, weights : ndarray
+        Image of a planet, any scale, and the weights of the sum that measures it, (y, x).
+    kernel : ndarray
+        Weights of the sums that tell the noise, odd sides.
+    samples : ndarray of bool
+        Centres (y, x) of these sums.
+
+    Returns
+    -------
+    int
+        0 where none pay, or where there are fewer than three references.
+
+    Notes
+    -----
+    The limit is the scatter of the sums about their mean over what the projection leaves of the planet. A fifth of the
+    references at a time is projected off the modes of the others, after their mean; science visits lose and keep the
+    same share. Of numbers within 1 % of the best the smallest is taken, and none unless they gain 2 %.
+    """
+    from scipy.ndimage import correlate
+
+    rows = region_rows("references", checked_frames("references", references), region)
+    count = len(rows)
+    folds = min(count, _FOLDS)
+    most = min(int(most), count - -(-count // folds) - 1)
+    if count < 3 or most < 1 or not samples.any():
+        return 0
+
+    def sums(part: FloatArray) -> FloatArray:
+        images = as_images(part, region, (len(part), *region.shape))
+        found = np.stack([correlate(image, kernel, mode="constant")[samples] for image in images])
+        return np.asarray(found - found.mean(axis=1, keepdims=True))
+
+    planet, weighing = (region_rows("template", image[None], region)[0] for image in (template, weights))
+    variance, left = np.zeros(most + 1), np.zeros(most + 1)
+    for fold in range(folds):
+        held = np.arange(count) % folds == fold
+        mean = rows[~held].mean(axis=0)
+        modes, _ = leading_modes(rows[~held] - mean, most)
+        apart = rows[held] - mean
+        noise, shares, of_modes = sums(apart), apart @ modes.T, sums(modes)
+        for mode in range(most + 1):
+            variance[mode] += np.sum(noise**2)
+            if mode < len(modes):
+                noise = noise - np.outer(shares[:, mode], of_modes[mode])
+        taken = np.cumsum((modes @ planet) * (modes @ weighing)) / (planet @ weighing)
+        left += 1.0 - np.concatenate([[0.0], taken, np.full(most - len(taken), taken[-1] if len(taken) else 0.0)])
+    limit = np.where(left > 0, np.sqrt(variance) / np.where(left > 0, left, 1.0), np.inf)
+    if limit.min() > _LEAST_GAIN * limit[0]:
+        return 0
+    return int(np.argmax(limit <= _AS_GOOD * limit.min()))
+
+
 def _remove(rows: FloatArray, modes: FloatArray) -> FloatArray:
     out = (rows @ modes.T) @ modes
     return np.subtract(rows, out, out=out)

@@ -1,7 +1,9 @@
-"""Realisations of one observation: science and reference visits drawn as sums of frames, or frame by frame."""
+"""Realisations of a programme: its science and reference visits, drawn as sums of frames or frame by frame."""
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -16,9 +18,14 @@ from cpic_planner.validation.reduced import ReducedStack, pedestal_e, reduce_sta
 from cpic_planner.validation.rejection import filled, rejected_in
 from cpic_planner.validation.roll import RollResult, roll_subtract
 from cpic_planner.validation.task import ConfirmTask
-from simulator.config import Instrument, Scene, validate
+from simulator.config import Drift, Instrument, Scene, validate
 from simulator.imaging import BandGeometry, Psf
-from simulator.observing import HoleStacks, Observation, hole_stackable, hole_stacks, observe
+from simulator.observing import HoleStacks, Observation, Role, hole_stackable, hole_stacks, observe
+
+_VARIANCE_ERROR = 0.02
+"""Of a visit's mean wavefront, by the epochs at which its walk is drawn."""
+_LEAST_SWINGING = 2
+"""Epochs of a visit in which the orbit moves the wavefront."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +81,7 @@ class FrameStatistics:
 
 @dataclass(frozen=True, eq=False)
 class VisitPair:
-    """Science and reference visit of a task, ready to be drawn any number of times; made by `visit_pair`.
+    """Science and reference visits of a task, ready to be drawn any number of times; made by `visit_pair`.
 
     Attributes
     ----------
@@ -86,6 +93,7 @@ class VisitPair:
         Of the images.
     plan : LibraryPlan
     science, reference : Observation
+        The first visit of each; the others differ by their wavefront and noise.
     scale : float
         Brightness of the science star over that of the reference star.
     stackable : Outcome
@@ -102,6 +110,7 @@ class VisitPair:
     scale: float
     stackable: Outcome[float]
     _stacks: tuple[HoleStacks, HoleStacks] | None
+    _seen: Callable[[Role, int], Observation]
 
     @property
     def geometry(self) -> BandGeometry:
@@ -118,6 +127,10 @@ class VisitPair:
         """What the science frames show."""
         return self.science.scene
 
+    def visit(self, role: Role, number: int) -> Observation:
+        """Return a visit of the programme, to be run frame by frame."""
+        return self._seen(role, number)
+
     def with_light(self, extra_e_s: FloatArray) -> "VisitPair":
         """The same with more light in the science visit (an injected planet), electrons per second and pixel."""
         assert self._stacks is not None  # as stackable says
@@ -128,15 +141,23 @@ class VisitPair:
         """One realisation from sums of frames; only where ``stackable`` is ok."""
         assert self._stacks is not None  # as stackable says
         science, reference = self._stacks
-        sums = science.draw(realisation)
-        if self.plan.noise_free:
-            dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
-            rates = reference.mean_rates(realisation)
-            library = (rates * self.task.exposure_s + dark_e) * reference.frames[:, None, None]
-            library[:, ~reference.region] = 0.0
-        else:
-            library = reference.draw(realisation)
-        return self.reduced(sums, library, science.frames, reference.frames, science.region)
+        # The search learns from how science visits scatter; of references without modes only the mean counts. Rolls are
+        # each other's references.
+        images, counts = _visits(science.draw, science, realisation, self.plan.visits)
+        draw = self._expected if self.plan.noise_free else reference.draw
+        mean = self.strategy.n_modes == 0 and not self.plan.shows_planet
+        library, frames = _visits(draw, reference, realisation, self.plan.reference_visits, summed=mean)
+        return self.reduced(images, library, counts, frames, science.region)
+
+    def _expected(self, realisation: int, visit: int) -> FloatArray:
+        """Expected sums of frames of a reference visit, (epochs, n, n)."""
+        assert self._stacks is not None
+        reference = self._stacks[1]
+        dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
+        rates = reference.mean_rates(realisation, visit)
+        images = (rates * self.task.exposure_s + dark_e) * reference.frames[:, None, None]
+        images[:, ~reference.region] = 0.0
+        return np.asarray(images)
 
     def reduced(
         self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray
@@ -195,10 +216,10 @@ def visit_pair(
     strategy = validate(Strategy, task.strategy, where="strategy")
     scene = how.scene(validate(Scene, task.scene, where="scene"))
     chosen = how.instrument(validate(Instrument, task.simulator, where="instrument"))
-    plan = library_plan(strategy, scene, task.n_frames)
+    plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
     sums = how.draw == "sums"
 
-    def seen(shown: Scene, visit: VisitSettings) -> Observation:
+    def seen(shown: Scene, visit: VisitSettings, number: int = 0) -> Observation:
         return observe(
             shown,
             band=task.band,
@@ -208,6 +229,8 @@ def visit_pair(
             fidelity=how.knobs,
             instrument=chosen,
             realisation=realisation,
+            visit=number,
+            timing=task.timing,
             window="hole" if sums else how.region,
             max_epochs=1 if sums else how.epochs,  # sums draw their own drift
             **visit,
@@ -215,12 +238,20 @@ def visit_pair(
 
     science = seen(plan.science_scene, plan.science)
     reference = seen(plan.reference_scene, plan.reference)
+
+    def later(role: Role, number: int) -> Observation:
+        if number == 0:
+            return science if role == "science" else reference
+        shown = (plan.science_scene, plan.science) if role == "science" else (plan.reference_scene, plan.reference)
+        return seen(*shown, number)
+
     stacks = None
     answer = hole_stackable(science)
     if answer.status is Status.OK:
         answer = hole_stackable(reference)
     if sums and answer.status is Status.OK:
-        stacks = hole_stacks(science, epochs=how.epochs), hole_stacks(reference, epochs=how.epochs)
+        epochs = _epochs(task, how, chosen.drift)
+        stacks = hole_stacks(science, epochs=epochs), hole_stacks(reference, epochs=epochs)
     scale = science.truth.sources[0].rate_e_s / reference.truth.sources[0].rate_e_s
     return VisitPair(
         task=task,
@@ -233,7 +264,35 @@ def visit_pair(
         scale=scale,
         stackable=answer,
         _stacks=stacks,
+        _seen=later,
     )
+
+
+def _visits(
+    draw: Callable[[int, int], FloatArray], stacks: HoleStacks, realisation: int, visits: int, *, summed: bool = False
+) -> tuple[FloatArray, Any]:
+    """Sums of frames and their numbers: the epochs of a single visit; of many one sum a visit, or that of all."""
+    if visits == 1:
+        return draw(realisation, 0), stacks.frames
+    sums = (draw(realisation, visit).sum(axis=0) for visit in range(visits))
+    each = stacks.observation.n_frames
+    if summed:
+        return np.asarray(functools.reduce(np.add, sums))[None], visits * each
+    return np.stack(list(sums)), each
+
+
+def _epochs(task: ConfirmTask, how: Modelling, drift: Drift) -> int:
+    """Draws of a visit of a programme: no more than tell its mean wavefront.
+
+    The middles of E equal parts have a mean of the walk whose variance is too large by ``1 / (2 E^2)`` of it.
+    """
+    if task.visits == 1:
+        return how.epochs
+    walk_nm2 = drift.walk_nm_per_sqrt_hour**2 * task.n_frames * task.exposure_s / (3.0 * 3600.0)
+    whole_nm2 = drift.visit_nm**2 + walk_nm2
+    needed = math.ceil(math.sqrt(walk_nm2 / whole_nm2 / (2.0 * _VARIANCE_ERROR))) if walk_nm2 > 0 else 1
+    swings = 1 if drift.orbital_nm == 0 else _LEAST_SWINGING
+    return min(how.epochs, max(needed, swings))
 
 
 def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:
@@ -247,24 +306,33 @@ def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:
     hole = visits.geometry.hole
     region = hole.copy()
     kept: list[FloatArray] = []
+    counts: list[int] = []
     parts: list[FrameStatistics] = []
     thinning: list[FloatArray] = []
-    for observation in (visits.science, visits.reference):
-        frames = calibrated_frames(observation, cropped=observation.window == "full")
-        electrons, usable, hits = cleaned(frames)
-        whole, covered = filled(electrons, usable)
-        region &= covered
-        rejected = float(1.0 - usable[:, hole].mean())
-        parts.append(FrameStatistics(_by_light(frames, hole), frames.lost_outside, rejected, hits))
-        # Variance per pixel of a sum whose pixels were measured in fewer frames.
-        thinning.append(1.0 / (np.maximum(usable.sum(axis=0), 1) / len(usable)))
-        # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
-        kept.append(whole + pedestal_e(observation.instrument.detector, observation.exposure_s))
-    realisation = visits.reduced(kept[0], kept[1], 1, 1, region)
+    roles: tuple[tuple[Role, int], ...] = ("science", visits.plan.visits), ("reference", visits.plan.reference_visits)
+    for role, number in roles:
+        images, thinned = [], []
+        for visit in range(number):
+            observation = visits.visit(role, visit)
+            frames = calibrated_frames(observation, cropped=observation.window == "full")
+            electrons, usable, hits = cleaned(frames)
+            whole, covered = filled(electrons, usable)
+            region &= covered
+            rejected = float(1.0 - usable[:, hole].mean())
+            parts.append(FrameStatistics(_by_light(frames, hole), frames.lost_outside, rejected, hits))
+            # Variance per pixel of a sum whose pixels were measured in fewer frames.
+            thinned.append(1.0 / (np.maximum(usable.sum(axis=0), 1) / len(usable)))
+            # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
+            whole = whole + pedestal_e(observation.instrument.detector, observation.exposure_s)
+            images.append(whole if number == 1 else whole.sum(axis=0, keepdims=True))
+        thinning.append(np.mean(thinned, axis=0))
+        kept.append(np.concatenate(images))
+        counts.append(1 if number == 1 else observation.n_frames)
+    realisation = visits.reduced(kept[0], kept[1], counts[0], counts[1], region)
     stack = realisation.reduced
     variance = np.where(stack.region, stack.white_variance_e2 * (0.5 * (thinning[0] + thinning[1])), 0.0)
-    thinned = dataclasses.replace(stack, white_variance_e2=variance)
-    return dataclasses.replace(realisation, reduced=thinned), FrameStatistics.of(parts)
+    less = dataclasses.replace(stack, white_variance_e2=variance)
+    return dataclasses.replace(realisation, reduced=less), FrameStatistics.of(parts)
 
 
 def _by_light(frames: CalibratedFrames, hole: BoolArray) -> int:

@@ -8,7 +8,8 @@ One observation reduced: science frames minus what the references explain, with 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -149,6 +150,27 @@ def frame_level(
 SMOOTHING_PIXELS = 1.5
 
 
+class Inputs(NamedTuple):
+    """What a stack was reduced from.
+
+    Attributes
+    ----------
+    science_e : ndarray, shape (n, n)
+        Mean science frame.
+    library_e : ndarray, shape (m, n, n)
+        Reference images per frame, scaled to the brightness of the science star.
+    frames : float
+        Number of science frames.
+    other_star : bool
+        Whether the references show another star, whose sky leaves an even level.
+    """
+
+    science_e: FloatArray
+    library_e: FloatArray
+    frames: float
+    other_star: bool
+
+
 @dataclass(frozen=True, eq=False)
 class ReducedStack:
     """What a reduction leaves of one observation; images are star-centred stamps (y, x).
@@ -173,6 +195,8 @@ class ReducedStack:
         Gain of the register.
     stages : int
         Stages of the register.
+    inputs : Inputs or None
+        What it was reduced from; None where that is not kept, and it cannot be reduced otherwise.
     """
 
     image_e: FloatArray
@@ -183,6 +207,40 @@ class ReducedStack:
     integration_s: float
     em_gain: float
     stages: int
+    inputs: Inputs | None = field(default=None, repr=False)
+
+    def within(self, region: BoolArray, n_modes: int) -> "ReducedStack":
+        """Reduce the same images over part of their pixels, with modes of those alone.
+
+        Parameters
+        ----------
+        region : ndarray of bool, shape (n, n)
+        n_modes : int
+            Modes that are projected out after the mean, at least 0.
+
+        Notes
+        -----
+        The projection is linear: the mean science frame tells the sum of the residuals.
+        """
+        assert self.inputs is not None  # as `reduce_stack` makes it
+        inside, made = region & self.region, self.inputs
+        cut = rdi_subtract(made.science_e[None], made.library_e, n_modes, region=inside, centering="temporal")
+        return replace(
+            self,
+            image_e=_summed(cut, np.array([made.frames]), made.other_star),
+            region=cut.region,
+            white_variance_e2=np.where(inside, self.white_variance_e2, 0.0),
+            halo_e=np.where(inside, self.halo_e, 0.0),
+            rdi=cut,
+        )
+
+
+def _summed(cut: RdiResult, frames: FloatArray, other_star: bool) -> FloatArray:
+    """Sum of the residuals of images of so many frames; the sky of another star leaves an even level, taken off."""
+    image = np.tensordot(frames, cut.residuals, axes=1)
+    if other_star:
+        image[cut.region] -= image[cut.region].mean()
+    return np.asarray(image)
 
 
 @numeric_context()
@@ -257,11 +315,9 @@ def reduce_stack(
         # Held in a frame of the reference: its light before it was scaled, and the rest as it is.
         held = seen / reference_scale + dark_e + smear_e[1]
         variance += total**2 / library_total * reference_scale**2 * noise.charge_variance_e2(held)
-    image = np.tensordot(science_n, cut.residuals, axes=1)
-    if reference_scale != 1.0:
-        image[cut.region] -= image[cut.region].mean()
+    other_star = reference_scale != 1.0
     return ReducedStack(
-        image_e=image,
+        image_e=_summed(cut, science_n, other_star),
         region=cut.region,
         white_variance_e2=np.where(region, variance, 0.0),
         halo_e=np.where(region, total * light, 0.0),
@@ -269,6 +325,7 @@ def reduce_stack(
         integration_s=total * exposure_s,
         em_gain=float(em_gain),
         stages=detector.register_stages,
+        inputs=Inputs(science.sum(axis=0) / total, library, total, other_star),
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, numeric_context
 from cpic_planner.validation import apertures
-from cpic_planner.validation.photometry import EXCLUSION_RADII, Photometry, aperture_photometry, ratio
+from cpic_planner.validation.photometry import EXCLUSION_RADII, Photometry, aperture_photometry, ratio, sum_weights
 from cpic_planner.validation.rdi import Centering, RdiResult, rdi_subtract, surviving_fraction
 
 
@@ -28,6 +28,20 @@ class RollResult:
     second: RdiResult
     frames: tuple[FloatArray, FloatArray]
     _responses: "tuple[_Response, _Response]" = field(repr=False)
+    _images: tuple[FloatArray, FloatArray] = field(repr=False)
+
+    def within(self, region: ArrayLike, n_modes: int) -> "RollResult":
+        """Reduce the same images over part of their pixels, with modes of those alone; as `roll_subtract`.
+
+        Parameters
+        ----------
+        region : array_like of bool
+            Pixels (y, x).
+        n_modes : int
+            Number of modes, at least 0.
+        """
+        inside = self.first.region & np.asarray(region)
+        return _of_rolls(self._images, self.frames, n_modes, inside, self.first.centering)
 
     @property
     def image_e(self) -> tuple[FloatArray, FloatArray]:
@@ -196,11 +210,23 @@ def roll_subtract(
     n_second = apertures.frame_counts("second_frames", second_frames, len(second))
     if n_first.sum() != n_second.sum():
         raise InputError("second_frames", float(n_second.sum()), allowed=f"{n_first.sum():g} in all, as in the first")
-    first, second = first / n_first[:, None, None], second / n_second[:, None, None]
+    images = first / n_first[:, None, None], second / n_second[:, None, None]
+    return _of_rolls(images, (n_first, n_second), n_modes, region, centering)
+
+
+def _of_rolls(
+    images: tuple[FloatArray, FloatArray],
+    frames: tuple[FloatArray, FloatArray],
+    n_modes: int,
+    region: ArrayLike | None,
+    centering: Centering,
+) -> RollResult:
+    """Subtract two rolls from each other whose images are means of so many frames."""
+    first, second = images
     one = rdi_subtract(first, second, n_modes, region=region, centering=centering)
     two = rdi_subtract(second, first, n_modes, region=region, centering=centering)
-    responses = _Response(one, first, n_first, second), _Response(two, second, n_second, first)
-    return RollResult(one, two, (n_first, n_second), responses)
+    responses = _Response(one, first, frames[0], second), _Response(two, second, frames[1], first)
+    return RollResult(one, two, frames, responses, images)
 
 
 @numeric_context()
@@ -215,6 +241,7 @@ def roll_photometry(
     background_region: ArrayLike,
     em_gain: float = 1.0,
     stages: int = 604,
+    kernels: tuple[FloatArray, FloatArray] | None = None,
 ) -> Photometry:
     """Flux of a planet from both of its places.
 
@@ -231,6 +258,8 @@ def roll_photometry(
         As in `aperture_photometry`; discs around both places are taken out of it.
     em_gain, stages : float, int, optional
         Gain and stages of the register.
+    kernels : tuple of ndarray, optional
+        Weights of the sum at each place instead of a circle's, as in `aperture_photometry`.
 
     Returns
     -------
@@ -251,7 +280,10 @@ def roll_photometry(
     shared pixels cancel: the covariance is ``-sum(w1 w2)`` in units of ``sum(w^2)``.
     """
     places, templates, images = (first_pixel, second_pixel), (first_template, second_template), result.image_e
-    weights = [apertures.aperture_weights(images[0].shape, *place, radius_pixel) for place in places]
+    given = kernels or (None, None)
+    weights = [
+        sum_weights(images[0].shape, *place, radius_pixel, kernel) for place, kernel in zip(places, given, strict=True)
+    ]
     hole = apertures.checked_region("background_region", background_region, images[0].shape)
     away = apertures.outside_discs(hole, places, EXCLUSION_RADII * radius_pixel)
     through = result.throughput(*templates, *weights, background=away)
@@ -261,8 +293,10 @@ def roll_photometry(
         allowed = "a place far enough from the first for some of the planet to be left"
         raise InputError("second_pixel", second_pixel, unit="px", allowed=allowed)
     first, second = (
-        aperture_photometry(image, *place, radius_pixel, background_region=away, em_gain=em_gain, stages=stages)
-        for image, place in zip(images, places, strict=True)
+        aperture_photometry(
+            image, *place, radius_pixel, background_region=away, em_gain=em_gain, stages=stages, kernel=kernel
+        )
+        for image, place, kernel in zip(images, places, given, strict=True)
     )
     shared = float(np.sum(weights[0] * weights[1]))
     overlap = shared / math.sqrt(float(np.sum(weights[0] ** 2) * np.sum(weights[1] ** 2)))

@@ -1,21 +1,25 @@
 """Matched-filtered residual of a search, its noise, and its peaks; sources that were found are taken out one by one."""
 
+import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, load_quietly
-from cpic_planner.validation.noise_law import NoiseFit, NoiseTerms, equivalent_sigma, fit_noise, smooth_white
+from cpic_planner.etc import effective_visits
+from cpic_planner.validation.noise_law import equivalent_sigma
 from cpic_planner.validation.reduced import ReducedStack
-from cpic_planner.validation.search import searched_region
+from cpic_planner.validation.search import NoiseFit, NoiseTerms, fit_noise, searched_region
 from cpic_planner.validation.speckle_maps import SpeckleMaps, matched_sum
 from simulator.imaging import AnyPsf
 
 REPORTED_SIGMA = 2.5
 _MARGIN = 0.3  # by which a source lifts the noise that it is counted in
 _EXCLUDED_LAMBDA_D = 1.22  # radius around a source whose pixels do not tell the noise
+_TABLED_SNR = 12.0
 _LEAST_DYNAMIC = 1e-6  # noise that is assumed beside the brightest pixel of a residual without any
 
 
@@ -43,6 +47,68 @@ class FilteredState:
     roughness: float
 
 
+@functools.lru_cache(maxsize=32)
+def _sigma_table(visits: float) -> Any:
+    """`equivalent_sigma` of known noise on a grid of levels and shares, as a spline."""
+    from scipy.interpolate import RectBivariateSpline
+
+    level, share = np.linspace(0.0, _TABLED_SNR, 50), np.linspace(0.0, 1.0, 21)
+    values = equivalent_sigma(*np.meshgrid(level, share, indexing="ij"), visits=visits)
+    return RectBivariateSpline(level, share, values)
+
+
+def _sigma_map(snr: FloatArray, laplace: FloatArray, visits: float) -> FloatArray:
+    """`equivalent_sigma` of many positions with known noise, to 1e-3; beyond the table it goes on in proportion."""
+    level = np.abs(snr)
+    inside = np.minimum(level, _TABLED_SNR)
+    sigma = _sigma_table(visits).ev(inside, np.minimum(laplace, 1.0))
+    return np.asarray(np.copysign(sigma * np.maximum(level / _TABLED_SNR, 1.0), snr))
+
+
+@dataclass(frozen=True)
+class SearchedProgramme:
+    """Visits behind a residual.
+
+    Attributes
+    ----------
+    visits, reference_visits : int
+        Science visits, and visits that all references are spread over, at least 1.
+    common_fraction : float
+        Believed rms of what science and reference differ by in every visit, over that of a visit's offset; 0: none.
+    """
+
+    visits: int = 1
+    reference_visits: int = 1
+    common_fraction: float = 0.0
+
+    @property
+    def pairs(self) -> float:
+        """Laplace variates in the noise."""
+        return float(effective_visits(self.visits, self.reference_visits))
+
+    def terms(self, white: FloatArray, linear: FloatArray, square: FloatArray, *, own: bool) -> NoiseTerms:
+        """Return the variance of the sum of all visits, or the part of it that the visits themselves bring.
+
+        Parameters
+        ----------
+        white : ndarray
+            Of the sum, references included.
+        linear, square : ndarray
+            Of a pair of visits as bright as the sum.
+        own : bool
+            Without references, and what the visits share.
+        """
+        science, reference = 0.5 / self.visits, 0.5 / self.reference_visits
+        if own:
+            share = self.reference_visits / (self.visits + self.reference_visits)
+            return NoiseTerms(share * white, science * linear, science * square, self._common(0.0 * linear))
+        both = science + reference
+        return NoiseTerms(white, both * linear, both * square, self._common(0.5 * self.common_fraction**2 * linear))
+
+    def _common(self, part: FloatArray) -> FloatArray | None:
+        return part if self.common_fraction > 0 and self.visits > 1 else None
+
+
 class SearchField:
     """Positions of a search with their noise terms.
 
@@ -59,9 +125,15 @@ class SearchField:
     """
 
     def __init__(
-        self, stack: ReducedStack, psf: AnyPsf, maps: SpeckleMaps, star_e: float, known: Sequence[tuple[float, float]]
+        self,
+        stack: ReducedStack,
+        psf: AnyPsf,
+        maps: SpeckleMaps,
+        star_e: float,
+        known: Sequence[tuple[float, float]],
+        programme: "SearchedProgramme",
     ) -> None:
-        self._stack, self._psf, self._maps = stack, psf, maps
+        self._stack, self._psf, self._maps, self._programme = stack, psf, maps, programme
         self._kernel = maps.kernel
         self.region: BoolArray = np.asarray(stack.region, np.bool_)
         self._pixel = psf.geometry.pixel_scale_arcsec
@@ -88,7 +160,12 @@ class SearchField:
         least = _LEAST_DYNAMIC * float(np.abs(stack.image_e).max(initial=0.0))
         white = np.maximum(white, max(least**2, np.finfo(float).tiny))
         linear, square = maps.linear[self.region], maps.square[self.region]
-        self.terms = NoiseTerms(white, star_e**2 * linear, star_e**2 * square)
+        self.terms = programme.terms(white, star_e**2 * linear, star_e**2 * square, own=False)
+        self._within = programme.terms(white, star_e**2 * linear, star_e**2 * square, own=True)
+        # Neighbours share their noise: one position in four tells as much of the scatter of visits.
+        self._thin = (self._y % 2 == 0) & (self._x % 2 == 0)
+        self._within = self._within.at(self._thin)
+        self._scatter, self._scatter_before = self._visit_scatter()
         for x_arcsec, y_arcsec in known:
             self.exclude(x_arcsec / self._pixel + self._centre[1], y_arcsec / self._pixel + self._centre[0])
 
@@ -131,32 +208,68 @@ class SearchField:
 
     def measure(self, image: FloatArray) -> FilteredState:
         """Filter, and fit the noise; the second round filters with the noise that the first found."""
-        logs = np.zeros(2)
+        logs = np.zeros(len(self.terms.believed))
         for _ in range(2):
             assumed = self.terms.variance(logs)
-            inverse = self.unfold(1.0 / assumed)[self._box]
-            spread = matched_sum(inverse, self._kernel**2)[self.region[self._box]]
-            total = matched_sum(image[self._box] * inverse, self._kernel)[self.region[self._box]]
-            snr = total / np.sqrt(spread)
-            fit = fit_noise(snr**2, assumed, self.terms, self.weight(assumed, logs) * self.free, logs)
+            snr, spread = self._filtered(image, 1.0 / assumed)
+            fit = self._fit(snr**2, assumed, self.weight(assumed, logs) * self.free, logs)
             logs = fit.logs
         factor = np.sqrt(fit.variance / assumed)
         normal = snr / factor
-        gauss = np.where(self.free, equivalent_sigma(normal, self.laplace(fit)), 0.0)
+        gauss = np.where(self.free, _sigma_map(normal, self.laplace(fit), self._programme.pairs), 0.0)
         sigma_e = factor / (np.sqrt(spread) * self._response)
         return FilteredState(normal, assumed, sigma_e, fit, self._roughness(gauss))
 
-    def weight(self, variance: FloatArray, logs: FloatArray) -> FloatArray:
-        """Independent samples per position: speckles repeat at their mirror images."""
-        return 1.0 / (self._shared * (1.0 + self._speckled(logs, variance) ** 2))
+    def _filtered(self, image: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Matched sums over their standard deviation, with these inverse variances; and the sums of weights."""
+        inside, around = self.region[self._box], self.unfold(inverse)[self._box]
+        spread = matched_sum(around, self._kernel**2)[inside]
+        return matched_sum(image[self._box] * around, self._kernel)[inside] / np.sqrt(spread), spread
 
-    def _speckled(self, logs: FloatArray, variance: FloatArray) -> FloatArray:
-        return np.asarray(1.0 - math.exp(logs[0]) * self.terms.white / variance)
+    def _visit_scatter(self) -> tuple[FloatArray, FloatArray]:
+        """Mean square deviation of the filtered visits from their mean, times their number; and the variance assumed.
+
+        Planets, and what all visits share, are not in it. Empty where there is a single visit.
+        """
+        visits = self._programme.visits
+        frames = self._stack.rdi.residuals
+        if visits < 2 or not self._y.size or frames.ndim != 3 or len(frames) < visits:
+            return np.zeros(0), np.zeros(0)
+        whole = frames.sum(axis=0)[self.region]
+        power = float(whole @ whole)
+        scale = float(self._stack.image_e[self.region] @ whole) / power if power > 0 else 0.0
+        assumed = self.terms.variance(np.zeros(len(self.terms.believed)))
+        parts = (scale * part.sum(axis=0) for part in np.array_split(frames, visits))
+        sums = np.stack([self._filtered(part, 1.0 / assumed)[0][self._thin] for part in parts])
+        return sums.var(axis=0, ddof=1) * visits, assumed[self._thin]
+
+    def _fit(self, ratio: FloatArray, before: FloatArray, weight: FloatArray, logs: FloatArray) -> NoiseFit:
+        """Level, drift and common part that explain the stack, and the scatter of its visits."""
+        if not self._scatter.size:
+            return fit_noise(ratio, before, self.terms, weight, logs)
+        within = self._within.variance(logs)
+        # A sample variance of V visits is worth V - 1 squares of one, fewer where the light of errors is skewed.
+        heavy = 1.0 + 3.0 * self._heavy(self._within, logs, within) ** 2
+        many = 4.0 * self.weight(within, logs, self._within) * (self._programme.visits - 1) / heavy
+        parts = ((ratio, self._scatter), (before, self._scatter_before), (weight, many))
+        ratios, befores, weights = (np.concatenate(part) for part in parts)
+        fit = fit_noise(ratios, befores, self.terms.beside(self._within), weights, logs)
+        return replace(fit, variance=fit.variance[: ratio.size])
+
+    def weight(self, variance: FloatArray, logs: FloatArray, terms: NoiseTerms | None = None) -> FloatArray:
+        """Independent samples per position: speckles repeat at their mirror images."""
+        return 1.0 / (self._shared * (1.0 + self._speckled(logs, variance, terms) ** 2))
+
+    def _speckled(self, logs: FloatArray, variance: FloatArray, terms: NoiseTerms | None = None) -> FloatArray:
+        return np.asarray(1.0 - math.exp(logs[0]) * (terms or self.terms).white / variance)
 
     def laplace(self, fit: NoiseFit) -> FloatArray:
-        """Share of a Laplace law with the kurtosis of the speckles."""
-        drift = math.exp(fit.logs[1])
-        square, linear = drift**2 * self.terms.square / fit.variance, drift * self.terms.linear / fit.variance
+        """Share of Laplace variates, one for each pair of visits, with the kurtosis of the speckles."""
+        return self._heavy(self.terms, fit.logs, fit.variance)
+
+    def _heavy(self, terms: NoiseTerms, logs: FloatArray, variance: FloatArray) -> FloatArray:
+        drift = math.exp(logs[1])
+        square, linear = drift**2 * terms.square / variance, drift * terms.linear / variance
         return np.sqrt(self._maps.tail_square * square**2 + 2.0 * self._maps.tail_cross * square * linear)
 
     def dof(self, fit: NoiseFit) -> FloatArray:
@@ -214,14 +327,15 @@ class SearchField:
         mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
         weight[mirror] *= 1.0 - speckled**2
         measured = state.snr**2 * fit.variance / state.assumed
-        alone = fit_noise(measured, state.assumed, self.terms, weight, fit.logs)
+        alone = self._fit(measured, state.assumed, weight, fit.logs)
         ratio = math.sqrt(fit.variance[place] / alone.variance[place])
         return self._peak(x_pixel, y_pixel, height * ratio, height * float(state.sigma_e[place]), place, alone)
 
     def _peak(self, x_pixel: float, y_pixel: float, snr: float, flux_e: float, place: int, fit: NoiseFit) -> Peak:
         """A maximum in the noise of a fit."""
         laplace, dof = (float(part[place]) for part in (self.laplace(fit), self.dof(fit)))
-        return Peak(x_pixel, y_pixel, snr, float(equivalent_sigma(snr, laplace, dof)[0]), laplace, dof, flux_e)
+        sigma = float(equivalent_sigma(snr, laplace, dof, self._programme.pairs)[0])
+        return Peak(x_pixel, y_pixel, snr, sigma, laplace, dof, flux_e)
 
     def with_final_noise(self, peak: Peak, state: FilteredState) -> Peak:
         """The same source in the noise that is known once all sources are out.
@@ -246,3 +360,25 @@ class SearchField:
         move = (peak.y_pixel - self._centre[0], peak.x_pixel - self._centre[1])
         image = shift(np.asarray(self._psf.off_axis, float), move, order=3, mode="constant")
         return np.asarray(peak.flux_e * self._stack.rdi.project(np.where(self.region, image, 0.0)))
+
+
+def smooth_white(measured: FloatArray, patterns: FloatArray) -> FloatArray:
+    """Variance without the noise of its own measurement: least squares on smooth patterns.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (p,)
+        Variance per position, from frames that hold the same noise as the residual: where they happen to be dark the
+        residual is bright and its variance is understated.
+    patterns : ndarray, shape (k, p)
+        Images of the light, at least 0.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        Not below a quarter of the median of ``measured``.
+    """
+    scales = patterns.mean(axis=1)
+    used = patterns[scales > 0] / scales[scales > 0][:, None]
+    weights, *_ = np.linalg.lstsq(used.T, measured, rcond=None)
+    return np.asarray(np.maximum(weights @ used, 0.25 * math.fabs(float(np.median(measured)))))

@@ -13,7 +13,7 @@ from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides
 from cpic_planner.ranking import best_in_band, no_frame_status
 from cpic_planner.results import BandConfirmation
 from cpic_planner.targets import Targets
-from simulator.config import Instrument, Planet, Scene, SceneStar, companion_of
+from simulator.config import Instrument, Planet, Scene, SceneStar, Timing, companion_of
 from simulator.knobs import Dial, dial_of
 from simulator.ledger import NOT_IN_SUMS
 from simulator.signal import exozodi_disc
@@ -27,11 +27,12 @@ _REFUSALS = {
 
 
 class Frames(NamedTuple):
-    """Frames of the science visit."""
+    """Frames of a science visit, and how many such visits are reduced together."""
 
     exposure_s: float
     n_frames: int
     em_gain: float
+    visits: int = 1
 
 
 class ImageSettings(TypedDict, total=False):
@@ -70,7 +71,7 @@ class ConfirmTask:
     scene : dict
         What the images show.
     exposure_s, n_frames, em_gain
-        Frames of the science visit.
+        Frames of a science visit.
     strategy : dict
         How it is observed and reduced (`cpic_planner.etc.model.Strategy`).
     predictions : list of dict
@@ -79,6 +80,10 @@ class ConfirmTask:
         Their names in the scene.
     seed, fidelity, tolerance, realisations, audit
         `ImageSettings`.
+    visits, reference_visits : int
+        Science visits that are reduced together, and visits that all the references are spread over.
+    gap_s : float
+        From the start of a science visit to that of the next, s.
     """
 
     name: str
@@ -96,11 +101,24 @@ class ConfirmTask:
     tolerance: float | None = None
     realisations: int = 1
     audit: bool = False
+    visits: int = 1
+    reference_visits: int = 1
+    gap_s: float = 0.0
 
     @property
-    def frames_of_both_visits(self) -> float:
+    def n_science_frames(self) -> int:
+        """Science frames of all visits of one realisation."""
+        return self.n_frames * self.visits
+
+    @property
+    def n_all_frames(self) -> float:
         """Science and reference frames of one realisation."""
-        return self.n_frames * (1.0 + float(self.strategy["reference_ratio"]))
+        return self.n_science_frames * (1.0 + float(self.strategy["reference_ratio"]))
+
+    @property
+    def timing(self) -> Timing:
+        """When the visits are; of a single one, that its references follow at once."""
+        return Timing(scheme=self.strategy["reference_scheme"], gap_s=self.gap_s if self.visits > 1 else None)
 
     @property
     def dial(self) -> Dial:
@@ -217,8 +235,8 @@ def expected_of(
     Returns
     -------
     dict
-        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``time_s``, ``threshold``, ``snr`` and
-        ``significance`` of sums of frames, which no particle hits, with the ``verdict`` and the probabilities of a
+        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``time_s`` of all visits, ``threshold``, ``snr``
+        and ``significance`` of sums of frames, which no particle hits, with the ``verdict`` and the probabilities of a
         detection (``chance_blind``, ``chance_known_place``; None where no law was measured) that follow, and
         ``snr_full`` and ``significance_full`` with the frames that particles void.
     """
@@ -230,28 +248,46 @@ def expected_of(
     elements = model.metrics[band].resolution_elements(separation)
     threshold = float(etc.threshold_array(elements, model.strategy.sigma)[0, 0])
     sums = etc.build_model(images_of(model.instrument), [band], model.strategy)
+    programme = etc.Programme.of(model.strategy, frames.visits, gap_s(model, band, frames))
 
-    def noise_of(seen: etc.EtcModel) -> etc.StackNoise:
+    def noise_of(seen: etc.EtcModel) -> tuple[etc.ApertureRates, etc.StackNoise]:
         rates = etc.aperture_rates(seen, target, band, x, y, faint)
-        return etc.stack_noise(rates, *frames, seen.camera(band), seen.strategy)
+        return rates, etc.stack_noise(rates, *frames[:3], seen.camera(band), seen.strategy, programme)
 
-    noise, full = noise_of(sums), noise_of(model)
+    (rates, noise), (_, full) = noise_of(sums), noise_of(model)
     margin = noise.significance / threshold
-    chances = etc.visit_chances(sums, band, separation, visit_s, noise, margin)
+    wavefronts = (rates.speckle.independent(n, programme.gap_s) for n in (programme.visits, programme.reference_visits))
+    chances = etc.visit_chances(sums, band, separation, visit_s, noise, margin, etc.effective_visits(*wavefronts))
+    at_place = model.strategy.search == "known_place"
+    chance = float((chances.known_place if at_place else chances.blind)[0, 0])
+    detected = float(margin[0, 0]) >= 1.0 if math.isnan(chance) else chance >= 0.5
     return {
         "contrast": float(contrast),
         "separation_arcsec": float(separation[0, 0]),
         "pa_deg": float(pa_deg[0, 0]),
-        "time_s": float(model.time_s(visit_s)),
+        "time_s": float(frames.visits * model.time_s(visit_s)),
         "threshold": threshold,
         "snr": float(noise.snr[0, 0]),
         "significance": float(noise.significance[0, 0]),
         "chance_blind": _known(chances.blind[0, 0]),
         "chance_known_place": _known(chances.known_place[0, 0]),
-        "verdict": etc.verdict_of(Status.OK, bool(margin[0, 0] >= etc.needed_margin(model, band))),
+        "verdict": etc.verdict_of(Status.OK, detected),
         "snr_full": float(full.snr[0, 0]),
         "significance_full": float(full.significance[0, 0]),
     }
+
+
+def gap_s(model: etc.EtcModel, band: str, frames: Frames) -> float:
+    """Return the time from the start of a science visit to that of the next, s.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+    frames : Frames
+    """
+    visit_s = frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)
+    return float(model.time_s(visit_s)) + 3600.0 * model.strategy.visit_gap_h
 
 
 def prepare_task(
@@ -273,7 +309,7 @@ def prepare_task(
     band : str
         Name of a band of the instrument, such as ``F520``.
     time_s : float
-        Wall time, s, overheads and reference frames included.
+        Wall time of all visits, s, overheads and reference frames included.
     planet : ReferencePlanet
     overrides : SimulatorOverrides, optional
         What the images have otherwise.
@@ -284,9 +320,9 @@ def prepare_task(
     separation = float(best.separation_arcsec[0])
     # Two rolls put it to either side of the diagonal; the ETC counts one of them.
     pa_deg = etc.diagonal_pa_deg(model, target, band)
-    if not 1 <= best.n_frames[0] <= MAX_FRAMES:
+    if not 1 <= best.frames_per_visit[0] <= MAX_FRAMES:
         status, reason = no_frame_status(best, 0, model.camera(band))
-        if best.n_frames[0] > MAX_FRAMES:
+        if best.frames_per_visit[0] > MAX_FRAMES:
             status, reason = Status.INVALID, Reason.TOO_MANY_FRAMES
         return BandConfirmation(
             band=band,
@@ -299,7 +335,8 @@ def prepare_task(
             verdict="not observed",
         )
     distance = float(etc.reference_distance_au(target, np.array([separation]), planet)[0, 0])
-    frames = Frames(float(best.exposure_s[0]), int(best.n_frames[0]), float(best.em_gain[0]))
+    per_visit, visits = int(best.frames_per_visit[0]), int(best.visits[0])
+    frames = Frames(float(best.exposure_s[0]), per_visit, float(best.em_gain[0]), visits)
     # Dust is part of the scene: where the simulator's differs, it is in the images alone.
     zodis = (overrides or SimulatorOverrides()).instrument(model.instrument).sky.exozodi_zodis
     scene = target_scene(target, planet, separation, distance, pa_deg, exozodi_zodis=zodis)
@@ -330,6 +367,9 @@ def task_of(
         exposure_s=frames.exposure_s,
         n_frames=frames.n_frames,
         em_gain=frames.em_gain,
+        visits=frames.visits,
+        reference_visits=model.strategy.references_of(frames.visits),
+        gap_s=gap_s(model, band, frames),
         strategy=model.strategy.model_dump(mode="json"),
         predictions=list(predictions),
         planets=[planet.name for planet in scene.planets] if planets is None else list(planets),

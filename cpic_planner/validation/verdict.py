@@ -111,7 +111,7 @@ def confirmation_of(
         core_throughput=core,
         n_background_apertures=n_apertures,
         saturated_in_hole=lost,
-        saturated_outside=statistics and statistics.lost_outside / (task.frames_of_both_visits * n),
+        saturated_outside=statistics and statistics.lost_outside / (task.n_all_frames * n),
         n_detected=found,
         search_snr=_mean([item.search_snr for item in measured]),
         search_threshold=_mean([item.search_threshold for item in measured]),
@@ -136,9 +136,12 @@ def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
         "separation_arcsec": expected["separation_arcsec"],
         "pa_deg": expected["pa_deg"],
         "exposure_s": task.exposure_s,
-        "n_frames": task.n_frames,
+        "visits": task.visits,
+        "reference_visits": task.reference_visits,
+        "frames_per_visit": task.n_frames,
+        "n_frames": task.n_science_frames,
         "em_gain": task.em_gain,
-        "integration_s": task.exposure_s * task.n_frames,
+        "integration_s": task.exposure_s * task.n_science_frames,
         "time_s": expected["time_s"],
         "predicted_snr": expected["snr"],
         "predicted_significance": expected["significance"],
@@ -270,7 +273,7 @@ def audit_of(
         detected=bool(measured.found and not statistics.lost_in),
         false_detections=false_detections,
         saturated_in_hole=statistics.lost_in,
-        saturated_outside=statistics.lost_outside / task.frames_of_both_visits,
+        saturated_outside=statistics.lost_outside / task.n_all_frames,
     )
 
 

@@ -46,5 +46,6 @@ def random_problem(n_stars: int, camera: FrameCamera, *, seed: int) -> FrameProb
         peak_columns_e_s=star * decades(-7.0, -3.0),
         peak_in_hole_e_s=brightest,
         register_tail_e_s=brightest * decades(-1.0, 1.0),
+        visits=np.ones(shape),
         camera=camera,
     )

@@ -64,7 +64,7 @@ def prepared(model: EtcModel, planet: Planet) -> Said:
         planet.exposure_s,
         FRAMES,
         planet.em_gain,
-        speckle_e_s=float(np.sqrt(rates.speckle.variance(visit_s)[0])),
+        speckle_e_s=float(np.sqrt(rates.speckle.law().variance(visit_s)[0])),
         loss_per_s=float(rates.loss_per_s),
         background_apertures=round(float(rates.background_apertures[0])),
         rdi_throughput=rates.rdi_throughput,

@@ -11,7 +11,7 @@ from monte_carlo import Aperture, Readout, Stack, aperture_on
 
 from cpic_planner.etc import ApertureRates, FrameCamera, StackNoise, stack_noise
 from cpic_planner.queries import Strategy
-from simulator.signal import SpeckleLaw
+from simulator.signal import ProgrammeLaw, SpeckleLaw
 
 __all__ = [
     "GAINS",
@@ -126,11 +126,12 @@ def camera_of(readout: Readout) -> FrameCamera:
 def rates_of(stack: Stack, places: Sequence[Aperture], light: str = "halo") -> ApertureRates:
     """The ETC's rates of a stack whose background is all of one origin."""
     zero = np.zeros(1)
+    none = SpeckleLaw(zero, zero, zero)
     other = stack.background_e_s if stack.reference_background_e_s is None else stack.reference_background_e_s
     values: dict[str, Any] = {item.name: zero for item in fields(ApertureRates)} | {
         "planet_e_s": np.array([stack.planet_e_s]),
         f"{light}_e_s": np.array([stack.background_e_s]),
-        "speckle": SpeckleLaw(np.array([stack.speckle_e_s**2]), zero, zero),
+        "speckle": ProgrammeLaw(*[SpeckleLaw(np.array([stack.speckle_e_s**2 / 2.0]), zero, zero)] * 2, none),
         "aperture_pixels": places[0].pixels,
         "noise_fraction": float(np.mean([place.noise_fraction for place in places])),
         "source_noise_fraction": float(np.mean([place.source_noise_fraction for place in places])),

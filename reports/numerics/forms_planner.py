@@ -19,7 +19,7 @@ from cpic_planner.planets.laws import read_law
 from simulator.camera.noise import mean_projection_um
 from simulator.config import load_instrument
 from simulator.detectors import clean_fraction
-from simulator.signal import SpeckleLaw
+from simulator.signal import ProgrammeLaw, SpeckleLaw
 
 CAMERA = FrameCamera.of(load_instrument(), "F520")
 
@@ -196,9 +196,8 @@ def rates(planet: float, halo: float) -> ApertureRates:
         "variance_factor": 1.0,
     }
     arrays = {name: np.float64(value) for name, value in given.items() if name != "speckle"}
-    return ApertureRates(
-        speckle=SpeckleLaw(np.float64(K1 * halo**2), np.float64(K1 * halo**2 * 1e-4), np.float64(0.0)), **arrays
-    )
+    half = SpeckleLaw(np.float64(K1 * halo**2 / 2.0), np.float64(K1 * halo**2 * 1e-4 / 2.0), np.float64(0.0))
+    return ApertureRates(speckle=ProgrammeLaw(half, half, half.scaled(0.0)), **arrays)
 
 
 def white(planet: mpf, halo: mpf, exposure: mpf, frames: mpf, gain: mpf) -> dict[str, mpf]:

@@ -73,6 +73,7 @@ from simulator.config.scene_files import (
     simulation_of as simulation_of,
 )
 from simulator.config.simulation import (
+    PROGRAMME_KEYS as PROGRAMME_KEYS,
     SKY_KINDS as SKY_KINDS,
     SequenceConfig as SequenceConfig,
     SequenceKind as SequenceKind,
@@ -98,6 +99,8 @@ from simulator.config.telescope import (
     Channel as Channel,
     Drift as Drift,
     OrbitConfig as OrbitConfig,
+    ReferenceScheme as ReferenceScheme,
+    Timing as Timing,
     Utc as Utc,
     checked_utc as checked_utc,
     julian_year as julian_year,

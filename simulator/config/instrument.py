@@ -80,7 +80,7 @@ class Instrument(FrozenModel):
     mission: MissionConfig
 
     def _check_values(self) -> None:
-        for key in ("coronagraph.inner_arcsec", "dark_hole.surface_files"):
+        for key in ("coronagraph.inner_arcsec", "dark_hole.surface_files", "dark_hole.sensing_contrast_by_band"):
             section, _, field = key.partition(".")
             for name in getattr(getattr(self, section), field):
                 if name not in self.bands:

@@ -284,8 +284,9 @@ def _loaded(item: Mapping[str, Any], base: Instrument, folder: Path | None, wher
             result["instrument"] = base.changed(own if folder is None else paths_beside(dict(own), folder))
         else:
             result["instrument"] = base if own is None else _instrument(own, folder)
-        if result.get("scene") is not None:
-            result["scene"] = _scene(result["scene"], folder)
+        for key in ("scene", "reference_scene"):
+            if result.get(key) is not None:
+                result[key] = _scene(result[key], folder)
     return result
 
 

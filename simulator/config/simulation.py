@@ -6,7 +6,7 @@ A simulation as configuration: sequences of frames to be taken one after another
 import itertools
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -16,7 +16,7 @@ from simulator.config.base import FrozenModel, SpelledModel, other_names, requir
 from simulator.config.instrument import Instrument
 from simulator.config.light import Real
 from simulator.config.scene import Scene
-from simulator.config.telescope import CameraName, Utc
+from simulator.config.telescope import CameraName, ReferenceScheme, Utc
 
 
 def star_field(
@@ -84,7 +84,10 @@ DEFAULT_EXPOSURE_S = 10.0
 
 _COMMON = ("kind", "instrument", "em_gain", "frames", "seed", "realisation", "switches", "start_utc", "obsid")
 _SKY = ("scene", "band", "exposure_s", "roll_deg", "star_offset_arcsec", "role", "fidelity", "tolerance", "scene_model")
-_OF_KIND: dict[SequenceKind, tuple[str, ...]] = dict.fromkeys(SKY_KINDS, _SKY) | {
+_REFERENCE = ("reference_visits", "reference_ratio", "reference_scheme", "reference_scene", "reference_roll_deg")
+PROGRAMME_KEYS = ("visits", "visit_gap_h", *_REFERENCE)
+"""Keys of a sequence that make it a programme of visits."""
+_OF_KIND: dict[SequenceKind, tuple[str, ...]] = dict.fromkeys(SKY_KINDS, (*_SKY, *PROGRAMME_KEYS)) | {
     "BIAS": ("camera",),
     "DARK": ("camera", "exposure_s"),
     "FLAT": ("band", "exposure_s", "level_e"),
@@ -148,6 +151,22 @@ class SequenceConfig(SpelledModel):
         As `simulator.observe`: the optics are those of ``fidelity``, and above a ``tolerance`` of 0 the effect ledger
         leaves out what is predicted to matter less than that, with the cheapest knobs that meet it, never finer than
         those of ``fidelity``. The role of CALS is ``calibration`` unless another one is given.
+    visits : int
+        Science visits, each with ``frames`` frames and a wavefront of its own. Several, or one with reference visits,
+        are a programme.
+    reference_visits : int, optional
+        Reference visits; without a number as many as science visits, and none for a single visit.
+    reference_ratio : float
+        Reference frames per science frame of the whole programme; see `reference_entry`.
+    reference_scheme : {"interleaved", "half", "swapped", "other_star"}
+        Where in the orbit references are taken (`simulator.config.telescope.Timing`); for ``half`` and ``swapped`` each
+        science visit has one reference visit.
+    reference_scene : Scene, optional
+        What reference visits look at; the scene without its planets by default.
+    reference_roll_deg : float, optional
+        Roll of reference visits; that of the science visits by default.
+    visit_gap_h : float
+        Least time between the end of a visit with its references and the start of the next.
     level_e, offset_arcsec, ra_deg, dec_deg
         As `simulator.calibrate`.
     seed : int
@@ -179,6 +198,13 @@ class SequenceConfig(SpelledModel):
     fidelity: Literal["quick", "standard", "reference"] = "standard"
     tolerance: Annotated[Real, Field(ge=0, le=0.5)] = 0.0
     scene_model: Literal["exact", "paper"] = "exact"
+    visits: Annotated[Whole, Field(ge=1, le=1000)] = 1
+    reference_visits: Annotated[Whole, Field(ge=0, le=100_000)] | None = None
+    reference_ratio: Annotated[Real, Field(gt=0, le=1000)] = 1.0
+    reference_scheme: ReferenceScheme = "interleaved"
+    reference_scene: Scene | None = None
+    reference_roll_deg: Real | None = None
+    visit_gap_h: Annotated[Real, Field(ge=0, le=1e5)] = 0.0
     level_e: Annotated[Real, Field(ge=0, le=1e12)] | None = None
     offset_arcsec: tuple[Offset, Offset] | None = None
     ra_deg: Annotated[Real, Field(ge=0, lt=360)] | None = None
@@ -225,6 +251,54 @@ class SequenceConfig(SpelledModel):
         for name in self.switches:
             if name not in self.known_switches:
                 raise InputError("switches", name, allowed=", ".join(self.known_switches))
+        self._check_programme()
+
+    def _check_programme(self) -> None:
+        """Refuse what concerns references where there are none, and visits that cannot share a window."""
+        if self.is_programme and self.role != "science":
+            allowed = "1, without references, for visits of this role"
+            raise InputError("visits", self.visits, allowed=allowed, hint=f"role is {self.role}")
+        for key in PROGRAMME_KEYS if not self.is_programme else _REFERENCE if not self.references else ():
+            value = getattr(self, key)
+            if key not in ("visits", "reference_visits") and value != type(self).model_fields[key].default:
+                allowed = "for several visits" if key == "visit_gap_h" else "for programmes with reference visits"
+                raise InputError(key, value if isinstance(value, str | float) else "given", allowed=allowed)
+        if self.reference_scheme in ("half", "swapped") and self.references not in (0, self.visits):
+            allowed = f"as many as visits, {self.visits}: {self.reference_scheme} divides windows between pairs"
+            raise InputError("reference_visits", self.references, allowed=allowed)
+
+    @property
+    def references(self) -> int:
+        """Number of reference visits."""
+        if self.reference_visits is None:
+            return self.visits if self.visits > 1 else 0
+        return self.reference_visits
+
+    @property
+    def is_programme(self) -> bool:
+        """Whether it is a programme of several visits, and not a single one without references."""
+        return self.visits > 1 or self.references > 0
+
+    @property
+    def total_frames(self) -> int:
+        """Frames of all its sequences and visits."""
+        own = self.frames * self.visits
+        own += self.reference_entry().frames * self.references if self.references else 0
+        return own * len(list(self.grid()))
+
+    def reference_entry(self) -> Self:
+        """Return what each reference visit is.
+
+        The reference frames of all visits together are ``reference_ratio`` times the science frames, rounded to a whole
+        number a visit, at least 1.
+        """
+        scene = self.reference_scene
+        if scene is None and self.scene is not None:
+            scene = self.scene.without_planets()
+        frames = round(self.frames * self.reference_ratio * self.visits / max(self.references, 1))
+        roll_deg = self.roll_deg if self.reference_roll_deg is None else self.reference_roll_deg
+        changes = {"role": "reference", "scene": scene, "roll_deg": roll_deg, "frames": max(frames, 1)}
+        return self.model_copy(update=changes)
 
     @property
     def cameras(self) -> tuple[CameraName, ...]:

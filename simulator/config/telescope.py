@@ -5,14 +5,16 @@ The optics as configuration: coronagraph, near-infrared channel, static wavefron
 One camera of the instrument with what is in front of it: what differs between the channels, said once.
 """
 
+import math
 import re
 from dataclasses import dataclass
 from datetime import date, datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
+import numpy as np
 from pydantic import AfterValidator, Field, ValidationInfo
 
-from cpic_core import InputError, check_number, load_quietly
+from cpic_core import ArrayLike, ComplexArray, InputError, check_number, load_quietly
 from simulator.config.base import FrozenModel
 from simulator.config.detector import AnyDetector, Detector, InfraredDetector
 
@@ -170,6 +172,10 @@ class DarkHoleConfig(FrozenModel):
     ``surface_files``, one per band), or ``off`` (the mirror stays flat). Mode ``2q`` darkens the two quadrants on
     ``side`` of the star on the detector. ``hold_star`` keeps tip and tilt out of the search: positions are measured
     from the star, and a search that may point the telescope moves the star away from its hole.
+
+    ``sensing`` is ``perfect``, or ``probes``: each step of a search knows the field with an error of mean square
+    ``sensing_contrast``, relative to the peak, over one square lambda/D and the controlled bandwidth.
+    ``sensing_contrast_by_band`` gives it for single bands instead; both are 0 where sensing is perfect.
     """
 
     control: Literal["conjugation", "single_jacobian", "surface", "off"]
@@ -177,19 +183,154 @@ class DarkHoleConfig(FrozenModel):
     side: Literal["right", "left", "top", "bottom"]
     bandwidth: Annotated[float, Field(ge=0, le=0.5)]
     hold_star: bool
+    sensing: Literal["perfect", "probes"]
+    sensing_contrast: Annotated[float, Field(ge=0, le=1e-3)]
+    sensing_contrast_by_band: dict[str, Annotated[float, Field(ge=0, le=1e-3)]]
     surface_files: dict[str, str]
 
     def _check_values(self) -> None:
         if bool(self.surface_files) != (self.control == "surface"):
             raise InputError("control", self.control, allowed="surface with surface_files, any other without")
+        if self.sensing == "probes" and self.control in ("off", "surface"):
+            raise InputError("sensing", self.sensing, allowed=f"perfect where control is {self.control}")
+        if self.sensing == "perfect" and any((self.sensing_contrast, *self.sensing_contrast_by_band.values())):
+            raise InputError("sensing", self.sensing, allowed="probes with a sensing_contrast above 0")
+
+    def sensing_contrast_of(self, band: str) -> float:
+        """Return the mean square error of sensing in a band, 0 where the field is known perfectly."""
+        return self.sensing_contrast_by_band.get(band, self.sensing_contrast)
 
 
 class Drift(FrozenModel):
-    """Wavefront drift between and within visits; power spectrum of the phase screens ``f^-psd_slope``."""
+    """Wavefront drift within a visit, between the visits of a programme, and around the orbit.
+
+    What is not given is not there.
+
+    Attributes
+    ----------
+    visit_nm : float
+        Offset of each visit, frozen within it, nm rms.
+    walk_nm_per_sqrt_hour : float
+        Random walk within a visit, nm rms per square root of an hour.
+    psd_slope : float
+        Exponent of the power spectrum ``f^-psd_slope`` of the phase screens.
+    common_fraction : float
+        Rms of the screen by which science visits differ from reference visits, the same in every visit, in units of
+        ``visit_nm``; 0 to 1.
+    correlation_time_h : float
+        Time in which the correlation of the offsets of two visits falls to 1/e, hours from start to start; 0 means
+        independent offsets.
+    orbital_nm : float
+        Rms over disc and orbit of what the orbit does to the wavefront: one map times a sine of the orbital period, nm.
+    orbital_orders : {"low", "all"}
+        What the map is made of: defocus, two astigmatisms, two comas and spherical aberration in equal parts, or a
+        screen of the spectrum above.
+    orbital_period_s : float
+        Period of the orbit, s; above 0 where ``orbital_nm`` is.
+    """
 
     visit_nm: Annotated[float, Field(ge=0, le=100)]
     walk_nm_per_sqrt_hour: Annotated[float, Field(ge=0, le=100)]
     psd_slope: Annotated[float, Field(ge=0, le=6)]
+    common_fraction: Annotated[float, Field(ge=0, le=1)] = 0.0
+    correlation_time_h: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    orbital_nm: Annotated[float, Field(ge=0, le=100)] = 0.0
+    orbital_orders: Literal["low", "all"] = "low"
+    orbital_period_s: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+
+    def _check_values(self) -> None:
+        if self.orbital_nm > 0 and self.orbital_period_s == 0:
+            raise InputError("orbital_period_s", self.orbital_period_s, unit="s", allowed="above 0 with orbital_nm")
+
+    @property
+    def common_nm(self) -> float:
+        """Rms of the screen by which science visits differ from references, the same in every visit."""
+        return self.common_fraction * self.visit_nm
+
+    def correlation(self, gap_s: float) -> float:
+        """Correlation of the offsets of two visits whose starts are so many seconds apart, 0 to 1."""
+        hours = self.correlation_time_h
+        return math.exp(-gap_s / (3600.0 * hours)) if hours > 0 else 0.0
+
+
+WINDOW_TURNS = 0.46  # of an orbit in which a star is seen: 43 of 93 minutes, between Earth's limb and its shadow's edge
+ReferenceScheme = Literal["interleaved", "half", "swapped", "other_star"]
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the visits of a programme are: how far apart, and where in the orbit their light is taken.
+
+    A star is seen for a window of every orbit. A visit begins with a window and goes on in those of the next orbits.
+
+    Attributes
+    ----------
+    scheme : {"interleaved", "half", "swapped", "other_star"}
+        Where references are taken: ``interleaved`` in the same part of other orbits; ``half`` in the second half of
+        each window, behind the science; ``swapped`` likewise, the order turned in every second visit; ``other_star``
+        in the windows of a star that is seen a quarter of an orbit later.
+    gap_s : float or None
+        From the start of a visit to that of the next of its kind, s; None for visits that follow at once.
+    start_turns : float or None
+        Phase of the orbital term where a window opens, in turns; None where nobody knows it: drawn for every
+        realisation.
+    window_turns : float
+        Length of a window in orbits, above 0, to 1.
+
+    Raises
+    ------
+    InputError
+        For a value out of range.
+    """
+
+    scheme: ReferenceScheme = "interleaved"
+    gap_s: float | None = None
+    start_turns: float | None = None
+    window_turns: float = WINDOW_TURNS
+
+    def __post_init__(self) -> None:
+        """Refuse what no programme can have."""
+        if self.scheme not in get_args(ReferenceScheme):
+            raise InputError("scheme", self.scheme, allowed=", ".join(get_args(ReferenceScheme)))
+        if self.gap_s is not None and not (math.isfinite(self.gap_s) and self.gap_s >= 0):
+            raise InputError("gap_s", self.gap_s, unit="s", allowed="0 or more")
+        if self.start_turns is not None and not math.isfinite(self.start_turns):
+            raise InputError("start_turns", self.start_turns, allowed="a number of turns")
+        if not 0 < self.window_turns <= 1:
+            raise InputError("window_turns", self.window_turns, allowed="above 0, to 1")
+
+    def phasors(
+        self, on_source_turns: ArrayLike, *, reference: bool = False, visit: int = 0, harmonic: int = 1
+    ) -> ComplexArray:
+        """Mean of ``exp(2 pi i h t)`` between successive times on source, t in orbits after a window opens.
+
+        Parameters
+        ----------
+        on_source_turns : array_like, shape (n + 1,)
+            Times on source, ascending, in orbits: what of a window is over goes on in the next.
+        reference : bool
+            Of a reference visit, or of a science visit.
+        visit : int
+            Number of the visit: the order of ``swapped`` turns on it.
+        harmonic : int
+            h, from 1.
+
+        Returns
+        -------
+        ndarray of complex, shape (n,)
+        """
+        first, length = 0.0, self.window_turns
+        if self.scheme == "other_star" and reference:
+            first = 0.25
+        elif self.scheme in ("half", "swapped"):
+            length /= 2.0
+            turned = self.scheme == "swapped" and visit % 2 == 1
+            first = length if reference != turned else 0.0
+        rate = 2j * math.pi * harmonic
+        times = np.asarray(on_source_turns, float)
+        windows = np.floor(times / length)
+        areas = (windows * np.expm1(rate * length) + np.expm1(rate * (times - windows * length))) / rate
+        return np.asarray(np.exp(rate * first) * np.diff(areas) / np.diff(times))
 
 
 CameraName = Literal["VIS", "NIR"]

@@ -12,6 +12,14 @@ A single mirror in the pupil cannot cancel amplitude errors on both sides of the
 search goes far below that limit, but it takes a perfect knowledge of the field and of the optics. ``single_jacobian``
 is the less ideal state: one Jacobian, of the mirror at rest in the design without aberrations, used to the end.
 
+Perfect knowledge of the field is one end of a scale. Pair-wise probing (Give'on et al. 2011; Groff et al. 2016) tells
+the field from images with known bumps on the mirror, with an error that is white over the focal plane and the band and
+has nothing to do with the field: two pairs of probes whose own light makes the noise leave a mean square error of
+``1 / (4 N)`` of the peak, N the photons that an image would hold in a square lambda/D as bright as the peak.
+With ``sensing_contrast`` every iteration works from such an estimate, drawn anew. Of the steps tried it keeps the one
+whose image is darkest, as on a bench: the mean over the zone of an image is known far better than the field. The loop
+ends at a quarter to a third of the error: each iteration adds what an estimate of its own tells.
+
 The mirror does not point: steps that would move the image of a source are projected out, since the star is held on the
 mask by a loop of its own. Left free, a one-sided search pushes the star away from its dark side, by up to half a
 lambda/D, and the hole seems to begin closer to the star than it does.
@@ -22,7 +30,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from cpic_core import ComplexArray, FloatArray, InputError, announce
+from cpic_core import ComplexArray, FloatArray, InputError, announce, stream
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.geometry import HoleZone
 from simulator.imaging.imager import Imager
@@ -59,6 +67,12 @@ class ControlSettings:
         this: going deeper costs a one-sided hole its Strehl ratio.
     hold_star : bool
         Leave tip and tilt alone.
+    sensing_contrast : float
+        Mean square error of an estimate of the field, relative to the peak, over one square lambda/D and the
+        controlled bandwidth, 0 to 1; 0 for perfect knowledge. A control point at one wavelength has the mean square
+        error of its smaller share of the light.
+    sensing_seed : int
+        Seed of these errors.
     """
 
     method: HoleMethod = "relinearised"
@@ -73,6 +87,8 @@ class ControlSettings:
     tolerance: float = 0.02
     goal_contrast: float | None = None
     hold_star: bool = True
+    sensing_contrast: float = 0.0
+    sensing_seed: int = 0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -86,6 +102,7 @@ class ControlSettings:
             ("max_iterations", 1, 200),
             ("strong_every", 0, 200),
             ("tolerance", 0, 1),
+            ("sensing_contrast", 0, 1),
         ):
             if not low <= getattr(self, name) <= high:
                 raise InputError(name, getattr(self, name), allowed=f"{low} to {high}")
@@ -258,6 +275,26 @@ class _NormalEquations:
         return (matrix if self.fixed is None else self.matrix), side
 
 
+def sensed(fields: ComplexArray, settings: ControlSettings, rng: np.random.Generator) -> ComplexArray:
+    """Return an estimate of the field at the control points, by probing.
+
+    Parameters
+    ----------
+    fields : ndarray, shape (wavelengths, n_y, n_x)
+        The field as `Conjugation.fields` gives it, to whose square each wavelength contributes by its weight; an error
+        that is white over the band therefore is the same at all of them.
+    settings : ControlSettings
+    rng : numpy.random.Generator
+        Source of the errors.
+    """
+    if settings.sensing_contrast == 0:
+        return fields
+    rms = np.sqrt(settings.sensing_contrast / 2.0) / settings.step_lambda_d
+    real, imaginary = rng.normal(0.0, rms, (2, *fields.shape))
+    estimate: ComplexArray = fields + (real + 1j * imaginary)
+    return estimate
+
+
 def _step(matrix: FloatArray, side: FloatArray, exponent: float) -> FloatArray:
     """Tikhonov solution of the normal equations."""
     from scipy.linalg import cho_factor, cho_solve
@@ -306,6 +343,8 @@ def conjugate(problem: Conjugation, settings: ControlSettings, start_nm: FloatAr
     period = settings.strong_every or 5
     ended: Literal["converged", "goal", "iterations"] = "iterations"
 
+    rng = stream(settings.sensing_seed, "sensing", problem.band)
+
     def reached() -> bool:
         return settings.goal_contrast is not None and darkest <= settings.goal_contrast * problem.strehl(best)
 
@@ -319,7 +358,7 @@ def conjugate(problem: Conjugation, settings: ControlSettings, start_nm: FloatAr
         # The last iterations of a search that runs to its limit polish the state that the last strong step opened.
         turn = settings.strong_every > 0 and (iteration + 1) % settings.strong_every == 0
         strong = turn and iteration < settings.max_iterations - 3
-        matrix, side = equations.at(state, fields)
+        matrix, side = equations.at(state, sensed(fields, settings, rng))
         first = order[max(last - 1, 0) : last + 2] if iteration else order
         rounds = ([settings.strong_exponent],) if strong else (first, order)
         chosen: tuple[float, FloatArray, ComplexArray] | None = None

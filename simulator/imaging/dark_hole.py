@@ -1,6 +1,6 @@
 """Dark hole of one band: the state of the mirror, how the search went, and how dark it is on an independent grid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -17,6 +17,7 @@ SCORE_STEP_LAMBDA_D = 0.25
 SCORE_WAVELENGTHS = 8  # an even number shares no node with an odd number of controlled wavelengths
 CHORDS = 16  # of the aperture: exact to rounding for an aperture of about one lambda/D
 LIMIT_CONTRAST = {"4q": 2e-9, "2q": 8e-9}
+GOAL_CONTRAST = {"4q": 1.05e-9, "2q": 6e-9}
 SINGLE_LIMIT = 5e-8
 KICK_NM, KICK_SEED = 1.0, 1
 
@@ -104,23 +105,38 @@ class UnreachedHole(HoleState):
 HoleResult: TypeAlias = DarkHole | UnreachedHole
 
 
-def default_settings(mode: HoleMode, method: HoleMethod = "relinearised") -> ControlSettings:
+def default_settings(
+    mode: HoleMode, method: HoleMethod = "relinearised", sensing_contrast: float = 0.0
+) -> ControlSettings:
     """Settings that reach the stated contrast in every visible band of the default instrument.
 
     The goals end a search where more depth would cost more Strehl ratio than it is worth: in ``4q`` at the floor of the
     apodizer (F520 converges above it), in ``2q`` at about half the asked contrast. The single Jacobian is damped as in
-    a control loop that cannot try out each step.
+    a control loop that cannot try out each step. With errors of sensing, ten rounds of probes are taken; a strong step
+    would drive the mirror by the errors alone, and late steps are damped more than without errors.
 
     Parameters
     ----------
     mode : HoleMode
     method : HoleMethod, optional
+    sensing_contrast : float, optional
+        Error of the estimates of the field, see `ControlSettings`.
     """
     if method == "single_jacobian":
-        return ControlSettings(method=method, max_iterations=10, strong_every=0, exponents=(-1.0, -2.0, -3.0))
-    if mode == "2q":
-        return ControlSettings(max_iterations=40, goal_contrast=6e-9)
-    return ControlSettings(goal_contrast=1.05e-9)
+        few = ControlSettings(method=method, max_iterations=10, strong_every=0, exponents=(-1.0, -2.0, -3.0))
+        return replace(few, sensing_contrast=sensing_contrast)
+    goal = GOAL_CONTRAST[mode]
+    if sensing_contrast > 0:
+        ladder = (1.0, 0.0, -1.0, -2.0, -3.0, -4.0, -5.0)
+        return ControlSettings(
+            max_iterations=10,
+            exponents=ladder,
+            strong_every=0,
+            tolerance=0.0,
+            goal_contrast=goal,
+            sensing_contrast=sensing_contrast,
+        )
+    return ControlSettings(max_iterations=40 if mode == "2q" else 25, goal_contrast=goal)
 
 
 def solve_dark_hole(
@@ -156,7 +172,7 @@ def solve_dark_hole(
         `default_settings` of the mode if omitted.
     limit_contrast : float, optional
         Mean contrast over the controlled bandwidth that makes it a `DarkHole`: 2e-9 in ``4q``, 8e-9 in ``2q``, 5e-8
-        with a single Jacobian.
+        with a single Jacobian, and half the sensing error more.
 
     Returns
     -------
@@ -173,6 +189,7 @@ def solve_dark_hole(
     settings = settings or default_settings(mode)
     if limit_contrast is None:
         limit_contrast = SINGLE_LIMIT if settings.method == "single_jacobian" else LIMIT_CONTRAST[mode]
+        limit_contrast += settings.sensing_contrast / 2.0
     problem = Conjugation(imager, aberrations, mirror, zone, settings)
     wide_nodes, wide_weights = np.polynomial.legendre.leggauss(SCORE_WAVELENGTHS)
     wavelengths = imager.center_m * (1.0 + 0.5 * settings.bandwidth * wide_nodes)

@@ -9,6 +9,9 @@ every fidelity sees the same screen.
 A visit has one offset screen, frozen, plus a random walk from frame to frame; science and reference visits draw
 from different streams. The residual speckle ``|dE|^2 + 2 Re(E0* dE)`` is not assembled from parts: every frame
 is a full propagation of the pupil with static wavefront, mirror and drift in it.
+
+What visits of a programme share (`SharedTerms`): a part of their offsets, a screen that all science visits have and
+references have not, and one map that swings with the orbit. `Timing` says when in the orbit a visit's light is taken.
 """
 
 from __future__ import annotations
@@ -16,13 +19,13 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cpic_core import FloatArray, InputError
-from simulator.config import Drift
+from simulator.config import Drift, Timing
 from simulator.imaging.imager import FocalGrid, Imager
 
 if TYPE_CHECKING:
@@ -32,6 +35,36 @@ if TYPE_CHECKING:
 STEP_CYCLES = 0.5
 LAST_INDEX = 63  # of frequencies in steps: below 32 cycles per diameter, what 64 samples can hold
 FLAT_BELOW_CYCLES = 1.0
+
+
+@functools.lru_cache(maxsize=8)
+def low_order_map(samples: int) -> FloatArray:
+    """Defocus, two astigmatisms, two comas and spherical aberration in equal parts, of unit rms over the disc together.
+
+    Parameters
+    ----------
+    samples : int
+        Samples of the pupil grid a side.
+
+    Returns
+    -------
+    ndarray, shape (samples, samples)
+    """
+    axis = (np.arange(samples) + 0.5) / samples * 2.0 - 1.0
+    x, y = np.meshgrid(axis, axis)
+    r2 = x**2 + y**2
+    terms = (
+        math.sqrt(3.0) * (2.0 * r2 - 1.0),
+        math.sqrt(6.0) * (x**2 - y**2),
+        math.sqrt(6.0) * 2.0 * x * y,
+        math.sqrt(8.0) * (3.0 * r2 - 2.0) * x,
+        math.sqrt(8.0) * (3.0 * r2 - 2.0) * y,
+        math.sqrt(5.0) * (6.0 * r2**2 - 6.0 * r2 + 1.0),
+    )
+    total = sum(terms[1:], terms[0])
+    total /= math.sqrt(float((total[r2 <= 1.0] ** 2).mean()))
+    total.flags.writeable = False
+    return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +167,77 @@ def screen_model(samples: int, psd_slope: float) -> ScreenModel:
     return ScreenModel(*arrays)
 
 
+@dataclass(frozen=True, eq=False)
+class SharedTerms:
+    """What the wavefront of a visit shares with the other visits of its programme; nothing by default.
+
+    Attributes
+    ----------
+    correlation : float
+        Of the offsets of successive visits, 0 to 1.
+    earlier : tuple of numpy.random.Generator
+        Streams of the offsets of the visits before, the latest first; none where offsets are independent.
+    common : numpy.random.Generator or None
+        Stream of the screen that all science visits have and references have not.
+    orbit : numpy.random.Generator or None
+        Stream of the phase and of the map that swings with the orbit.
+    timing : Timing
+    reference : bool
+        Of a reference visit, or of a science visit.
+    visit : int
+        Number of the visit.
+    """
+
+    correlation: float = 0.0
+    earlier: tuple[np.random.Generator, ...] = ()
+    common: np.random.Generator | None = None
+    orbit: np.random.Generator | None = None
+    timing: Timing = field(default_factory=Timing)
+    reference: bool = False
+    visit: int = 0
+
+    def frozen(self, screens: ScreenModel, drift: Drift, own: FloatArray) -> FloatArray:
+        """What does not change within the visit, nm; ``own`` is the screen drawn for this visit alone."""
+        opd_nm = own
+        if self.earlier:
+            # A stationary chain: each offset remembers the one before, and all have the same rms.
+            new = math.sqrt(1.0 - self.correlation**2)
+            weights = [new * self.correlation**back for back in range(len(self.earlier) + 1)]
+            weights[-1] /= new
+            opd_nm = weights[0] * own
+            for weight, rng in zip(weights[1:], self.earlier, strict=True):
+                opd_nm = opd_nm + weight * screens.draw(rng, drift.visit_nm)
+        if self.common is not None:
+            opd_nm = opd_nm + screens.draw(self.common, drift.common_nm)
+        return opd_nm
+
+    def swing(
+        self, screens: ScreenModel, drift: Drift, n_frames: int, cadence_s: float
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Map that swings with the orbit, and how many nm of it each frame has in the mean; None without one.
+
+        Parameters
+        ----------
+        screens : ScreenModel
+        drift : Drift
+        n_frames : int
+        cadence_s : float
+            Time on source from frame to frame, s.
+        """
+        if self.orbit is None or drift.orbital_nm == 0:
+            return None
+        drawn = float(self.orbit.uniform())
+        start = drawn if self.timing.start_turns is None else self.timing.start_turns
+        low = drift.orbital_orders == "low"
+        shape = low_order_map(screens.planes.shape[-1]) if low else screens.draw(self.orbit, 1.0)
+        turns = np.arange(n_frames + 1) * (cadence_s / drift.orbital_period_s)
+        means = self.timing.phasors(turns, reference=self.reference, visit=self.visit)
+        return shape, drift.orbital_nm * math.sqrt(2.0) * (np.exp(2j * math.pi * start) * means).imag
+
+
+ALONE = SharedTerms()
+
+
 def iter_visit_frames(
     optics: Imager | Psf | FocalGrid,
     drift: Drift,
@@ -143,6 +247,7 @@ def iter_visit_frames(
     rng_walk: np.random.Generator,
     *,
     star_arcsec: tuple[float, float] = (0.0, 0.0),
+    shared: SharedTerms = ALONE,
 ) -> Iterator[FloatArray]:
     """Masked on-axis stamps of the frames of one visit, one at a time.
 
@@ -163,6 +268,8 @@ def iter_visit_frames(
         The walk within one exposure is not smeared.
     star_arcsec : tuple of float
         Place of the star relative to the centre of the mask, x and y; the stamp stays on the mask.
+    shared : SharedTerms
+        What the visit shares with others; by default it stands alone.
 
     Yields
     ------
@@ -187,14 +294,15 @@ def iter_visit_frames(
             grid = imager.focal_grid(axis, axis, source_arcsec=star_arcsec)
         screens = screen_model(len(grid.imager.transmission), drift.psd_slope)
         step_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(cadence_s / 3600.0)
-        opd_nm = screens.draw(rng_visit, drift.visit_nm)
+        opd_nm = shared.frozen(screens, drift, screens.draw(rng_visit, drift.visit_nm))
+        swing = shared.swing(screens, drift, n_frames, cadence_s)
         stamp: FloatArray | None = None
         for frame in range(n_frames):
             if step_nm > 0:
                 # The first stamp stands for the middle of its interval: half a step after the start of the visit.
                 opd_nm = opd_nm + screens.draw(rng_walk, step_nm if frame else step_nm * math.sqrt(0.5))
-            if stamp is None or step_nm > 0:
-                stamp = grid.image(opd_nm)
+            if stamp is None or step_nm > 0 or swing is not None:
+                stamp = grid.image(opd_nm if swing is None else opd_nm + swing[1][frame] * swing[0])
             yield stamp
 
     return frames()
@@ -209,6 +317,7 @@ def visit_frames(
     rng_walk: np.random.Generator,
     *,
     star_arcsec: tuple[float, float] = (0.0, 0.0),
+    shared: SharedTerms = ALONE,
 ) -> FloatArray:
     """`iter_visit_frames` stacked, shape (n_frames, stamp, stamp).
 
@@ -226,6 +335,9 @@ def visit_frames(
         Source of the walk.
     star_arcsec : tuple of float, optional
         Offset (x, y) of the star from the mask's centre, arcsec.
+    shared : SharedTerms, optional
     """
-    frames = iter_visit_frames(optics, drift, n_frames, cadence_s, rng_visit, rng_walk, star_arcsec=star_arcsec)
+    frames = iter_visit_frames(
+        optics, drift, n_frames, cadence_s, rng_visit, rng_walk, star_arcsec=star_arcsec, shared=shared
+    )
     return np.stack(list(frames))

@@ -9,10 +9,11 @@ A file is valid for the content key in its name: the apodizer's values, telescop
 wavefront, mirror and its control, jitter, pixel scale, band edges and spectral slope of the drift; not detector noise,
 optical transmission or the size of the drift. Presets whose optics are the same share a file.
 
-The visible bands of the default instrument are stored exactly. To keep the package small, the maps and profiles of all
-others are rounded, each value by less than 4e-6 of itself (1.3e-4 in the map of the wings), and the map of apertures
-around a source is in all files, by less than 0.8 %, which averages over the many apertures that are ever asked for: far
-below the difference between this optical model and any real instrument.
+The visible bands of the default instrument are stored exactly, but for the map of the wings, whose values are rounded
+by less than 6e-8 of themselves. To keep the package small, the maps and profiles of all others are rounded, each value
+by less than 4e-6 of itself (1.3e-4 in the map of the wings), and the map of apertures around a source is in all files,
+by less than 0.8 %, which averages over the many apertures that are ever asked for: far below the difference between
+this optical model and any real instrument.
 """
 
 import functools
@@ -50,10 +51,11 @@ HOLE_SCHEMA = 2  # raise when the search or the meaning of a stored number chang
 METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian": "single_jacobian"}
 
 
-def _settings(instrument: Instrument) -> ControlSettings:
+def _settings(instrument: Instrument, band: str) -> ControlSettings:
     hole = instrument.dark_hole
-    usual = default_settings(hole.mode, METHOD[hole.control])
-    return replace(usual, bandwidth=hole.bandwidth, hold_star=hole.hold_star)
+    usual = default_settings(hole.mode, METHOD[hole.control], hole.sensing_contrast_of(band))
+    seed = instrument.wavefront.seed
+    return replace(usual, bandwidth=hole.bandwidth, hold_star=hole.hold_star, sensing_seed=seed)
 
 
 def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
@@ -77,6 +79,7 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
     solver : Imager
         Bare optical model on the grid of the search.
     """
+    settings = astuple(_settings(instrument, solver.band))
     parts = {
         "schema": HOLE_SCHEMA,
         "band": solver.band,
@@ -85,7 +88,7 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
         "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
         "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
         "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),
-        "settings": astuple(_settings(instrument)),
+        "settings": settings if settings[-2] else settings[:-2],  # sensing has no part in a search without its errors
     }
     return content_hash(parts)
 
@@ -153,7 +156,8 @@ def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mir
     zone = solver.zone
     takes = "seconds on a free processor, minutes where the hole is hard to reach"
     announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: {takes}")
-    return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=_settings(instrument))
+    settings = _settings(instrument, solver.band)
+    return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=settings)
 
 
 def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
@@ -190,11 +194,12 @@ def from_arrays(arrays: dict[str, NDArray[Any]], solver: Imager) -> HoleResult:
     return kind(solver.band, solver.zone, str(arrays["method"]), commands, search, before, wide, own, limit)  # type: ignore[arg-type]
 
 
+SENSING = ("sensing", "sensing_contrast", "sensing_contrast_by_band")  # keys that a hole without its errors lacks
 WING_NODES = 12  # wavelengths that far wings need
 SCHEMA = 6  # raise when the meaning of a stored number or the optical model changes
-MAP_DIGITS = {"aperture_map": 7}
-DIGITS = {"core_table": 18, "raw_contrast": 18, "column_profile": 18, "wing_profile": 18, "wing_map": 13} | MAP_DIGITS
-"""Binary digits that a rounded file keeps of each value, and an exact one too of the large map."""
+EXACT_DIGITS = {"wing_map": 24, "aperture_map": 7}
+DIGITS = EXACT_DIGITS | {"core_table": 18, "raw_contrast": 18, "column_profile": 18, "wing_profile": 18, "wing_map": 13}
+"""Binary digits that a rounded file keeps of each value, and an exact one of the two large maps."""
 
 
 def metrics_key(instrument: Instrument, band: str) -> str:
@@ -216,6 +221,7 @@ def metrics_key(instrument: Instrument, band: str) -> str:
         edges = [*edges, *(rounded(part) for part in nodes)]
     surface = instrument.dark_hole.surface_files.get(band)
     zone = zone_of(instrument, band)
+    sensing = instrument.dark_hole.sensing_contrast_of(band)
     mask_arcsec = instrument.mask_half_width_arcsec(band)
     aperture_arcsec = instrument.aperture_radius_arcsec(band)
     pixel_arcsec = instrument.pixel_scale_arcsec(band)
@@ -229,7 +235,8 @@ def metrics_key(instrument: Instrument, band: str) -> str:
         "geometry": [zone.inner_arcsec, zone.outer_arcsec, mask_arcsec, aperture_arcsec, pixel_arcsec],
         "wavefront": instrument.wavefront.model_dump(mode="json"),
         "mirror": instrument.mirror.model_dump(mode="json"),
-        "dark_hole": instrument.dark_hole.model_dump(mode="json", exclude={"surface_files"}),
+        "dark_hole": instrument.dark_hole.model_dump(mode="json", exclude={"surface_files", *SENSING})
+        | ({"sensing": sensing} if sensing else {}),
         "surface": surface and hashlib.sha256(load_dm_surface(surface).astype("<f8").tobytes()).hexdigest(),
         "psd_slope": instrument.drift.psd_slope,
         "knobs": Knobs().model_dump(mode="json"),

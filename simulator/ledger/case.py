@@ -108,6 +108,9 @@ class CameraCase:
         Of the aperture; lambda/D.
     edge_arcsec : float
         Separation from an axis below which an aperture meets the mask.
+    visits : int
+        Of the programme. What averages over visits is weighed as in one of them; what all have in common stands in
+        ``variances`` times their number (``common``), so that the rest counts the less the more of them there are.
     """
 
     detector: Detector
@@ -128,6 +131,7 @@ class CameraCase:
     lambda_d_pixels: float
     pixel_arcsec: float
     edge_arcsec: float
+    visits: int = 1
 
     @functools.cached_property
     def charge_e(self) -> FloatArray:

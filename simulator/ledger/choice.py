@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from cpic_core import InputError, Outcome, Reason, Status, check_number
-from simulator.config import Instrument, Scene
+from simulator.config import Instrument, Scene, Timing
 from simulator.detectors import VISIBLE, Sizes, rows_of
 from simulator.knobs import MAX_TOLERANCE, Dial, Knobs, Quantity
 from simulator.ledger import choice_rows as costs
@@ -18,6 +18,7 @@ from simulator.ledger.choice_rows import SETTINGS, Chosen, choice_rows, stamp_s
 from simulator.ledger.inventory import EffectRow
 from simulator.ledger.prediction import Forecast, forecast
 from simulator.ledger.visit import MAX_EPOCHS
+from simulator.signal import INTERLEAVED
 
 SUM_EPOCHS = 6
 """Epochs of a visit drawn as sums: the variance of the mean of a walk is 1/(2 epochs^2), 1.4 %, too large."""
@@ -41,6 +42,8 @@ class Choice:
         Names of sources.
     sky : bool
         Whether the light of the sky is modelled.
+    still : tuple of str
+        Numbers of the drift that are taken as 0.
     epochs : int
         At which the drift of a visit is sampled.
     draw : {"sums", "frames"}
@@ -56,11 +59,19 @@ class Choice:
     switches: dict[str, bool]
     left_out: tuple[str, ...]
     sky: bool
+    still: tuple[str, ...]
     epochs: int
     draw: Literal["sums", "frames"]
     region: Literal["hole", "full"]
     predicted_error: dict[Quantity, float]
     outcome: Outcome[float]
+
+    def drifting(self, instrument: Instrument) -> Instrument:
+        """Return an instrument with as much of its drift as is modelled."""
+        if not self.still:
+            return instrument
+        drift = instrument.drift.model_copy(update=dict.fromkeys(self.still, 0.0))
+        return instrument.model_copy(update={"drift": drift})
 
 
 def budget_of(quantity: Quantity, tolerance: float) -> float:
@@ -194,6 +205,8 @@ class _Chooser(Chosen):
                 continue
             if any(need not in self.skipped and self.exists(need) for need in _NEEDS.get(key, ())):
                 continue
+            if key in costs.DRIFT_TERMS:
+                yield _Item(key, 0.0, self.forecast.sizes[key], costs.SCREEN_S)
             if key in costs.FRAME_S or key in costs.SET_UP_S:
                 saved = costs.FRAME_S.get(key, 0.0) * frames * pixels + costs.SET_UP_S.get(key, 0.0) * pixels
                 yield _Item(key, False, self.forecast.sizes[key], saved)
@@ -265,6 +278,7 @@ class _Chooser(Chosen):
             switches=switches,
             left_out=left_out,
             sky="sky" not in self.skipped,
+            still=tuple(number for key, number in costs.DRIFT_TERMS.items() if key in self.skipped),
             epochs=self.epochs,
             draw=self.draw,
             region=region,
@@ -327,6 +341,8 @@ def observation_choice(
     start_utc: str | None,
     switches: Mapping[str, bool] | None,
     max_epochs: int = MAX_EPOCHS,
+    visits: int = 1,
+    timing: Timing = INTERLEAVED,
 ) -> Choice:
     """What an observation leaves out; drawn frame by frame, on the window that was asked for.
 
@@ -342,6 +358,8 @@ def observation_choice(
         As `simulator.ledger.forecast`.
     roll_deg, star_offset_arcsec, scene_model, start_utc, switches
         As `simulator.observing.observation.observe`.
+    visits, timing
+        As `simulator.ledger.forecast`.
     """
     asked = checked_quantities(quantity, planets=bool(scene.planets))
     dial = Dial(fidelity="custom", tolerance=dict.fromkeys(asked, tolerance), knobs=None)
@@ -359,5 +377,7 @@ def observation_choice(
         switches=switches,
         full=full,
         max_epochs=max_epochs,
+        visits=visits,
+        timing=timing,
     )
     return choose(predicted, dial, fixed=("summed_frames", "hole_region"), finest=finest)

@@ -18,6 +18,9 @@ FRAME_S = {effect.switch: effect.frame_s for effect in rows_of(VISIBLE) if effec
 """Seconds a frame of each effect on the window around the hole (137 x 137)."""
 SET_UP_S = {effect.switch: effect.set_up_s for effect in rows_of(VISIBLE) if effect.set_up_s} | {"sky": 1e-3}
 """Seconds a sequence of what is worked out once."""
+DRIFT_TERMS = {"drift_common": "common_fraction", "orbital_drift": "orbital_nm"}
+"""Numbers of the drift that are 0 where an effect is left out; a screen takes a millisecond."""
+SCREEN_S = 1e-3
 WHOLE_FRAME_S = 3e-3
 """Seconds a frame with everything."""
 FULL_PIXELS = 60.0

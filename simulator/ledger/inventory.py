@@ -46,9 +46,12 @@ class EffectRow:
 
 _OPTICS = "apodizer, cross mask, pixel integration"
 _STATIC = "static wavefront error and deformable mirror"
+_COMMON, _ORBITAL = "wavefront common to all science visits", "wavefront around the orbit"
 _KEPT = (
     (_OPTICS, "exact on the step grid", "optics"),
     ("wavefront drift", "visit offset and random walk", "drift"),
+    (_COMMON, "one screen in all science visits that references have not", "drift_common"),
+    (_ORBITAL, "one map, a sine of the orbital period", "orbital_drift"),
     (_STATIC, "one dark hole per band, its field known perfectly", "static"),
     ("pointing jitter", "incoherent sum over a Gaussian", "jitter"),
 )
@@ -204,8 +207,14 @@ def effect_ledger(
     wavefront, hole = instrument.wavefront, instrument.dark_hole
     if instrument.drift.visit_nm == 0 and instrument.drift.walk_nm_per_sqrt_hour == 0:
         say("wavefront drift", "both rms are zero")
+    if instrument.drift.common_nm == 0:
+        say(_COMMON, "its rms is zero")
+    if instrument.drift.orbital_nm == 0:
+        say(_ORBITAL, "its rms is zero")
     if hole.control == "single_jacobian":
         say(_STATIC, "one dark hole per band, set with one Jacobian of the design", "kept")
+    elif hole.sensing == "probes":
+        say(_STATIC, "one dark hole per band, set from estimates of its field with the errors of probes", "kept")
     elif hole.control == "surface":
         say(_STATIC, "the mirror's surface is loaded from a file", "kept")
     elif hole.control == "off" and wavefront.perfect:
@@ -217,7 +226,7 @@ def effect_ledger(
     if hole_state == "not_reached":
         say(_STATIC, "the dark hole is brighter than asked of the instrument", "kept")
     if hole_state == "external":
-        for effect in (_OPTICS, _STATIC, "wavefront drift", "pointing jitter"):
+        for effect in (_OPTICS, _STATIC, "wavefront drift", _COMMON, _ORBITAL, "pointing jitter"):
             say(effect, "the point-spread functions come from a file")
     if scene_model == "paper":
         reason = "nearest of 4 x 4 cells a pixel, no mask in front of off-axis sources"

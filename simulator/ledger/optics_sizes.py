@@ -15,6 +15,7 @@ wavelengths and six nodes a pixel, in the four visible bands (`reports/effect_le
 import functools
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,21 @@ _PIXEL_REACH, _WAVE_REACH = 3, 2
 _OTHERS_RELATIVE, _OTHERS_NOISE = 4e-6, 4e-8
 # What a planet behind the edge of the mask adds to the error of its colour, for as much as the mask hides of it.
 _HIDDEN = 0.5
+
+
+class Lasting(NamedTuple):
+    """Variances of aperture sums over that of a pair of visits alone, as if each visit of the programme had them.
+
+    Attributes
+    ----------
+    common : float
+        Of the screen that science visits have in common: times their number.
+    orbital : float
+        Of what swings with the orbit: what stays in every visit, times their number, and what averages.
+    """
+
+    common: float
+    orbital: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +71,8 @@ class OpticsCase:
     speckle_share, walk_share : tuple of float
         Of every measured planet, the largest part of the variance of its aperture sum that speckles make, and the walk
         alone.
+    lasting : tuple of Lasting
+        Of every measured planet, what speckles of a programme have besides those of its visits alone.
     moved : bool
         Whether the star stands off the mask.
     """
@@ -69,6 +87,7 @@ class OpticsCase:
     n_epochs: int
     speckle_share: tuple[float, ...]
     walk_share: tuple[float, ...]
+    lasting: tuple["Lasting", ...]
     moved: bool
 
     @functools.cached_property
@@ -152,6 +171,21 @@ class OpticsCase:
         """Of a wavefront that stands still."""
         rms = math.hypot(self.drift.visit_nm, self.drift.walk_nm_per_sqrt_hour * math.sqrt(self.visit_s / 3600.0))
         return sizes(self._speckles(rms), snr=max(self.speckle_share, default=0.0))
+
+    def no_common(self) -> Sizes:
+        """Of science visits without the screen that references have not."""
+        return sizes(self._speckles(self.drift.common_nm), snr=self._left([part.common for part in self.lasting]))
+
+    def no_orbit(self) -> Sizes:
+        """Of a wavefront that does not swing with the orbit."""
+        # Low orders leave less than a screen in the hole, and as much around the mask.
+        largest = math.sqrt(2.0) * self.drift.orbital_nm
+        return sizes(self._speckles(largest), snr=self._left([part.orbital for part in self.lasting]))
+
+    def _left(self, ratios: list[float]) -> float:
+        """Size of parts of the variance of speckles: half their share of all that the programme has."""
+        parts = zip(self.speckle_share, self.lasting, ratios, strict=True)
+        return max((0.5 * share * ratio / (1.0 + share * sum(every)) for share, every, ratio in parts), default=0.0)
 
     def _speckles(self, rms_nm: float) -> float:
         """Largest change of a pixel by a wavefront error."""

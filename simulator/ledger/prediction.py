@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cpic_core import Outcome
-from simulator.config import Instrument, Scene
+from simulator.config import Instrument, Scene, Timing
 from simulator.detectors import VISIBLE, Sizes, rows_of, sizes as sizes_of
 from simulator.imaging import PsfMetrics
 from simulator.knobs import Knobs
@@ -19,7 +19,7 @@ from simulator.ledger.light import SceneLight
 from simulator.ledger.optics_sizes import OpticsCase
 from simulator.ledger.visit import MAX_EPOCHS, visit_of
 from simulator.ledger.wings import Spill
-from simulator.signal import overflow, sky_pixel_e_s
+from simulator.signal import INTERLEAVED, overflow, sky_pixel_e_s
 from simulator.target import extended_rates
 
 
@@ -91,6 +91,8 @@ def forecast(
     reduced: bool = False,
     full: bool = False,
     max_epochs: int = MAX_EPOCHS,
+    visits: int = 1,
+    timing: Timing = INTERLEAVED,
 ) -> Forecast:
     """Predict how much each effect changes what is asked of an observation.
 
@@ -112,6 +114,10 @@ def forecast(
         Whole frames, or the window around the hole.
     max_epochs : int
         Epochs of the visit without a ledger.
+    visits : int
+        Of the programme, with as many references: the SNR is that of all of them.
+    timing : Timing
+        Where in the orbit references are taken.
 
     Returns
     -------
@@ -143,6 +149,8 @@ def forecast(
         reduced=reduced,
         full=full,
         max_epochs=max_epochs,
+        visits=visits,
+        timing=timing,
     )
     case, optics, figures = visit.camera, visit.optics, visit.metrics
     visible = instrument.channel_of(band).multiplies
@@ -152,7 +160,13 @@ def forecast(
         pixel_e_s, aperture_e_s = item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
         sizes[f"extended:{item.source.name}"] = optics.spread_light(pixel_e_s, aperture_e_s)
     knobs = _knob_sizes(optics, optics.n_epochs)
-    sizes |= {"off_mask_psf": _off_mask(case.light), "drift": optics.no_drift(), "pupil_samples": sizes_of(0.0)}
+    sizes |= {
+        "off_mask_psf": _off_mask(case.light),
+        "drift": optics.no_drift(),
+        "drift_common": optics.no_common(),
+        "orbital_drift": optics.no_orbit(),
+        "pupil_samples": sizes_of(0.0),
+    }
     sizes |= {name: knobs[name][getattr(Knobs(), name)] for name in ("wavelength_nodes", "pixel_nodes")}
     sizes |= {"precision": knobs["precision"]["single"], "drift_epochs": knobs["drift_epochs"][1]}
     sizes["hole_region"] = _hole_region(case)

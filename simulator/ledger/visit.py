@@ -11,14 +11,15 @@ from typing import Any
 
 from cpic_core import InputError, NDArray
 from simulator.camera import FrameNoise, aperture_loss_per_s
-from simulator.config import Detector, Drift, Instrument, Scene
+from simulator.config import Detector, Drift, Instrument, Scene, Timing
 from simulator.detectors import FrameTerm
 from simulator.effects import SkyLevel, cosmic_ray_rate, sky_rate_e_s_arcsec2, stray_light_parts
 from simulator.imaging import PsfMetrics, psf_metrics
 from simulator.ledger.case import CameraCase, pixel_hits, stamp_flaws
 from simulator.ledger.light import PlanetPlace, SceneLight, scene_light
-from simulator.ledger.optics_sizes import Optics, OpticsCase
+from simulator.ledger.optics_sizes import Lasting, Optics, OpticsCase
 from simulator.passbands import Passbands
+from simulator.signal import INTERLEAVED, programme_law
 from simulator.target import Source, scene_sources
 
 
@@ -90,6 +91,7 @@ _CM_PER_UM = 1e-4
 # A single place in the hole against the rms of its separation.
 _FLOOR_LEAST, _FLOOR_MOST = 0.5, 2.0
 _BEAT = 1.4
+_ANNULUS_LAMBDA_D = 1.5  # half width of the annulus around a planet whose scatter counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +147,8 @@ def visit_of(
     reduced: bool = False,
     full: bool = False,
     max_epochs: int = MAX_EPOCHS,
+    visits: int = 1,
+    timing: Timing = INTERLEAVED,
 ) -> Visit:
     """Light, noise and optics of an observation; parameters and errors as `simulator.ledger.forecast`."""
     switched = instrument.switched(switches, camera=instrument.band(band).camera)
@@ -170,14 +174,20 @@ def visit_of(
         star_offset_arcsec=star_offset_arcsec,
         sky_e_s_arcsec2=sky.rate_e_s_arcsec2,
         stray_e_s=_mean_stray(stray),
-        drift_nm=math.hypot(drift.visit_nm, drift.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0)),
+        drift_nm=math.hypot(
+            drift.visit_nm,
+            drift.common_nm,
+            drift.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0),
+            drift.orbital_nm * (drift.orbital_orders == "all"),
+        ),
     )
     noise = FrameNoise.of(detector, em_gain, exposure_s)
     star_e_s = sources[0].rate_e_s
     moved = any(star_offset_arcsec)
     speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in light.planets]
+    lasting = [_lasting(figures, drift, planet, visit_s, visits, timing) for planet in light.planets]
     variances, speckle_shares, walk_shares = [], [], []
-    for planet, speckle in zip(light.planets, speckles, strict=True):
+    for planet, speckle, more in zip(light.planets, speckles, lasting, strict=True):
         variance = visit_variance_e2(
             planet,
             light,
@@ -190,6 +200,7 @@ def visit_of(
             flaws_e=0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s,
         )
         speckle_share, walk_share = _shares(variance, speckle, n_frames * exposure_s)
+        variance["common"] = variance["speckle"] * (more.common + more.orbital)
         variances.append(variance)
         speckle_shares.append(speckle_share)
         walk_shares.append(walk_share)
@@ -215,6 +226,7 @@ def visit_of(
         lambda_d_pixels=figures.lambda_d_arcsec / pixel,
         pixel_arcsec=pixel,
         edge_arcsec=figures.mask_half_width_arcsec + radius + pixel,
+        visits=visits,
     )
     passbands = Passbands.from_instrument(instrument)
     low, high = passbands.bands[passbands.index(band)].support_nm
@@ -230,6 +242,7 @@ def visit_of(
         n_epochs=min(n_frames, max_epochs),
         speckle_share=tuple(speckle_shares),
         walk_share=tuple(walk_shares),
+        lasting=tuple(lasting),
         moved=moved,
     )
     return Visit(
@@ -278,6 +291,22 @@ def _speckles(
         return _FLOOR_LEAST * floor, _FLOOR_MOST * floor, _FLOOR_MOST * walk
     beat = math.sqrt(2.0 * planet.halo_e_s * planet.scattered_e_s + planet.scattered_e_s**2)
     return 0.0, max(_FLOOR_MOST * floor, _BEAT * beat), max(_FLOOR_MOST * walk, _BEAT * beat if walk else 0.0)
+
+
+def _lasting(
+    metrics: PsfMetrics, drift: Drift, planet: PlanetPlace, visit_s: float, visits: int, timing: Timing
+) -> Lasting:
+    """What a programme's speckles have besides those of its visits alone, at the place of a planet."""
+
+    def summed(**changes: float) -> float:
+        """Variance of the mean rate of the programme, times its visits."""
+        law = programme_law(metrics, drift.model_copy(update=changes), where, _ANNULUS_LAMBDA_D, timing=timing)
+        return visits * float(law.law(visits).variance(visit_s))
+
+    where = math.hypot(planet.x_arcsec, planet.y_arcsec)
+    alone = summed(common_fraction=0.0, orbital_nm=0.0)
+    both = (summed(orbital_nm=0.0) - alone, summed(common_fraction=0.0) - alone)
+    return Lasting(*(max(part, 0.0) / max(alone, 1e-300) for part in both))
 
 
 def _flaws_e(detector: Any, corner: tuple[int, int], side: int, planet: PlanetPlace) -> float:

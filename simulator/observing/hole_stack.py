@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, Outcome, PathPart, Reason, Status, check_whole
+from cpic_core import FloatArray, InputError, NDArray, Outcome, Reason, Status, check_whole
 from simulator.camera import stack_electrons, stackable
 from simulator.detectors import Blooming, Exposure, excess_noise_factor2
 from simulator.imaging import ExternalPsf, FocalGrid, centred_axis
 from simulator.ledger import SUM_EPOCHS
 from simulator.observing.observation import Observation
-from simulator.observing.sequence import MAX_REALISATION, visit_stamps
+from simulator.observing.scene_light import MAX_VISIT, Visit, visit_stamps
+from simulator.observing.sequence import MAX_REALISATION
 
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.
 _MARGIN_SIGMA = 5.0
@@ -60,31 +61,38 @@ class HoleStacks:
         """The same with more light (a planet elsewhere), electrons per second and pixel, shape (n, n)."""
         return dataclasses.replace(self, static_e_s=self.static_e_s + extra_e_s)
 
-    def mean_rates(self, realisation: int = 0) -> FloatArray:
-        """Mean electrons per second and pixel in every epoch of one visit, shape (epochs, n, n); 0 beyond the hole."""
-        path = self._path(realisation)
-        star = self.observation.truth.sources[0].rate_e_s * self._stamps(path)
+    def mean_rates(self, realisation: int = 0, visit: int = 0) -> FloatArray:
+        """Mean electrons per second and pixel in every epoch of one visit, shape (epochs, n, n); 0 beyond the hole.
+
+        Parameters
+        ----------
+        realisation, visit
+            As of `draw`.
+        """
+        star = self.observation.truth.sources[0].rate_e_s * self._stamps(self._visit(realisation, visit))
         rates = np.zeros((self.epochs, *self.region.shape))
         place = np.ix_(self._rows, self._columns)
         for epoch, stamp in enumerate(star):
             rates[epoch][place] = stamp + self.static_e_s[place]
         return rates
 
-    def draw(self, realisation: int = 0) -> FloatArray:
+    def draw(self, realisation: int = 0, visit: int = 0) -> FloatArray:
         """Sums of frames in electrons at the register input; bias and the mean of the smear are taken off.
 
         Parameters
         ----------
         realisation : int
             Number of drift and noise, 0 to 2**31 - 1; see `simulator.observing.observation.observe`.
+        visit : int
+            Number of the visit in a programme, from 0, at the observation's timing.
 
         Returns
         -------
         ndarray, shape (epochs, n, n)
             0 beyond the hole. Dark current, clock-induced charge and the noise of the smear are part of it.
         """
-        path, sequence = self._path(realisation), self.observation
-        stamps = sequence.truth.sources[0].rate_e_s * self._stamps(path)
+        one, sequence = self._visit(realisation, visit), self.observation
+        stamps = sequence.truth.sources[0].rate_e_s * self._stamps(one)
         sums = np.zeros((self.epochs, *self.region.shape))
         camera = sequence.visible_camera
         place = np.ix_(self._rows, self._columns)
@@ -92,22 +100,26 @@ class HoleStacks:
             whole = sequence.mean_rate_map.copy()
             whole[place] = stamps[epoch] + self.static_e_s[place]
             exposure = self._cropped(sequence.prepared(whole))
-            drawn = stack_electrons(camera, exposure, int(count), seed=sequence.seed, path=(*path, "stack", epoch))
+            drawn = stack_electrons(camera, exposure, int(count), seed=sequence.seed, path=(*one.path, "stack", epoch))
             sums[epoch][place] = drawn - count * sequence.smear_e[place]
         sums[:, ~self.region] = 0.0
         return sums
 
-    def _path(self, realisation: int) -> tuple[PathPart, ...]:
-        return (*self.observation.path[:-1], check_whole("realisation", realisation, 0, MAX_REALISATION))
+    def _visit(self, realisation: int, visit: int) -> Visit:
+        number, turn = (
+            check_whole("realisation", realisation, 0, MAX_REALISATION),
+            check_whole("visit", visit, 0, MAX_VISIT),
+        )
+        return dataclasses.replace(self.observation.visit, realisation=number, number=turn)
 
-    def _stamps(self, path: tuple[PathPart, ...]) -> FloatArray:
+    def _stamps(self, one: Visit) -> FloatArray:
         """The unit star on rows and columns of the hole at every epoch."""
         sequence = self.observation
         if self._grid is None:
             fixed = sequence.psf.on_axis[np.ix_(self._rows, self._columns)]
             return np.broadcast_to(fixed, (self.epochs, *fixed.shape))
         visit_s = (sequence.exposure_s + sequence.readout_s) * sequence.n_frames
-        return visit_stamps(self._grid, sequence.instrument.drift, self.epochs, visit_s, sequence.seed, path)
+        return visit_stamps(self._grid, sequence.instrument.drift, self.epochs, visit_s, sequence.seed, one)
 
     def _cropped(self, exposure: Exposure) -> Exposure:
         place = np.ix_(self._rows, self._columns)

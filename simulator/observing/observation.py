@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from cpic_core import InputError, check_number, check_pair, check_whole, numeric_context
-from simulator.config import Instrument, Scene, checked_utc, load_instrument, load_scene
+from simulator.config import Instrument, Scene, Timing, checked_utc, load_instrument, load_scene
 from simulator.effects import sky_rate_e_s_arcsec2
 from simulator.imaging import AnyPsf, ExternalPsf, PsfError, SceneModel, Window, psf_metrics, single_band_psf, window_of
 from simulator.knobs import Knobs, Quantity, resolve_knobs
@@ -20,17 +20,10 @@ from simulator.ledger import (
     effect_ledger,
     observation_choice,
 )
-from simulator.observing.scene_light import static_light
-from simulator.observing.sequence import (
-    MAX_FRAMES,
-    MAX_REALISATION,
-    Light,
-    Sequence,
-    Stamps,
-    checked_exposure,
-    visit_stamps,
-)
+from simulator.observing.scene_light import MAX_VISIT, Visit, static_light, visit_stamps
+from simulator.observing.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps, checked_exposure
 from simulator.products import Truth
+from simulator.signal import INTERLEAVED
 from simulator.target import extended_rates, scene_sources, wcs_keywords
 
 WindowName = Literal["full", "hole"]
@@ -47,6 +40,8 @@ class Observation(Sequence):
     ----------
     window : {"full", "hole"}
         Whole detector, or the square stamp around the star that holds the dark hole.
+    visit : Visit
+        Which visit of a programme it is, and when its visits are.
     expected : ndarray
         Mean ADU of a frame, averaged over the drift of the visit.
     truth : Truth
@@ -60,6 +55,7 @@ class Observation(Sequence):
 
     scene: Scene = field(kw_only=True)
     role: Role = field(kw_only=True)
+    visit: Visit = field(kw_only=True)
     window: WindowName = field(kw_only=True)
     roll_deg: float = field(kw_only=True)
     star_offset_arcsec: tuple[float, float] = field(kw_only=True)
@@ -104,6 +100,9 @@ def observe(
     instrument: Instrument | Mapping[str, Any] | str | None = None,
     role: Role = "science",
     realisation: int = 0,
+    visit: int = 0,
+    visits: int = 1,
+    timing: Timing = INTERLEAVED,
     window: WindowName = "full",
     star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
     scene_model: SceneModel = "exact",
@@ -146,6 +145,12 @@ def observe(
         Names the visit: each has its own wavefront offset and its own noise.
     realisation : int
         Number of the noise realisation, 0 to 2**31 - 1; see the notes.
+    visit : int
+        Number of the visit in a programme, from 0: each has its own wavefront offset, walk and noise.
+    visits : int
+        Visits of the programme, whose SNR a tolerance holds for.
+    timing : Timing
+        When the visits of the programme are; visits that follow at once, references interleaved by default.
     window : {"full", "hole"}
         Whole detector, or the stamp around the centre of the mask.
     star_offset_arcsec : tuple of float
@@ -178,10 +183,11 @@ def observe(
 
     Notes
     -----
-    Random numbers depend on ``seed``, the name of the scene, ``kind``, ``role``, ``band``, ``realisation``, the number
-    of the frame and the effect, and on nothing else. Sequences that differ only in exposure, gain, roll, switches or
-    the like therefore draw common random numbers: their difference shows the setting and not the noise. Give each its
-    own ``realisation`` (or ``seed``) where their noise has to be independent.
+    Random numbers depend on ``seed``, the name of the scene, ``kind``, ``role``, ``band``, ``realisation``, ``visit``,
+    the number of the frame and the effect, and on nothing else. The science visits of a realisation have one screen in
+    common that its references have not, and one map swings with the orbit in all of them. Sequences that differ only in
+    exposure, gain, roll, switches or the like therefore draw common random numbers: their difference shows the setting
+    and not the noise. Give each its own ``realisation`` (or ``seed``) where their noise has to be independent.
 
     A tolerance leaves frames frames and the window as it is. What is left out stands in ``ledger`` with its predicted
     size (`simulator.ledger`), and in ``choice``; the truth names every source of the scene.
@@ -210,6 +216,7 @@ def observe(
     if quantity is not None:
         checked_quantities(quantity, planets=bool(scene.planets))
     epochs = check_whole("max_epochs", max_epochs, 1, 1000)
+    turn, turns = check_whole("visit", visit, 0, MAX_VISIT), check_whole("visits", visits, 1, MAX_VISIT + 1)
     knobs = resolve_knobs(fidelity)
     full = window == "full"
     choice = None
@@ -231,7 +238,10 @@ def observe(
             start_utc=start,
             switches=switches,
             max_epochs=epochs,
+            visits=turns,
+            timing=timing,
         )
+        instrument = choice.drifting(instrument)
         switches = {**(switches or {}), **choice.switches}
         epochs = min(epochs, choice.epochs)
         knobs = choice.knobs
@@ -240,7 +250,7 @@ def observe(
     optics = psf or single_band_psf(band, fidelity=knobs, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     area = window_of(optics, instrument, full=full)
-    path = (scene.name, kind, role, band, number)
+    one = Visit(scene.name, kind, role, band, number, turn, timing)
     detector = channel.detector
     corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
     if isinstance(optics, ExternalPsf):
@@ -248,7 +258,7 @@ def observe(
     else:
         epochs = min(frames, epochs)
         visit_s = (exposure + detector.readout_s) * frames
-        stamps = visit_stamps(optics.imager, instrument.drift, epochs, visit_s, seed, path, star_arcsec=star)
+        stamps = visit_stamps(optics.imager, instrument.drift, epochs, visit_s, seed, one, star_arcsec=star)
     cstar = scene.cstar
     sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=cstar.ra_deg, dec_deg=cstar.dec_deg, start_utc=start)
     shown = [sources[0], *(source for source in sources[1:] if source.name not in left_out)]
@@ -311,13 +321,14 @@ def observe(
         n_frames=frames,
         em_gain=float(em_gain),
         seed=seed,
-        path=path,
+        path=one.path,
         start_utc=start,
         light=light,
         first_pixel=None if full else corner,
         keywords=keywords,
         scene=scene,
         role=role,
+        visit=one,
         realisation=number,
         window=window,
         roll_deg=roll_deg,

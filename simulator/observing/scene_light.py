@@ -1,16 +1,23 @@
-"""Light of a scene that stays the same during a sequence: on the pixels of a window, and in its columns beyond it."""
+"""Light of a scene that stays the same during a sequence: on the pixels of a window, and in its columns beyond it.
 
+Images of the star at the epochs of a visit, and which visit of a programme that is.
+"""
+
+import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray
-from simulator.config import Instrument
+from cpic_core import BoolArray, FloatArray, PathPart, stream
+from simulator.config import Drift, Instrument, Timing
 from simulator.effects import stray_light_parts
 from simulator.imaging import (
     AnyPsf,
+    FocalGrid,
+    Imager,
     SceneModel,
+    SharedTerms,
     Window,
     apodizer_energy,
     centred_axis,
@@ -18,8 +25,95 @@ from simulator.imaging import (
     off_axis_light,
     sky_transmission,
     star_column_light,
+    visit_frames,
 )
 from simulator.target import ExtendedRate, Source
+
+MAX_VISIT = 999_999
+
+
+@dataclass(frozen=True)
+class Visit:
+    """Which visit of a programme a sequence is: what its random streams are named by.
+
+    Attributes
+    ----------
+    scene, kind, role, band : str
+    realisation : int
+    number : int
+        Of the visit, from 0.
+    timing : Timing
+    """
+
+    scene: str
+    kind: str
+    role: str
+    band: str
+    realisation: int
+    number: int = 0
+    timing: Timing = field(default_factory=Timing)
+
+    @property
+    def path(self) -> tuple[PathPart, ...]:
+        """Names of the random streams of the visit."""
+        first = (self.scene, self.kind, self.role, self.band, self.realisation)
+        return (*first, "visit", self.number) if self.number else first
+
+    def shared(self, drift: Drift, visit_s: float, seed: int) -> SharedTerms:
+        """What the wavefront shares with the other visits of the programme.
+
+        Parameters
+        ----------
+        drift : Drift
+        visit_s : float
+            Length of the visit, s.
+        seed : int
+        """
+        gap_s = visit_s if self.timing.gap_s is None else self.timing.gap_s
+        correlation = drift.correlation(gap_s)
+        before = range(self.number - 1, -1, -1) if correlation > 0 else ()
+        first = dataclasses.replace(self, number=0)
+        science = self.role == "science" and drift.common_nm > 0
+        return SharedTerms(
+            correlation=correlation,
+            earlier=tuple(stream(seed, *dataclasses.replace(self, number=k).path, "visit") for k in before),
+            common=stream(seed, *first.path, "common") if science else None,
+            # One telescope: science and references, of whatever star and band, swing alike.
+            orbit=stream(seed, "orbit", self.realisation) if drift.orbital_nm > 0 else None,
+            timing=self.timing,
+            reference=self.role == "reference",
+            visit=self.number,
+        )
+
+
+def visit_stamps(
+    imager: Imager | FocalGrid,
+    drift: Drift,
+    epochs: int,
+    visit_s: float,
+    seed: int,
+    visit: Visit,
+    *,
+    star_arcsec: tuple[float, float] = (0.0, 0.0),
+) -> FloatArray:
+    """Return the images of the unit star at every epoch of a visit.
+
+    Parameters
+    ----------
+    imager : Imager or FocalGrid
+    drift : Drift
+    epochs : int
+    visit_s : float
+        Length of the visit.
+    seed : int
+    visit : Visit
+        The offset and the walk of the visit have streams of their own.
+    star_arcsec : tuple of float
+        As of `simulator.imaging.visit_frames`.
+    """
+    offset, walk = (stream(seed, *visit.path, part) for part in ("visit", "walk"))
+    shared = visit.shared(drift, visit_s, seed)
+    return visit_frames(imager, drift, epochs, visit_s / epochs, offset, walk, star_arcsec=star_arcsec, shared=shared)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,11 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, PathPart, check_number, check_whole, numeric_context, stream
+from cpic_core import FloatArray, InputError, NDArray, PathPart, check_number, check_whole, numeric_context
 from simulator.camera import Frame, InfraredCamera, VisibleCamera, camera_keywords, earlier_frames, stack_electrons
-from simulator.config import CameraName, Channel, Detector, Drift, Instrument, Section
+from simulator.config import CameraName, Channel, Detector, Instrument, Section
 from simulator.detectors import Exposure, PastExposure
 from simulator.effects import cosmic_ray_rate, effect_files
-from simulator.imaging import FocalGrid, Imager, visit_frames
 
 Kind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
 Camera: TypeAlias = VisibleCamera | InfraredCamera
@@ -26,35 +25,6 @@ def checked_exposure(exposure_s: float) -> float:
     if not 1e-6 <= check_number("exposure_s", exposure_s, "s") <= 1e6:
         raise InputError("exposure_s", exposure_s, unit="s", allowed="1e-06 to 1e+06")
     return float(exposure_s)
-
-
-def visit_stamps(
-    imager: Imager | FocalGrid,
-    drift: Drift,
-    epochs: int,
-    visit_s: float,
-    seed: int,
-    path: tuple[PathPart, ...],
-    *,
-    star_arcsec: tuple[float, float] = (0.0, 0.0),
-) -> FloatArray:
-    """Return the images of the unit star at every epoch of a visit.
-
-    Parameters
-    ----------
-    imager : Imager or FocalGrid
-    drift : Drift
-    epochs : int
-    visit_s : float
-        Length of the visit.
-    seed, path
-        Of the sequence; the offset and the walk of the visit have streams of their own.
-    star_arcsec : tuple of float
-        As of `simulator.imaging.visit_frames`.
-    """
-    offset = stream(seed, *path, "visit")
-    walk = stream(seed, *path, "walk")
-    return visit_frames(imager, drift, epochs, visit_s / epochs, offset, walk, star_arcsec=star_arcsec)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from typing import Any
 
 from cpic_core import InputError, read_text
 from simulator.products.check_file import FileFacts, check_file
+from simulator.products.check_headers import TIME_TOLERANCE_S
 from simulator.products.keywords import load_keywords
 from simulator.products.reading import Finding, Header, Report, check_sums, is_real, open_units, plain_header
 from simulator.products.sequence import SCIENCE_KINDS
@@ -89,6 +90,10 @@ def _check_frames(report: Report, unit: Any, number: int, facts: FileFacts) -> N
         report.error(f"belongs to other images than those in {facts.path.name}: rows {rows}", "DATASUM", number)
 
 
+PROGRAMME_FILE = "programme.json"
+"""Name of the list of the visits of a programme, beside their folders."""
+_OF_VISIT = {"VISIT": "visit", "NVISITS": "n_visits", "VISWIN": "window", "ROLE": "role", "OBSID": "obsid"}
+_OF_VISIT |= {"NFRAME": "n_frames", "EXPSTART": "begin_mjd"}
 _BRANCHES = ("SCI", "CAL")
 _MAX_BYTES = 100_000_000  # of a configuration
 
@@ -99,7 +104,7 @@ def check_level0(path: str | Path) -> list[Finding]:
     Of a file: name, structure, keywords, their types and spellings, times against each other and the name, world
     coordinates, settings of the camera, pixel values against the converter, checksums; and, where the file stands in a
     tree, its folder, its truth and its configuration. Of a tree, moreover: numbers that are used twice, folders of
-    parameters, truth without a file, and files that do not belong.
+    parameters, truth without a file, files that do not belong, and visits that are not as their programme lists them.
 
     Parameters
     ----------
@@ -138,7 +143,8 @@ def check_level0(path: str | Path) -> list[Finding]:
             findings.append(Finding(file, None, "", "does not belong among Level-0 files", "warning"))
     if not known:
         findings.append(Finding(place, None, "", "has no Level-0 file"))
-    return findings + _used_twice(known)
+    listed = [item for file in files if file.name == PROGRAMME_FILE for item in _check_programme(file, known)]
+    return findings + _used_twice(known) + listed
 
 
 def _files_below(folder: Path) -> list[Path]:
@@ -199,6 +205,29 @@ def _check_configuration(file: Path, path: Path, facts: FileFacts) -> list[Findi
     stated = load_keywords().value(facts.primary, "CONFHASH")
     if stated is not None and stated != number:
         found.append(Finding(file, 0, "CONFHASH", f"is {stated!r}, that of {path.name} is {number!r}"))
+    return found
+
+
+def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
+    """Check that the visits of a programme are there, and say of themselves what its list says."""
+    try:
+        tree: Any = json.loads(read_text(path, key="file", allowed="a readable file", max_bytes=_MAX_BYTES))
+        rows = [{"file": str(row["file"])} | {key: row[key] for key in _OF_VISIT.values()} for row in tree["sequences"]]
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
+    headers = {facts.path.resolve(): facts.primary for facts in known}
+    table, found = load_keywords(), []
+    for row in rows:
+        file = path.parent / row["file"]
+        header = headers.get(file.resolve())
+        if header is None:
+            found.append(Finding(path, None, "", f"lists {row['file']}, which is no Level-0 file of this tree"))
+            continue
+        for keyword, key in _OF_VISIT.items():
+            value = table.value(header, keyword)
+            near = is_real(value) and is_real(row[key]) and abs(value - row[key]) * 86400.0 <= TIME_TOLERANCE_S
+            if value != row[key] and not near:
+                found.append(Finding(file, 0, keyword, f"is {value!r}, {path.name} says {row[key]!r}"))
     return found
 
 

@@ -36,6 +36,11 @@ class SequenceTimes:
     begin_mjd: FloatArray
     end_mjd: FloatArray
 
+    def each(self) -> Iterator["SequenceTimes"]:
+        """Yield each exposure as a sequence of its own."""
+        for one in (slice(row, row + 1) for row in range(len(self.begin_utc))):
+            yield SequenceTimes(self.begin_utc[one], self.end_utc[one], self.begin_mjd[one], self.end_mjd[one])
+
     @property
     def start_utc(self) -> str:
         """Begin of the first exposure."""
@@ -84,16 +89,33 @@ def sequence_times(start_utc: str, exposure_s: float, readout_s: float, n_frames
     InputError
         If ``start_utc`` is no time, or the last frame ends after the last year that a time may have.
     """
+    begin_s = np.arange(n_frames, dtype=np.float64) * (exposure_s + readout_s)
+    return times_after(start_utc, begin_s, begin_s + exposure_s)
+
+
+def times_after(start_utc: str, begin_s: FloatArray, end_s: FloatArray) -> SequenceTimes:
+    """Begins and ends that are given in seconds after a time.
+
+    Parameters
+    ----------
+    start_utc : str
+    begin_s, end_s : ndarray, shape (n,)
+        Seconds after it, the last one last.
+
+    Raises
+    ------
+    InputError
+        As `sequence_times`.
+    """
     from astropy.time import Time, TimeDelta
 
     with offline_time():
-        begin = np.arange(n_frames, dtype=np.float64) * (exposure_s + readout_s)
         first = Time(checked_utc("start_utc", start_utc), format="isot", scale="utc", precision=6)
 
         def after(seconds: FloatArray) -> Any:
             return first + TimeDelta(seconds, format="sec", scale="tai")
 
-        begins, ends = after(begin), after(begin + exposure_s)
+        begins, ends = after(begin_s), after(end_s)
         checked_utc("end of the last frame", str(ends[-1].isot))
         begin_utc, end_utc = (tuple(times.isot.tolist()) for times in (begins, ends))
         return SequenceTimes(begin_utc, end_utc, np.asarray(begins.mjd), np.asarray(ends.mjd))

@@ -1,10 +1,14 @@
 """What a sequence of frames offers to be written as a product.
 
 Places on the sky of what stands at an offset on the detector.
+
+Visits of a programme in the windows of the orbit: which frames of a visit are one sequence, and when it begins.
 """
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, get_args
@@ -13,7 +17,8 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, check_number
 from simulator.camera import Frame
-from simulator.config import AnyDetector, Instrument, Scene, checked_utc
+from simulator.config import AnyDetector, Instrument, Scene, SequenceConfig, Timing, checked_utc
+from simulator.products.ephemeris import CircularOrbit
 from simulator.target import Source, detector_to_sky
 
 if TYPE_CHECKING:
@@ -221,3 +226,153 @@ def _parity_of(sequence: FrameSequence) -> int:
         return sequence.instrument.detector.parity
     a, b, c, d = (float(sequence.header[name]) for name in names)
     return 1 if a * d > b * c else -1
+
+
+_ROUNDING_S = 1e-6
+
+
+@dataclass(frozen=True)
+class VisitPart:
+    """What a visit of a programme takes in one window of the orbit: the frames of one sequence.
+
+    Attributes
+    ----------
+    role : {"science", "reference"}
+    visit : int
+        Number of the visit among those of its role, from 0.
+    n_visits : int
+        Visits of its role.
+    step : int
+        Which band, exposure and gain of the entry it has.
+    window : int
+        Number of the window of the visit, from 0.
+    start_s : float
+        Begin of its first exposure after that of the programme, s.
+    first_frame, n_frames : int
+        Its frames among those of the visit.
+    """
+
+    role: str
+    visit: int
+    n_visits: int
+    step: int
+    window: int
+    start_s: float
+    first_frame: int
+    n_frames: int
+
+    @property
+    def folder(self) -> str:
+        """Folder of the visit."""
+        return f"visit_{self.visit + 1:03d}_{self.role}"
+
+
+def orbit_s(entry: SequenceConfig) -> float:
+    """Return the period of the orbit: that of the orbital drift, of the modelled orbit where nothing drifts with it."""
+    instrument = entry.instrument
+    return instrument.drift.orbital_period_s or CircularOrbit(instrument.mission.orbit).period_s
+
+
+def visit_parts(entry: SequenceConfig, paces_s: Sequence[float]) -> list[VisitPart]:
+    """Place the visits of a programme in the windows of the orbit.
+
+    A window is the part of the orbit in which light is taken, `Timing.window_turns` long; the programme begins with
+    one. Every visit begins where a window for its role opens (`Timing`), takes whole frames until it closes, and goes
+    on where the next one opens. The overhead of a visit lies before its first window; where a pair shares a window, its
+    halves are shorter by it. Reference visits that are not as many as science visits are spread evenly among them.
+
+    Parameters
+    ----------
+    entry : SequenceConfig
+        A programme.
+    paces_s : sequence of float
+        Time from frame to frame of each of its bands, exposures and gains, s.
+
+    Returns
+    -------
+    list of VisitPart
+        In the order of time.
+
+    Raises
+    ------
+    InputError
+        If a frame does not fit into a window.
+    """
+    period_s, overhead_s, scheme = orbit_s(entry), entry.instrument.overhead_s, entry.reference_scheme
+    shared = scheme in ("half", "swapped") and entry.references > 0
+    length_s = Timing().window_turns * period_s
+    half_s = length_s / 2.0
+    taken_s = half_s - overhead_s if shared else length_s
+    frames = {"science": entry.frames, "reference": entry.reference_entry().frames}
+    counts = {"science": entry.visits, "reference": entry.references}
+    after: dict[int, list[int]] = defaultdict(list)
+    for number in range(entry.references):
+        after[math.ceil((number + 0.5) * entry.visits / entry.references) - 1].append(number)
+    parts: list[VisitPart] = []
+
+    def place(role: str, visit: int, opens_s: float, free_s: float) -> float:
+        """Place all sequences of a visit in windows that open ``opens_s`` after the begin of an orbit."""
+        for step, ((_, exposure_s, _), pace_s) in enumerate(zip(entry.grid(), paces_s, strict=True)):
+            a_window = math.floor((taken_s - exposure_s) / pace_s + _ROUNDING_S) + 1
+            if a_window < 1:
+                allowed = f"at most {max(taken_s, 0.0):.1f} s: a frame fits into the window of its visit"
+                raise InputError("exposure_s", exposure_s, unit="s", allowed=allowed)
+            orbit = math.ceil((free_s - opens_s - _ROUNDING_S) / period_s)
+            for window, first in enumerate(range(0, frames[role], a_window)):
+                # To the microsecond, as times are written.
+                start_s = round((orbit + window) * period_s + opens_s, 6)
+                n_frames = min(a_window, frames[role] - first)
+                parts.append(VisitPart(role, visit, counts[role], step, window, start_s, first, n_frames))
+                free_s = start_s + n_frames * pace_s
+        return free_s
+
+    free_s = 0.0
+    for visit in range(entry.visits):
+        if shared:
+            # Both have windows of the same orbits, from the first of which both halves are free.
+            begin_s = math.ceil((free_s - _ROUNDING_S) / period_s) * period_s
+            turned = scheme == "swapped" and visit % 2 == 1
+            ends = place("science", visit, half_s if turned else 0.0, begin_s)
+            free_s = max(ends, place("reference", visit, 0.0 if turned else half_s, begin_s))
+        else:
+            free_s = place("science", visit, 0.0, free_s)
+            opens_s = period_s / 4.0 if scheme == "other_star" else 0.0
+            for number in after[visit]:
+                free_s = place("reference", number, opens_s, free_s + overhead_s)
+        free_s += overhead_s + 3600.0 * entry.visit_gap_h
+    return sorted(parts, key=lambda part: part.start_s)
+
+
+@dataclass(frozen=True)
+class PartOfVisit:
+    """The frames of a visit that one window of the orbit holds; everything else is that of the visit.
+
+    Attributes
+    ----------
+    visit : FrameSequence
+        The whole visit, whose frames can be made one by one: that of `simulator.observe`.
+    part : VisitPart
+    """
+
+    visit: Any
+    part: VisitPart
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.visit, name)
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames in the window."""
+        return self.part.n_frames
+
+    @property
+    def header(self) -> Mapping[str, Any]:
+        """Keywords of the sequence, with those that say which part of the programme it is."""
+        part = self.part
+        own = {"VISIT": part.visit + 1, "NVISITS": part.n_visits, "VISWIN": part.window + 1}
+        return {**self.visit.header, **own}
+
+    def iter_full_frames(self) -> Iterator[Frame]:
+        """Yield the frames of the window."""
+        for index in range(self.part.first_frame, self.part.first_frame + self.part.n_frames):
+            yield self.visit.frame(index)

@@ -21,10 +21,20 @@ from simulator.signal.saturation import (
     overflow as overflow,
     pixel_saturated as pixel_saturated,
 )
+from simulator.signal.speckle_modes import (
+    ModeFactors as ModeFactors,
+    SpeckleModes as SpeckleModes,
+    mode_factors as mode_factors,
+    modes_around as modes_around,
+)
 from simulator.signal.speckles import (
+    INTERLEAVED as INTERLEAVED,
+    ProgrammeLaw as ProgrammeLaw,
     SpeckleLaw as SpeckleLaw,
     drift_halo as drift_halo,
     error_light_share as error_light_share,
     floor_law as floor_law,
+    programme_law as programme_law,
+    programme_parts as programme_parts,
     speckle_law as speckle_law,
 )

@@ -28,6 +28,10 @@ def test_default_keeps_the_optics():
     [
         ({"wavefront": {"jitter_mas": 0}}, "pointing jitter", "skipped", "zero"),
         ({"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}, "wavefront drift", "skipped", "zero"),
+        ({"drift": {"common_fraction": 0}}, "wavefront common to all science visits", "skipped", "zero"),
+        ({"drift": {"visit_nm": 0}}, "wavefront common to all science visits", "skipped", "zero"),
+        ({"drift": {"orbital_nm": 0}}, "wavefront around the orbit", "skipped", "zero"),
+        ({}, "wavefront around the orbit", "kept", "sine"),
         ({"dark_hole": {"control": "off"}}, STATIC, "kept", "no dark hole"),
         (
             {"dark_hole": {"control": "off"}, "wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0}},
@@ -36,6 +40,7 @@ def test_default_keeps_the_optics():
             "flat",
         ),
         ("cpic_single_jacobian", STATIC, "kept", "one Jacobian"),
+        ("as_published", STATIC, "kept", "errors of probes"),
     ],
 )
 def test_what_the_instrument_lacks_is_said(instrument, effect, decision, word):

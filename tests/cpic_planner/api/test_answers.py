@@ -26,7 +26,8 @@ def test_an_observation_is_planned_as_the_strategy_says():
     plain, more = (cp.signal_to_noise("tau Cet", strategy=way, **ask)[0] for way in (None, {"reference_ratio": 2.0}))
     pace = {1.0: plain, 2.0: more}
     for ratio, one in pace.items():
-        assert one.time_s == pytest.approx((1 + ratio) * one.n_frames * (one.exposure_s + 1.1), rel=1e-12)
+        frames_s = (1 + ratio) * one.n_frames * (one.exposure_s + 1.1)
+        assert one.time_s == pytest.approx(600.0 * one.visits + frames_s, rel=1e-12)
     with pytest.raises(cp.InputError, match="reference_star"):
         cp.signal_to_noise("tau Cet", strategy={"library": "reference_star"}, **ask)
 

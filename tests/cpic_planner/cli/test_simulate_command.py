@@ -79,7 +79,7 @@ def test_a_simulation_with_changes(done, here):
 
 def test_dry_run_says_what_would_be_made_and_makes_nothing(done, here):
     out, _ = done("paper_alpha_cen_b", "--dry-run")
-    for word in ("40000000008", "SCI reference", "30 × 100", "2028-01-01T00:09:03", "240 frames", "disk"):
+    for word in ("40000000008", "SCI reference", "30 × 100", "2028-01-01T00:19:03", "240 frames", "disk"):
         assert word in out
     out, _ = done("paper_alpha_cen_b", "--dry-run", "--json", "--workers", "2")
     cost = json.loads(out)
@@ -174,3 +174,19 @@ def test_without_a_tolerance_nothing_is_said(call, done, here):
     (row,) = json.loads(call(*asked, "--json")[1])["sequences"]
     assert row["modelled"] is None
     assert row["settings"]["tolerance"] == 0.0
+
+
+def test_a_programme_is_planned_from_options(done, here):
+    options = "--band F520 --exposure-s 300 --frames 10 --visits 2 --reference-visits 1 --reference-roll-deg 30"
+    plan = json.loads(done("paper_science", *options.split(), "--dry-run", "--json")[0])
+    folders = [row["file"].partition("/")[0] for row in plan["sequences"]]
+    # Ten frames need two windows of eight; the one reference visit has as many frames as both science visits.
+    assert folders == ["visit_001_science"] * 2 + ["visit_001_reference"] * 3 + ["visit_002_science"] * 2
+    assert [row["n_frames"] for row in plan["sequences"]] == [8, 2, 8, 8, 4, 8, 2]
+    assert plan["n_frames"] == 40
+
+
+def test_references_without_visits_are_refused(call, here):
+    status, _, err = call("paper_science", "--band", "F520", "--reference-scheme", "half", "--dry-run")
+    assert status == 2
+    assert "programmes with reference visits" in err

@@ -87,7 +87,7 @@ def test_a_wrong_closed_form_is_found_out(answer, tau_ceti):
 def test_a_given_contrast_is_a_grey_planet_of_that_contrast(tau_ceti):
     model = model_of("F662")
     for contrast in (1e-12, 1e-8, 1e-4):
-        scene = etc_images._scene(model, tau_ceti, "F662", 0.6, contrast, None)
+        scene = etc_images.grey_scene(model, tau_ceti, "F662", 0.6, contrast, None)
         source = scene_sources(scene, model.instrument, "F662")[1]
         assert source.contrast == pytest.approx(contrast, rel=1e-12)
         assert np.hypot(source.x_arcsec, source.y_arcsec) == pytest.approx(0.6)
@@ -132,7 +132,7 @@ def test_a_tolerance_takes_the_cheapest_that_meets_it(answer, tau_ceti):
 @pytest.mark.long
 def test_frame_by_frame_with_every_effect(tau_ceti):
     model = build_model(load_instrument(SMALL), ["F520"])
-    few = signal_to_noise(model, tau_ceti, time_s=420.0, separation_arcsec=0.6, exposure_s=60.0)[0]
+    few = signal_to_noise(model, tau_ceti, time_s=1020.0, separation_arcsec=0.6, exposure_s=60.0)[0]
     (found,) = check(model, tau_ceti, [few], ReferencePlanet(), dial="reference", realisations=1)
     images = found.fidelity.images
     assert (found.fidelity.fidelity, images.draw, images.modelled.region) == ("reference", "frames", "full")
@@ -144,7 +144,7 @@ def test_frame_by_frame_with_every_effect(tau_ceti):
 
 
 def test_more_frames_than_can_be_drawn_one_by_one(answer, tau_ceti):
-    many = answer.model_copy(update={"n_frames": 4001})
+    many = answer.model_copy(update={"n_frames": 4001, "frames_per_visit": 4001})
     record = check(model_of("F520"), tau_ceti, [many], dial="reference")[0].fidelity
     assert (record.status, record.reason, record.images) == ("invalid", "too_many_frames", None)
 
@@ -163,7 +163,7 @@ def test_what_images_refuse_is_typed(tau_ceti, answer, monkeypatch):
     assert (record.status, record.reason) == ("invalid", "not_measured_in_images")
     assert "photon counting" in record.message
     # A frame that overfills the hole: only a contradictory answer asks for one.
-    full = answer.model_copy(update={"exposure_s": 1e6, "n_frames": 1})
+    full = answer.model_copy(update={"exposure_s": 1e6, "n_frames": 1, "frames_per_visit": 1})
     record = check(model_of("F520"), tau_ceti, [full])[0].fidelity
     assert record.status == "saturated"
     assert "fidelity reference" in record.message

@@ -21,7 +21,7 @@ from cpic_planner.ranking import counted_planets
 from simulator.config import load_instrument, validate
 
 ARGUMENTS = """
-    plan --top 2 --time-s 400 --band F520 --band F662 --realisations 2 --planets 500
+    plan --top 2 --time-s 1000 --band F520 --band F662 --realisations 2 --planets 500
 """.split()
 # Of the sample these alone let sums of frames stand for frames, which takes a tenth of the time.
 STARS = """name,v_mag,sp_type,teff_k,log_g,metallicity,distance_pc,luminosity_lsun,ra_deg,dec_deg
@@ -61,7 +61,7 @@ def test_known_planets_stand_instead_of_a_population(refused, tmp_path):
     stars, own = tmp_path / "stars.csv", tmp_path / "own.csv"
     stars.write_text(STARS.replace("first", "eps Eri").replace("second", "omi2 Eri"))
     own.write_text("star,planet,a,e,mass,star_mass\nthird,third b,3,0,1,1\n")
-    asked = {"instrument": load_instrument(), "top": 3, "bands": ("F520",), "time_s": 400.0, "n_planets": 50}
+    asked = {"instrument": load_instrument(), "top": 3, "bands": ("F520",), "time_s": 1000.0, "n_planets": 50}
 
     def ranked(**known):
         config = PlanQuestion(**asked, **known)
@@ -139,7 +139,7 @@ def test_seed_changes_the_measurement_but_not_the_prediction(finished, stars, tm
     """Nor does how many targets are confirmed: one here, two before, in the same frames."""
     plan = json.loads(finished[1])
     before = {target["name"]: target for target in plan["targets"]}
-    settings = {"bands": ("F520", "F662"), "time_s": 400.0, "realisations": 2, "n_planets": 500}
+    settings = {"bands": ("F520", "F662"), "time_s": 1000.0, "realisations": 2, "n_planets": 500}
     config = PlanQuestion(instrument=load_instrument(), top=1, seed=plan["seed"] + 1, **settings)
     (other,) = make_plan(config, tmp_path / "other", catalog=stars).result.targets
     compared = [

@@ -14,6 +14,7 @@ from cpic_planner.etc import (
     aperture_rates,
     build_model,
     default_law,
+    effective_visits,
     needed_margin,
     stack_noise,
     threshold_array,
@@ -37,21 +38,35 @@ def test_numbers_are_those_of_the_preset_and_of_surveys():
         assert getattr(default_law(), name) == stated[name] == getattr(survey, name), name
 
 
-def test_half_of_the_visits_detect_at_the_needed_margin():
-    """0.948 / 1.006 of the threshold; at the threshold itself 58.5 %."""
-    assert needed_margin(MODEL, "F520") == pytest.approx(0.94235, abs=1e-5)
-    law = default_law()
-    at = [needed_margin(MODEL, "F520"), 1.0]
-    found = detection_probability(law, at, True, 0.0, 0.1, calibration=law.calibration)
-    assert found == pytest.approx([0.5, NormalDist().cdf(math.log(1.006 / 0.948) / 0.276)], rel=1e-12)
-    assert found[1] == pytest.approx(0.585, abs=5e-4)
+@pytest.mark.parametrize("search", ["blind", "known_place"])
+@pytest.mark.parametrize("visits", [1.0, 16.0])
+def test_half_of_the_visits_detect_at_the_needed_margin(search, visits):
+    """The stated search, at any share of tails and any place."""
+    model, law = build_model(load_instrument(), ["F520"], Strategy(search=search)), default_law()
+    tails, inward = np.array([0.0, 0.4, 0.9]), np.array([0.05, 0.1, 0.15])
+    margin = needed_margin(model, "F520", tails, inward, visits)
+    chances = [
+        detection_probability(law, margin, place, tails, inward, visits=visits, calibration=law.calibration)
+        for place in (False, True)
+    ]
+    np.testing.assert_allclose(chances[search == "known_place"], 0.5, rtol=1e-12)
+    assert (chances[True] >= chances[False]).all()
+
+
+def test_photometry_decides_where_a_search_asks_for_more():
+    """0.948 / 1.006 of the threshold in one visit of many speckles; at the threshold itself 58.5 %."""
+    model, law = build_model(load_instrument(), ["F520"], Strategy(search="known_place")), default_law()
+    assert needed_margin(model, "F520", 0.9, 0.15) == pytest.approx(0.94235, abs=1e-5)
+    found = detection_probability(law, 1.0, True, 0.9, 0.15, calibration=law.calibration)
+    assert found == pytest.approx(NormalDist().cdf(math.log(1.006 / 0.948) / 0.276), rel=1e-12)
+    assert found == pytest.approx(0.585, abs=5e-4)
 
 
 def test_no_law_where_no_images_were_measured():
     """Near-infrared bands and photon counting: no probability, and the threshold itself is what has to be reached."""
     counting = build_model(load_instrument(), ["F520"], Strategy(mode="photon_counting"))
     assert law_of(counting, "F520") is None
-    assert needed_margin(counting, "F520") == 1.0
+    assert needed_margin(counting, "F520", 0.5, 0.1) == 1.0
     (answer,) = exposure_time(counting, find_target("tau Cet")[0], detect=True, separation_arcsec=0.45)
     assert answer.verdict == "detected"
     assert answer.detection_probability is answer.detection_probability_known_place is None
@@ -70,11 +85,13 @@ def test_verdict_of_every_status():
 def test_blind_probability_of_an_answer():
     """From the answer's own numbers: margin, budget and place; the share of errors' light is that of the drift."""
     law = default_law()
-    (answer,) = signal_to_noise(MODEL, find_target("tau Cet")[0], time_s=7200.0, separation_arcsec=0.5, bands=["F520"])
+    model = build_model(load_instrument(), ["F520"], Strategy(visits=1))
+    (answer,) = signal_to_noise(model, find_target("tau Cet")[0], time_s=7200.0, separation_arcsec=0.5)
     margin = answer.significance / answer.threshold
     normal = NormalDist()
     known = normal.cdf(math.log(margin * law.calibration / law.known_margin) / law.known_width)
-    assert answer.detection_probability_known_place == pytest.approx(known, rel=1e-9)
+    larger = max(known, answer.detection_probability)
+    assert answer.detection_probability_known_place == pytest.approx(larger, rel=1e-9)
     quiet = sum(
         value for name, value in answer.budget.items() if name not in ("signal_e", "planet_e2", "background_mean_e2")
     )
@@ -103,25 +120,54 @@ def test_form_of_the_law(seed):
         blind_width=rng.uniform(0.05, 2),
         blind_tails=rng.normal(),
         blind_inward=rng.normal(0, 5),
+        blind_visits=rng.uniform(0, 1),
+        stack_margin=rng.uniform(0.1, 5),
+        stack_inward=rng.normal(0, 5),
+        stack_width=rng.uniform(0.05, 2),
         blind_margin_error=rng.uniform(0, 0.5),
         known_margin=rng.uniform(0.1, 5),
         known_width=rng.uniform(0.05, 2),
         known_margin_error=rng.uniform(0, 0.5),
     )
-    cases = random_cases(seed)
-    margin, known, tails, inward, shift, calibration = cases
-    shifted = detection_probability(law, margin, known, tails, inward, shift=shift, calibration=calibration)
-    plain = detection_probability(law, margin, known, tails, inward)
+    many = rng.choice([1.0, 4.0, 16.0, 300.0], 400)
+    cases = (*random_cases(seed), many)
+    margin, known, tails, inward, shift, calibration, _ = cases
+    own = margin, known, tails, inward
+    shifted = detection_probability(law, *own, visits=many, shift=shift, calibration=calibration)
+    plain = detection_probability(law, *own, visits=many)
     for case, found, found_plain in zip(zip(*cases, strict=True), shifted, plain, strict=True):
-        m, at_place, share, width_over_separation, errors, c = case
-        middle, width, error = law.known_margin, law.known_width, law.known_margin_error
-        if not at_place:
-            grown = math.exp(share * law.blind_tails) * math.exp((width_over_separation - 1 / 10) * law.blind_inward)
-            middle, width, error = law.blind_margin * grown, law.blind_width, law.blind_margin_error
-        assert half_margin(law, at_place, share, width_over_separation) == pytest.approx(middle, rel=1e-12)
-        for times, one in ((c * math.exp(-error * errors), found), (1.0, found_plain)):
-            expected = math.erfc(-math.log(m * times / middle) / width / math.sqrt(2.0)) / 2.0 if m > 0 else 0.0
-            assert one == pytest.approx(expected, rel=1e-9, abs=1e-300)
+        m, at_place, share, width_over_separation, errors, c, visits = case
+        tails = math.exp(share / visits**law.blind_visits * law.blind_tails)
+        away, alone = width_over_separation - 1 / 10, 1 / visits
+        single = law.blind_margin**alone * math.exp(alone * away * law.blind_inward)
+        others = law.stack_margin ** (1 - alone) * math.exp((1 - alone) * away * law.stack_inward)
+        width = math.hypot(law.blind_width * alone**0.5, law.stack_width * (1 - alone) ** 0.5)
+        ways = [(tails * single * others, width, law.blind_margin_error)]
+        if at_place:  # photometry at the place, or the search
+            ways.append((law.known_margin, law.known_width, law.known_margin_error))
+        least = min(middle for middle, _, _ in ways)
+        assert half_margin(law, at_place, share, width_over_separation, visits) == pytest.approx(least, rel=1e-12)
+        for shifts, times, one in ((errors, c, found), (0.0, 1.0, found_plain)):
+            reached = [
+                math.erfc(-(math.log(m * times / middle) - error * shifts) / width / math.sqrt(2.0)) / 2.0
+                for middle, width, error in ways
+                if m > 0
+            ]
+            assert one == pytest.approx(max(reached, default=0.0), rel=1e-9, abs=1e-300)
+
+
+@pytest.mark.parametrize(("visits", "references"), [(1, 1), (3, 3), (16, 16), (4, 12), (1, 1000), (2, 1)])
+def test_effective_visits_have_the_kurtosis_of_the_difference_of_means(visits, references):
+    """Of exponential variates: the fourth cumulant of one is 6, its variance 1; of n Laplace variates 3/n is left."""
+    cumulants = [1.0 / visits**k + 1.0 / references**k for k in (1, 3)]
+    excess = 6.0 * cumulants[1] / cumulants[0] ** 2
+    assert float(effective_visits(visits, references)) == pytest.approx(3.0 / excess, rel=1e-12)
+    rng = np.random.default_rng(visits)
+    science, library = (rng.standard_gamma(n, 200_000) / n for n in (visits, references))
+    left = science - library
+    left -= left.mean()
+    drawn = (left**4).mean() / (left**2).mean() ** 2 - 3.0
+    assert drawn == pytest.approx(excess, rel=0.15, abs=0.05)
 
 
 def test_a_law_without_numbers_knows_no_errors_tails_or_calibration():
@@ -148,7 +194,8 @@ def test_light_of_errors_varies_with_the_fourth_power_of_the_offset():
     """``|dE|^2`` of an offset of the wavefront; what is left of the speckles, ``2 Re(E0* dE)``, with the square."""
     offsets, light, crossed = (0.02, 0.1, 0.5), [], []
     for offset in offsets:
-        model, separation, visit_s, noise = visits({"visit_nm": offset, "walk_nm_per_sqrt_hour": 0.0})
+        still = {"walk_nm_per_sqrt_hour": 0.0, "orbital_nm": 0.0}
+        model, separation, visit_s, noise = visits({"visit_nm": offset} | still)
         light.append(tail_share(model, "F520", separation, visit_s, noise)[0] ** 2 * noise.quiet[0])
         crossed.append(noise.terms["speckle"][0] - light[-1])
     for k, offset in enumerate(offsets):
@@ -160,7 +207,7 @@ def test_light_of_errors_varies_with_the_fourth_power_of_the_offset():
 def test_chances_without_tails():
     """A still wavefront leaves no light of errors: only margin and separation decide. No visit detects nothing."""
     law = default_law()
-    model, separation, visit_s, noise = visits({"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0})
+    model, separation, visit_s, noise = visits({"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0, "orbital_nm": 0.0})
     margin = np.array([[0.8, 1.4, 2.1], [0.0, 0.0, 0.0], [1.2, 0.9, 0.7]])
     found = visit_chances(model, "F520", separation, visit_s, noise, margin)
     width_arcsec = 520e-9 / 2.0 * 206264.806
@@ -170,7 +217,8 @@ def test_chances_without_tails():
         blind = math.log(own / (law.blind_margin * math.exp(harder))) / law.blind_width if own else -math.inf
         known = math.log(own / law.known_margin) / law.known_width if own else -math.inf
         assert found.blind[row, column] == pytest.approx(NormalDist().cdf(blind), rel=1e-6)
-        assert found.known_place[row, column] == pytest.approx(NormalDist().cdf(known), rel=1e-9)
+        at_place = NormalDist().cdf(max(known, blind))
+        assert found.known_place[row, column] == pytest.approx(at_place, rel=1e-6)
 
 
 @pytest.mark.parametrize(

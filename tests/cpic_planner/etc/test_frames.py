@@ -27,6 +27,7 @@ ONE = {
     "peak_columns_e_s": 2e3,
     "peak_in_hole_e_s": 5.0,
     "register_tail_e_s": 20.0,
+    "visits": 1.0,
 }
 
 
@@ -50,7 +51,7 @@ def white(case, t):
     cap = min(camera.em_gain_max, *(well / (rate * t + 5 * (2 * rate * t) ** 0.5) for well, rate in wells))
     gain = np.geomspace(1.0, cap, 1500)
     light = case.alpha_e_s[0] * t + case.beta_e[0]
-    variance = (excess_noise_factor2(gain, 604) * light + case.gamma_e2[0] / gain**2).min()
+    variance = (excess_noise_factor2(gain, 604) * light + case.gamma_e2[0] / gain**2).min() / case.visits[0]
     return variance / (case.signal_e_s[0] * t) ** 2 * math.exp(case.loss_per_s[0] * t)
 
 

@@ -65,8 +65,8 @@ def test_a_file_that_changed_is_read_again(tmp_path, monkeypatch):
             + "".join(f"{w} {height * float(i)}\n" for w, i in zip(wavelength, inside, strict=True))
         )
         os.utime(path, ns=(later, later))
-        instrument = load_instrument({"bands": {"F520": {"transmission_file": str(path)}}})
-        model = build_model(instrument, ["F520"])
+        instrument = load_instrument({"bands": {"F520": {"transmission_file": str(path)}}, "overhead_s": 0.0})
+        model = build_model(instrument, ["F520"], Strategy(visits=1))
         found = signal_to_noise(
             model, TAU_CET, time_s=600.0, separation_arcsec=0.6, contrast=1e-8, exposure_s=1.0, em_gain=1.0
         )[0]

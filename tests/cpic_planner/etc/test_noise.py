@@ -11,7 +11,7 @@ from cpic_planner.queries import Strategy
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
 from simulator.detectors import FrameTerm, excess_noise_factor2
-from simulator.signal import SpeckleLaw
+from simulator.signal import ProgrammeLaw
 
 INSTRUMENT = load_instrument({"sky": {"exozodi_zodis": 3.0}})
 STARS = rank_sample(v_mag_max=4.0)
@@ -41,7 +41,7 @@ def only(rates, **kept):
     zero = 0.0 * rates.planet_e_s
     names = (*(f"{name}_e_s" for name in LIGHT), "reference_light_e_s", "smear_e", "reference_smear_e", "wings_e2_s2")
     none = dict.fromkeys(names, zero)
-    return replace(rates, **none | {"speckle": SpeckleLaw(zero, zero, zero)} | kept)
+    return replace(rates, **none | {"speckle": rates.speckle.scaled(zero)} | kept)
 
 
 @pytest.mark.parametrize("mode", ["analogue", "photon_counting"])
@@ -67,7 +67,7 @@ def test_terms_add_up(library, mode):
     quiet = sum(part for name, part in noise.terms.items() if name not in ("planet", "background_mean"))
     quiet = np.broadcast_to(quiet, noise.snr.shape)
     np.testing.assert_allclose(np.broadcast_to(noise.quiet, quiet.shape), quiet, rtol=1e-12)
-    left = ("planet", "background_mean", "speckle", "companion_wings")
+    left = ("planet", "background_mean", "speckle", "common_speckle", "companion_wings")
     white = sum(part for name, part in noise.terms.items() if name not in left)
     assert np.any(noise.terms["companion_wings"] > 0) == (library in ("roll", "brighter star", "fainter star"))
     np.testing.assert_allclose(*np.broadcast_arrays(noise.white, white), rtol=1e-9)
@@ -100,7 +100,9 @@ def test_each_term_is_what_its_name_says():
     own = clean * rates.source_noise_fraction * f2 * rates.planet_e_s * t
     np.testing.assert_allclose(noise.terms["planet"], own, rtol=1e-12)
     visit = n * (t + camera.readout_s)
-    np.testing.assert_allclose(noise.terms["speckle"], (n * t) ** 2 * rates.speckle.variance(visit), rtol=1e-12)
+    left = noise.terms["speckle"] + noise.terms["common_speckle"]
+    np.testing.assert_allclose(left, (n * t) ** 2 * rates.speckle.law().variance(visit), rtol=1e-12)
+    np.testing.assert_allclose(noise.terms["common_speckle"], (n * t) ** 2 * rates.speckle.common.k0, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -133,8 +135,9 @@ def test_how_terms_grow(change, name, power):
 def test_white_noise_averages_and_speckles_do_not():
     rates, model = rates_of()
     camera = model.camera("F520")
-    still = replace(rates, speckle=SpeckleLaw(rates.speckle.k0, 0.0 * rates.speckle.k1, 0.0 * rates.speckle.k2))
-    floor = rates.planet_e_s / np.sqrt(rates.speckle.k0)
+    science, reference, common = (part.stretched(0.0) for part in rates.speckle[:3])
+    still = replace(rates, speckle=ProgrammeLaw(science, reference, common))
+    floor = rates.planet_e_s / np.sqrt(rates.speckle.law().k0)
     far = stack_noise(still, 10.0, 1e12, 300.0, camera)
     np.testing.assert_allclose(far.significance, np.broadcast_to(floor, far.significance.shape), rtol=1e-6)
     white = replace(rates, speckle=rates.speckle.scaled(0.0))

@@ -12,7 +12,7 @@ from cpic_planner.validation import aperture_photometry
 from simulator import load_instrument, observe
 from simulator.detectors import excess_noise_factor2
 from simulator.imaging import aperture_sums, overlap_weights, psf_metrics
-from simulator.signal import SpeckleLaw
+from simulator.signal import ProgrammeLaw, SpeckleLaw
 
 CAMERA = FrameCamera.of(load_instrument(), "F520")
 QUIET = replace(CAMERA, read_noise_e=0.0, rounding_e=0.0, cic_e=0.0)
@@ -29,7 +29,7 @@ def rates(planet=0.02, halo=0.03, dark=0.01, speckle=(0.0, 0.0, 0.0), **changes)
         "sky_e_s": 0.0 * one,
         "exozodi_e_s": 0.0 * one,
         "dark_e_s": dark * one,
-        "speckle": SpeckleLaw(*(k * one for k in speckle)),
+        "speckle": ProgrammeLaw(*[SpeckleLaw(*(0.5 * k * one for k in speckle))] * 2, SpeckleLaw(*np.zeros((3, 1)))),
         "wings_e2_s2": 0.0 * one,
         "aperture_pixels": AREA,
         "noise_fraction": 1.0,

@@ -17,22 +17,30 @@ from simulator.config import load_instrument
 STARS = rank_sample()
 TAU_CET = find_target("tau Cet")[0]
 INSTRUMENT = load_instrument()
-MODEL = build_model(INSTRUMENT)
+PLACE_KNOWN = {"visits": 1, "search": "known_place"}
+ONE = Strategy(**PLACE_KNOWN)
+MODEL = build_model(INSTRUMENT, None, ONE)
 PLACE = {"separation_arcsec": 0.55, "bands": ["F520"]}
 STRATEGIES = {
-    "default": Strategy(),
-    "counting": Strategy(mode="photon_counting"),
-    "brighter reference": Strategy(library="reference_star", reference_star={"v_mag": 1.0}, reference_ratio=0.5),
-    "roll": Strategy(library="roll"),
-    "idealised": Strategy(library="idealised"),
-    "many references": Strategy(reference_ratio=10.0, n_modes=0),
-    "few references": Strategy(reference_ratio=0.1, sigma=3.0),
+    "default": ONE,
+    "four visits": Strategy(visits=4, search="known_place"),
+    "blind": Strategy(visits=1),
+    "known place": Strategy(visits=2, search="known_place"),
+    "counting": Strategy(**PLACE_KNOWN, mode="photon_counting"),
+    "brighter reference": Strategy(
+        **PLACE_KNOWN, library="reference_star", reference_star={"v_mag": 1.0}, reference_ratio=0.5
+    ),
+    "roll": Strategy(**PLACE_KNOWN, library="roll"),
+    "idealised": Strategy(**PLACE_KNOWN, library="idealised"),
+    "many references": Strategy(**PLACE_KNOWN, reference_ratio=10.0, n_modes=0),
+    "few references": Strategy(**PLACE_KNOWN, reference_ratio=0.1, sigma=3.0),
 }
 INSTRUMENTS = {
     "default": INSTRUMENT,
     "no walk": load_instrument({"drift": {"walk_nm_per_sqrt_hour": 0}}),
     "no drift": load_instrument({"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}),
     "large drift": load_instrument({"drift": {"visit_nm": 2.0, "walk_nm_per_sqrt_hour": 2.0}}),
+    "slow walk": load_instrument({"drift": {"visit_nm": 0.3, "walk_nm_per_sqrt_hour": 0.01}}),
     "overhead": load_instrument({"overhead_s": 900.0}),
     "quiet": load_instrument({"detector": {"read_noise_e": 0, "switches": {"clock_charge": False, "dark": False}}}),
 }
@@ -70,7 +78,7 @@ def plain(answer):
 @pytest.mark.parametrize("setup", [*STRATEGIES, *(name for name in INSTRUMENTS if name != "default")])
 def test_round_trips(setup):
     """Contrast limit in a time -> time for that contrast; SNR in a time -> time for that SNR: what was used."""
-    model = build_model(INSTRUMENTS.get(setup, INSTRUMENT), None, STRATEGIES.get(setup))
+    model = build_model(INSTRUMENTS.get(setup, INSTRUMENT), None, STRATEGIES.get(setup, ONE))
     rng = np.random.default_rng(len(setup))
     back_again = 0
     for case in range(4):
@@ -100,7 +108,7 @@ def test_round_trips(setup):
             )
             assert again.value == pytest.approx(found.time_s, rel=1e-9)
             back_again += 1
-    assert back_again > 12
+    assert back_again > 8
 
 
 def test_unreachable_both_ways():
@@ -108,7 +116,7 @@ def test_unreachable_both_ways():
     limit = contrast_limit(MODEL, TAU_CET, time_s=1e9, **PLACE)[0]
     fainter = exposure_time(MODEL, TAU_CET, detect=True, contrast=0.99 * limit.value, **PLACE)[0]
     brighter = exposure_time(MODEL, TAU_CET, detect=True, contrast=1.01 * limit.value, **PLACE)[0]
-    assert (fainter.status, fainter.reason) == ("unreachable", "speckle_floor")
+    assert (fainter.status, fainter.reason) == ("unreachable", "speckle_floor")  # more visits would do
     assert brighter.status == "ok"
     assert brighter.value < limit.time_s
 
@@ -119,7 +127,7 @@ def test_given_frames_are_used_and_the_rest_follows():
         MODEL, TAU_CET, time_s=3600.0, contrast=1e-8, exposure_s=17.0, em_gain=20.0, exact=True, **PLACE
     )[0]
     assert (fixed.exposure_s, fixed.em_gain) == (17.0, 20.0)
-    assert fixed.n_frames == math.floor(1800.0 / 18.1)
+    assert fixed.n_frames == math.floor((3600.0 - 600.0) / 2.0 / 18.1)
     assert fixed.snr < free.snr
     assert fixed.exposure_limited_by == ""
     own = signal_to_noise(
@@ -151,7 +159,7 @@ def test_exposures_out_of_range(refused):
 
 ROUNDING = 1 + 1e-12
 SETUPS = {
-    name: build_model(INSTRUMENTS.get(name, INSTRUMENT), ["F520"], STRATEGIES.get(name))
+    name: build_model(INSTRUMENTS.get(name, INSTRUMENT), ["F520"], STRATEGIES.get(name, ONE))
     for name in (*STRATEGIES, "no drift", "large drift", "overhead")
 }
 
@@ -284,7 +292,8 @@ def test_where_and_why_there_is_no_answer():
 
     assert (ask(0.0).status, ask(0.0).reason) == ("outside_field", "inside_inner_edge")
     assert (ask(1.2).status, ask(1.2).reason) == ("outside_field", "outside_outer_edge")
-    assert ask(0.55, contrast=1e-12).reason == "speckle_floor"
+    assert ask(0.55, contrast=1e-12).reason == "common_speckle_floor"
+    assert ask(0.55, contrast=1e-9).reason == "speckle_floor"
     bright = exposure_time(MODEL, star(-27.0), snr=5.0, **PLACE)[0]
     assert (bright.status, bright.reason) == ("saturated", "pixel_full_well")
     short = signal_to_noise(MODEL, TAU_CET, time_s=2.0, **PLACE)[0]
@@ -330,9 +339,11 @@ def test_companions_add_light_only_when_on():
 @pytest.mark.parametrize(("name", "before", "now"), [("alf Cen B", 23.4, 18.5), ("alf Cen A", 26.6, 26.2)])
 def test_alpha_centauri_is_closer_than_it_was(name, before, now):
     """Places of 1991 (19.1 arcsec) and of 2028.5 (10.2 arcsec): light of A over the halo of B goes from 1.3 to 35."""
+    plain = {"overhead_s": 0.0, "drift": {"common_fraction": 0.0, "orbital_nm": 0.0}}
+    model = build_model(load_instrument(plain), None, ONE)
     asked = {"time_s": 7200.0, "contrast": 2e-8, "separation_arcsec": 0.6, "bands": ["F520"]}
     found = [
-        signal_to_noise(MODEL, find_target(name, catalog=table, date_utc="2028-07-01")[0], **asked)[0]
+        signal_to_noise(model, find_target(name, catalog=table, date_utc="2028-07-01")[0], **asked)[0]
         for table in ("simbad_2012", "snapshot")
     ]
     assert [answer.value for answer in found] == pytest.approx([before, now], abs=0.2)
@@ -387,8 +398,9 @@ def test_anything_in_range_is_answered(v_mag, place, log_contrast, log_time, log
 
 @pytest.mark.parametrize("visit_nm", [0.0, 0.05, 0.1, 0.5])
 def test_limits_reach_a_plateau_unless_there_is_no_drift(visit_nm):
-    """Contrast limit against time without a walk: the root of time at no drift, else threshold x floor / core."""
-    model = build_model(load_instrument({"drift": {"visit_nm": visit_nm, "walk_nm_per_sqrt_hour": 0}}), ["F520"])
+    """Contrast limit against time without a walk: the root of time at no drift, else level x floor / core."""
+    drift = {"visit_nm": visit_nm, "walk_nm_per_sqrt_hour": 0, "common_fraction": 0, "orbital_nm": 0}
+    model = build_model(load_instrument({"overhead_s": 0, "drift": drift}), ["F520"], ONE)
     place, times = 0.65, np.geomspace(1e4, 1e9, 6)
     found = [contrast_limit(model, star(2.0), time_s=float(t), separation_arcsec=place, exact=True)[0] for t in times]
     limits = np.array([answer.value for answer in found])
@@ -398,7 +410,7 @@ def test_limits_reach_a_plateau_unless_there_is_no_drift(visit_nm):
     metrics = model.metrics["F520"]
     around = place + 1.5 * metrics.lambda_d_arcsec * np.linspace(-1, 1, 41)
     floor = (metrics.rdi_floor(visit_nm, separation_arcsec=around) ** 2).mean() ** 0.5
-    plateau = found[-1].threshold * floor / found[-1].core_throughput
+    plateau = found[-1].level * floor / found[-1].core_throughput
     assert limits[-1] == pytest.approx(plateau, rel=0.10)
     assert limits[-1] / limits[-2] == pytest.approx(1.0, rel=0.01)
     assert limits[-1] < limits[0]

@@ -104,7 +104,9 @@ def test_stars_planets_and_places_broadcast():
                 for name in ("planet_e_s", "halo_e_s", "peak_in_hole_e_s", "background_e_s", "smear_e"):
                     found = np.broadcast_to(getattr(every, name), (2, 3, 2))[i, j, k]
                     assert found == pytest.approx(getattr(one, name).item(), rel=1e-12), name
-                assert np.broadcast_to(every.speckle.k0, (2, 3, 2))[i, j, k] == pytest.approx(one.speckle.k0.item())
+                assert np.broadcast_to(every.speckle.law().k0, (2, 3, 2))[i, j, k] == pytest.approx(
+                    one.speckle.law().k0.item()
+                )
 
 
 def test_one_place_for_each_star():
@@ -271,12 +273,14 @@ def test_speckles_are_those_of_pairs_of_visits(light):
         )
         sums = [aperture_sum(one - other, x, y) for x, y in spots]
         squares.append(np.var(sums))
-    found = of(setup, targets(3.0)).speckle
+    found = of(setup, targets(3.0)).speckle.averaging().law()
     error = np.std(squares) / np.sqrt(60) / np.mean(squares)
     assert found.k0[0, 0] == pytest.approx(star_e_s**2 * np.mean(squares), rel=0.15 + 3 * error)
-    walking = of(model(instrument=INSTRUMENT.changed({"drift": {"walk_nm_per_sqrt_hour": 0.0}})), targets(3.0)).speckle
+    walking = of(
+        model(instrument=INSTRUMENT.changed({"drift": {"walk_nm_per_sqrt_hour": 0.0}})), targets(3.0)
+    ).speckle.law()
     np.testing.assert_array_equal(walking.k1, 0.0)
-    brighter = of(setup, targets(0.5)).speckle
+    brighter = of(setup, targets(0.5)).speckle.averaging().law()
     for part, fainter in zip(brighter, found, strict=True):
         np.testing.assert_allclose(part, 100.0 * fainter, rtol=1e-9)
 
@@ -284,8 +288,10 @@ def test_speckles_are_those_of_pairs_of_visits(light):
 def test_all_that_is_left_is_speckles_and_wings():
     rates = of(model("roll"), targets(3.0, **PAIR))
     assert np.all(rates.wings_e2_s2 > 0)
-    np.testing.assert_allclose(rates.residual.k0, rates.speckle.k0 + rates.wings_e2_s2, rtol=1e-14)
-    assert rates.residual.k1 is rates.speckle.k1
+    for visits in (1.0, 100.0):
+        left, speckle = rates.residual.law(visits), rates.speckle.law(visits)
+        np.testing.assert_allclose(left.k0, speckle.k0 + rates.wings_e2_s2, rtol=1e-14)
+        np.testing.assert_array_equal(left.k1, speckle.k1)
     fainter = of(model("roll"), targets(3.0, **(PAIR | {"v_mag": 3.5})))
     np.testing.assert_allclose(rates.wings_e2_s2, 100.0 * fainter.wings_e2_s2, rtol=1e-9)  # a variance
 
@@ -377,9 +383,7 @@ def test_an_idealised_library_adds_nothing():
         rates.reference_halo_e_s,
         rates.reference_scale,
         rates.reference_smear_e,
-        rates.speckle.k0,
-        rates.speckle.k1,
-        rates.speckle.k2,
+        *rates.speckle.law(),
     ):
         np.testing.assert_array_equal(part, 0.0)
 

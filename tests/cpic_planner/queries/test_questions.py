@@ -275,8 +275,8 @@ def test_public_functions_keep_their_keywords(name):
         assert f"\n{keyword} : " in function.__doc__
     required = [item.name for item in parameters.values() if item.default is item.empty]
     assert required == {
-        "signal_to_noise": ["target", "time_s"],
-        "contrast_limit": ["target", "time_s"],
+        "signal_to_noise": ["target"],
+        "contrast_limit": ["target"],
         "make_plan": ["out"],
         "confirm_scene": ["scene"],
         "rank_targets": [],

@@ -28,12 +28,13 @@ def test_numbers_are_those_of_the_ranking(place):
     band = next(item for item in told.bands if item.band == row.band)
     for name in """
         separation_arcsec contrast snr significance threshold detection_margin time_s exposure_s n_frames
-        em_gain status reason contrast_limit
+        em_gain status contrast_limit visits visit_time_s frames_per_visit detection_probability
     """.split():
         assert getattr(band, name) == getattr(row, name), name
     counted = next(item for item in told.bands if item.band == row.completeness_band)
     assert counted.completeness == row.completeness
-    assert max(item.detection_margin for item in told.bands) == row.detection_margin
+    assert counted.completeness_known_place == row.completeness_known_place
+    assert max(item.detection_probability for item in told.bands) == row.detection_probability
 
 
 def test_budgets_and_reasons_of_each_band():
@@ -44,7 +45,7 @@ def test_budgets_and_reasons_of_each_band():
             quiet = total - band.budget["planet"] - band.budget["background_mean"]
             assert band.budget[band.dominant] == max(band.budget.values())
             assert (band.snr / band.significance) ** 2 == pytest.approx(quiet / total, rel=1e-9)
-            assert (band.status == "ok") == (band.detection_margin >= 1.0)
+            assert (band.status == "ok") == (band.detection_probability >= 0.5 * (1.0 - 1e-9))
             assert 0.0 <= band.completeness <= band.completeness_unconditional <= band.observable <= band.in_zone <= 1.0
             assert set(band.gain_caps) == {"hole", "register_tail", "frame"}
 
@@ -68,7 +69,8 @@ def test_sentences_are_true():
     assert f"{band.budget[band.dominant] / sum(band.budget.values()):.0%} of the variance" in words[3]
     assert f"by {max(band.remedies.values()):.2f}" in words[4]
     last = explain_star(MODEL, STARS, RANK.targets[-1].name, other_assumptions=False, **ASKED)
-    assert "is not detected by any length of visit" in last.sentences[2]
+    assert "is not detected" in last.sentences[2]
+    assert f"Observed in {row.visits} visits of {row.visit_time_s / 3600:.2g} h" in told.sentences[-1]
 
 
 def test_ranks_under_other_assumptions_are_those_of_the_sensitivity():

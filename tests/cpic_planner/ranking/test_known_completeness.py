@@ -62,14 +62,18 @@ def test_probability_of_at_least_one(model, everyone, bright):
     sample = choice(bright).draw(star)
     found = known_completeness(model, star, "F520", sample, **SETTING)
     alone = [completeness(model, star, "F520", planets, **SETTING) for planets in sample.planets[0]]
-    shares = np.array([one.completeness[0] for one in alone])
+    shares, blind = (
+        np.array([getattr(one, name)[0] for one in alone]) for name in ("completeness_known_place", "completeness")
+    )
     assert 0.05 < shares[0] < 1.0
     assert 0.05 < shares[1] < 1.0
     assert shares[2] == 0.0
-    assert found.completeness[0] == pytest.approx(1 - np.prod(1 - shares))
+    assert found.search == "known_place"
+    assert found.counted[0] == found.completeness_known_place[0] == pytest.approx(1 - np.prod(1 - shares))
+    assert found.completeness[0] == pytest.approx(1 - np.prod(1 - blind))
     assert found.expected_planets[0] == pytest.approx(shares.sum())
     assert found.in_zone[0] == pytest.approx(1 - np.prod([1 - one.in_zone[0] for one in alone]))
-    assert found.observable[0] >= found.completeness[0]
+    assert found.observable[0] >= found.completeness_known_place[0]
 
 
 def test_the_stated_error_is_the_scatter_over_seeds(model, everyone, bright):
@@ -78,7 +82,7 @@ def test_the_stated_error_is_the_scatter_over_seeds(model, everyone, bright):
         known_completeness(model, star, "F520", choice(bright, seed=seed, n=100).draw(star), **SETTING)
         for seed in range(60)
     ]
-    scatter = np.std([one.completeness[0] for one in made], ddof=1)
+    scatter = np.std([one.counted[0] for one in made], ddof=1)
     stated = np.mean([one.standard_error[0] for one in made])
     assert scatter == pytest.approx(stated, rel=4 / np.sqrt(2 * 59))
 
@@ -123,9 +127,11 @@ def test_ranked_with_known_planets(model, everyone, bright):
     assert "bright.csv" in result.population.description
     first, second = result.targets
     assert (first.name, second.completeness) == ("tau Cet", 0.0)
-    assert first.completeness > 0.05
-    assert first.expected_planets > first.completeness - 1e-12
-    assert first.score == pytest.approx(first.completeness / first.completeness_time_s * 3600.0)
+    assert result.search == "known_place"
+    placed = first.completeness_known_place
+    assert placed > 0.05
+    assert first.expected_planets > placed - 1e-12
+    assert first.score == pytest.approx(placed / first.completeness_time_s * 3600.0)
 
 
 def test_what_decides_is_in_the_hash(model, everyone, bright):

@@ -9,6 +9,7 @@ from scipy.stats import kendalltau
 import cpic_planner.ranking.sensitivity as module
 from cpic_planner.etc import build_model
 from cpic_planner.planets import PopulationChoice
+from cpic_planner.queries import Strategy
 from cpic_planner.ranking import KnownChoice, rank_targets
 from cpic_planner.ranking.order import RankSetting
 from cpic_planner.ranking.sensitivity import ASSUMPTIONS, Assumption, in_order, sensitivity
@@ -115,8 +116,8 @@ def test_an_assumption_that_turns_the_order_round_is_named(monkeypatch):
 
 
 def test_stars_without_a_score_do_not_hide_what_an_assumption_changes():
-    """Twice the drift takes most detected stars away, though the ranks of the first 50 hardly change."""
-    whole = build_model(load_instrument(), ["F520"])
+    """Twice the drift takes most stars away that one visit detects, though the first 50 hardly change their ranks."""
+    whole = build_model(load_instrument(), ["F520"], Strategy(visits=1))
     found = sensitivity(
         whole,
         rank_sample(v_mag_max=5.0),
@@ -127,7 +128,7 @@ def test_stars_without_a_score_do_not_hide_what_an_assumption_changes():
     row = found.rows[0]
     assert row.kendall_tau > 0.8
     assert 0 < row.n_ok < 0.5 * found.n_ok
-    assert row.n_compared < 20
+    assert row.n_compared < 60
     assert found.decides == ["drift_x2"]
     number = f"around {found.n_ok} of {found.n_ranked} stars. Other assumptions change this number to {row.n_ok} ("
     assert number in found.statement

@@ -19,7 +19,14 @@ from cpic_planner.report import (
     print_simulation,
 )
 from cpic_planner.report.numbers import size_text
-from cpic_planner.results import CheckResult, FindingRecord, SimulatedSequence, SimulationResult
+from cpic_planner.results import (
+    CheckResult,
+    FindingRecord,
+    SimulatedProgramme,
+    SimulatedSequence,
+    SimulationResult,
+    VisitRow,
+)
 from cpic_planner.simulation import simulation_estimate
 from simulator.config import load_simulation
 
@@ -46,21 +53,22 @@ def test_rank_at_100_columns_is_one_line_a_star(rank):
     text = shown(print_rank, rank, limit=20)
     lines = [line for line in text.splitlines() if line.strip()[:2].strip().isdigit() and "F" in line]
     assert len([line for line in lines if "F520" in line or "F662" in line]) == 20
-    for word in ("compl/h", "compl %", "of all %", "margin", "blind %", "status", "speckle floor", "▲ saturated"):
+    for word in ("compl/h", "compl %", "known %", "blind %", "status", "speckle floor", "▲ saturated"):
         assert word in text
     for word in ("α Cen B", "Population (compl %): giants (Giant planets, 0.21 planets per star,", "per hour of it"):
         assert word in " ".join(text.split())
 
 
-@pytest.mark.parametrize("width", [80, 100, 120, 160, 190])
+@pytest.mark.parametrize("width", [80, 100, 120, 160, 190, 230])
 def test_rank_keeps_what_matters_at_any_width(rank, width):
     head = next(line for line in shown(print_rank, rank, width=width).splitlines() if "star" in line and "#" in line)
     wanted = {
-        80: "compl/h compl % margin blind % status",
-        100: "of all %",
-        120: "V mag dist pc SNR",
-        160: "contrast in sep ″ wall",
-        190: "gain frames × s",
+        80: "compl/h compl % known % blind % status",
+        100: "visits band",
+        120: "margin",
+        160: "V mag dist pc contrast sep ″",
+        190: "in visit wall",
+        230: "gain frames × s",
     }
     for at, words in wanted.items():
         if width >= at:
@@ -84,7 +92,7 @@ def test_rank_limit(rank):
 
 
 def test_wide_terminals_show_settings(rank):
-    assert "frames × s" in shown(print_rank, rank, width=190)
+    assert "frames × s" in shown(print_rank, rank, width=230)
 
 
 def test_sensitivity(sensitivity):
@@ -171,7 +179,7 @@ def test_what_binds_and_what_would_help(etc_answers):
     assert "The exposure is held by the longest frame of the camera." in text
     assert "The EM gain is held by the gain register's full well" in text
     assert "What would raise the SNR: ×1.31 half the drift of the wavefront." in text
-    assert "More time in one visit would lower it" in text
+    assert "Longer visits would lower it" in text
     assert "EM gain up to" not in text
     explained = " ".join(shown(print_etc, etc_answers, width=120, explain=True).split())
     for words in (
@@ -286,6 +294,50 @@ def test_a_row_says_what_the_frames_hold():
         assert word in text
     for word in ("12\u202f345", "77", "12.3 MB", "out/SCI/61771/0.fits"):
         assert word in text
+
+
+def test_visits_of_a_programme_are_listed_with_their_windows():
+    def row(role, visit, window):
+        return VisitRow(
+            visit=visit,
+            n_visits=2,
+            role=role,
+            window=window,
+            folder=f"visit_00{visit}_{role}",
+            file="",
+            obsid="40000000001",
+            band="F520",
+            start_utc=f"2028-01-0{visit}T0{window}:00:00.123456",
+            begin_mjd=61771.0,
+            end_mjd=61771.1,
+            n_frames=8 if window == 1 else 3,
+            first_frame=0,
+            exposure_s=30,
+            em_gain=1,
+            roll_deg=15,
+            seed=1,
+            streams=[],
+        )
+
+    programme = SimulatedProgramme(
+        file="programme.json",
+        target="a star",
+        reference="another star",
+        visits=2,
+        reference_visits=1,
+        reference_scheme="other_star",
+        visit_gap_h=0,
+        orbit_s=5553.6,
+        span_days=1.104,
+        sequences=[row("science", 1, 1), row("science", 1, 2), row("reference", 1, 1), row("science", 2, 1)],
+    )
+    whole = result(2).model_copy(update={"programmes": [programme]})
+    text = printed(lambda console: print_simulation(whole, Path("out"), console))
+    assert "a star: 2 science visits and 1 reference visit of another star" in text
+    (first,) = [line.split() for line in text.splitlines() if line.startswith("visit_001_science")]
+    assert first == ["visit_001_science", "F520", "2028-01-01T01:00:00", "11", "×", "30", "2", "15"]
+    assert "The programme spans 1.10 days with the scheme other_star of references" in text
+    assert "out/programme.json" in text
 
 
 def test_long_runs_are_cut_and_say_so():

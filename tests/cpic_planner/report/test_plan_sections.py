@@ -144,7 +144,9 @@ def test_completeness_and_its_population(words):
     )
     assert "by completeness per hour: fraction of the population that one observation detects" in words
     assert re.search(r"α Cen B HIP 71681 1\.33 K1V 1\.255 0\.00800 8\.00 ± 0\.4 F520 9\.60 F520", words)
-    assert "Completeness 6.80 % in F520; 8.16 % whatever is known of the star Predicted margin 5.69 in F662" in words
+    assert (
+        "Completeness 6.80 % in F520; blind 8.16 % whatever is known of the star Predicted margin 5.69 in F662" in words
+    )
     for word in ("completeness", "score", "Kendall tau", "speckle floor"):
         assert f" {word} " in words
 

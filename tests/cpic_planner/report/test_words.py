@@ -54,7 +54,7 @@ def test_every_reason_has_words():
 
 def test_every_flag_of_a_library_has_words():
     assert {"exposure_beyond_max", "shorter_visit_is_better"} <= set(FLAGS)
-    for name in ("reference_colour_not_modelled", "idealised", "exposure_beyond_max", "shorter_visit_is_better"):
+    for name in ("visits_at_limit", "idealised", "exposure_beyond_max", "shorter_visit_is_better"):
         assert flag_text(name) != name.replace("_", " ")
 
 

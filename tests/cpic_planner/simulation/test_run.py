@@ -2,11 +2,14 @@
 
 import hashlib
 import json
+import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +32,14 @@ TREE = {
         "em_gain": 20,
         "frames": 25,
     },
-    "sequences": [{}, {"kind": "BIAS"}, {"kind": "FLAT"}, {"role": "reference"}, {"kind": "DARK"}],
+    "sequences": [
+        {},
+        {"kind": "BIAS"},
+        {"kind": "FLAT"},
+        {"role": "reference"},
+        {"kind": "DARK"},
+        {"visits": 2, "frames": 2},
+    ],
 }
 STORY = ("run.json", "run.lock", "cpic-run.jsonl")
 
@@ -71,7 +81,7 @@ def whole(tmp_path_factory):
 
 def test_the_result_says_what_the_files_hold(whole):
     out, done = whole
-    assert (done.resumed_parts, done.computed_parts) == (0, 5)
+    assert (done.resumed_parts, done.computed_parts) == (0, 9)
     assert json.loads((out / "simulation.json").read_text()) == done.result.model_dump(mode="json")
     for item in done.result.sequences:
         path = out / item.file
@@ -82,16 +92,66 @@ def test_the_result_says_what_the_files_hold(whole):
             rays = sum(unit.header["NCR"] for unit in units[1:])
         with fits.open(out / item.truth) as units:
             saturated = max(int((unit.data & 8 != 0).sum()) for unit in units if unit.name == "MASK")
-        assert len(frames) == item.n_frames == 25
+        assert len(frames) == item.n_frames == (2 if item.visit else 25)
         assert (int(frames.min()), int(frames.max())) == (item.adu_min, item.adu_max)
         assert (item.cosmic_rays, item.saturated_pixels) == (rays, saturated)
         files = [path, out / item.truth, *(out / item.params).iterdir()]
         assert item.size_bytes == sum(file.stat().st_size for file in files)
-    assert done.result.n_frames == 125
+    assert done.result.n_frames == 133
 
 
 def test_products_are_without_errors(whole):
     assert [str(item) for item in check_level0(whole[0]) if item.severity == "error"] == []
+
+
+def turns_from_node(header):
+    """Place in the orbit from the state vector: z and its rate are a sine and a cosine of the angle from the node."""
+    rate = 2 * math.pi / 5553.6
+    return math.atan2(rate * header["POSI0_Z"], header["VELO0_Z"]) / (2 * math.pi)
+
+
+def test_visits_are_folders_at_one_phase_of_the_orbit(whole):
+    out, done = whole
+    (programme,) = done.result.programmes
+    assert json.loads((out / "programme.json").read_text()) == programme.model_dump(mode="json")
+    found = [(row.folder, row.visit, row.n_visits, row.role) for row in programme.sequences]
+    assert found == [(f"visit_00{k}_{role}", k, 2, role) for k in (1, 2) for role in ("science", "reference")]
+    begins, phases, names = [], [], set()
+    for row, item in zip(programme.sequences, done.result.sequences[5:], strict=True):
+        assert item.file == row.file == f"{row.folder}/SCI/{int(row.begin_mjd)}/{Path(row.file).name}"
+        assert {Path(part).parts[0] for part in (item.truth, item.params)} == {row.folder}
+        with fits.open(out / row.file) as units:
+            header = units[0].header
+        assert [header[key] for key in ("VISIT", "NVISITS", "VISWIN", "ROLE")] == [row.visit, 2, 1, row.role]
+        begins.append(header["EXPSTART"])
+        phases.append(turns_from_node(header))
+        names.add(tuple(row.streams))
+    assert len(names) == 4
+    assert np.diff(begins) * 86400 == pytest.approx(5553.6, abs=1e-4)
+    # The node turns by a third of a degree an orbit, which moves z by as much less than the angle as the tilt is steep.
+    assert phases == pytest.approx([phases[0]] * 4, abs=1e-4)
+    assert programme.span_days == pytest.approx((3 * 5553.6 + 2 * 30 + 1) / 86400, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"visit": 2}, "VISIT: is 1, programme.json says 2"),
+        ({"begin_mjd": 61771.5}, "EXPSTART"),
+        ({"file": "nowhere.fits"}, "lists nowhere.fits, which is no Level-0 file"),
+        (None, "cannot be read: KeyError"),
+    ],
+)
+def test_a_list_that_is_not_that_of_the_visits_is_found(whole, tmp_path, change, said):
+    programme = json.loads((whole[0] / "programme.json").read_text())
+    row = programme["sequences"][0]
+    shutil.copytree(whole[0] / row["folder"], tmp_path / row["folder"])
+    tree = {"sequences": [row if change is None else row | change]}
+    (tmp_path / "programme.json").write_text(json.dumps({} if change is None else tree))
+    (found,) = [str(item) for item in check_level0(tmp_path) if item.severity == "error"]
+    assert said in found
+    (tmp_path / "programme.json").write_text(json.dumps({"sequences": [row]}))
+    assert [item for item in check_level0(tmp_path) if item.severity == "error"] == []
 
 
 def test_result_holds_no_clock_host_or_path(whole):
@@ -113,14 +173,14 @@ def test_killed_half_way_and_started_again_gives_the_same_bytes(whole, tmp_path,
         time.sleep(0.002)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    assert 1 <= len(list(out.glob("parts/*.json"))) < 5
+    assert 1 <= len(list(out.glob("parts/*.json"))) < 9
     assert not (out / "simulation.json").exists(), "it had finished before the kill"
     assert main(arguments(tmp_path, out, "--workers", "2")) == 0
     assert "of an earlier run" in capsys.readouterr().err
     assert content(out) == content(whole[0])
     run = json.loads((out / "run.json").read_text())
     assert run["resumed_parts"] >= 1
-    assert run["resumed_parts"] + run["computed_parts"] == 5
+    assert run["resumed_parts"] + run["computed_parts"] == 9
 
 
 @pytest.mark.parametrize("damage", ["missing", "shorter", "one bit", "no truth", "no log", "no record"])

@@ -11,6 +11,7 @@ from scipy.stats import norm
 
 from cpic_planner.etc import build_model
 from cpic_planner.queries import Strategy
+from cpic_planner.survey import detection
 from cpic_planner.survey.detection import Setting, background_alarms, galactic_deg, noise_alarms, star_counts_deg2
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.targets import find_target
@@ -92,3 +93,14 @@ def test_background_stars(model):
     area = 4.0 * (metrics.hole_outer_arcsec - metrics.hole_inner_arcsec - 2.0 * metrics.aperture_radius_arcsec) ** 2
     deepest = star_counts_deg2(30.0, *galactic_deg(star.ra_deg, star.dec_deg))[0] / 3600.0**2
     assert one < 1.2 * area * deepest
+
+
+def test_background_stars_of_an_even_sky(model, monkeypatch):
+    """A thousand stars a square degree, however faint: those on the area in which an aperture lies in the hole."""
+    monkeypatch.setattr(detection, "star_counts_deg2", lambda limit, *place: np.full(np.shape(limit), 1000.0))
+    found = background_alarms(model, find_target("tau Cet")[0], SETTING, DetectionRule())
+    metrics = model.metrics["F520"]
+    side = metrics.hole_outer_arcsec - metrics.hole_inner_arcsec - 2.0 * metrics.aperture_radius_arcsec
+    # A grid of 32 points across the hole tells a side to one step.
+    step, per_arcsec2 = metrics.hole_outer_arcsec / 16.0, 1000.0 / 3600.0**2
+    assert per_arcsec2 * 4.0 * (side - step) ** 2 < found < per_arcsec2 * 4.0 * (side + step) ** 2

@@ -8,6 +8,7 @@ import pytest
 from catalogs import load_known_planets
 from cpic_planner.etc import build_model
 from cpic_planner.planets import StarLimits
+from cpic_planner.queries import Strategy
 from cpic_planner.survey.calendar import make_calendar
 from cpic_planner.survey.candidates import candidates, screen, settings_of
 from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
@@ -23,7 +24,7 @@ INSTRUMENT = load_instrument()
 
 @pytest.fixture(scope="module")
 def model():
-    return build_model(INSTRUMENT, bands=("F520",))
+    return build_model(INSTRUMENT, ("F520",), Strategy(visits=1))
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 
 from catalogs import ORBIT, OrbitPlaces
 from cpic_planner.etc import aperture_rates, build_model, diagonal_pa_deg, stack_noise
-from cpic_planner.etc.detection import detection_threshold
+from cpic_planner.etc.detection import default_law, detection_threshold
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.planets import draw_population, load_population
 from cpic_planner.planets.population_config import QUANTITIES
@@ -24,6 +24,7 @@ from cpic_planner.survey.detection import (
     reach_au,
     rolled,
     tail_share,
+    wavefronts,
 )
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import NEW, PlanetSample
@@ -38,7 +39,7 @@ SETTING = Setting("F520", 20.0, 150.0, 300.0, 6500.0)
 
 @pytest.fixture(scope="module")
 def model():
-    return build_model(load_instrument(), bands=("F520", "F850"))
+    return build_model(load_instrument(), ("F520", "F850"), Strategy(visits=1))
 
 
 def star(name):
@@ -76,8 +77,12 @@ def test_as_many_planets_as_completeness_counts(model, name, population, band):
         model, one, band, planets, exposure_s=setting.exposure_s, n_frames=setting.n_frames, em_gain=setting.em_gain
     )
     seen = expected_signals(model, one, setting, bodies_of(planets), planets.albedos, places_of(planets), [0.0])
-    chance = detection_chance(seen, DetectionRule(rule="expected"), np.zeros(3000, bool))
-    assert int(chance.sum()) == round(counted.completeness[0] * 3000)
+    law = default_law()
+    for rule, share in (("blind", counted.completeness), ("known_place", counted.completeness_known_place)):
+        own = DetectionRule(rule=rule, **law.model_dump())
+        chance = detection_chance(seen, own, np.zeros(3000, bool), calibration=law.calibration)
+        # Completeness leaves out planets that are too faint to matter, and takes thresholds from a table.
+        assert chance.mean() == pytest.approx(share[0], rel=1e-5, abs=2e-6)
     assert np.count_nonzero(seen.contrast[0]) <= round(counted.observable[0] * 3000)
 
 
@@ -330,18 +335,25 @@ def test_chance_of_a_detection_is_that_of_noisy_margins(rule):
     for shift, calibration in ((0.0, 1.0), (1.5, 0.9)):
         found = detection_chance(expecting(margin, tails, inward), law, known, shift, calibration)
         for k in range(margin.size):
-            at_place = known[k] or rule == "known_place"
-            middle, width, error = (1.0, 0.2, 0.05)
-            if not at_place:
-                middle, width, error = 0.8 * math.exp(1.2 * tails[k] + 5.0 * (inward[k] - 0.1)), 0.3, 0.1
-            measured = calibration * margin[k] * np.exp(width * rng.standard_normal(n))
-            share = np.mean(measured > middle * math.exp(error * shift))
+            ways = [(0.8 * math.exp(1.2 * tails[k] + 5.0 * (inward[k] - 0.1)), 0.3, 0.1)]
+            if known[k] or rule == "known_place":  # photometry there, or the search
+                ways.append((1.0, 0.2, 0.05))
+            share = max(
+                np.mean(
+                    calibration * margin[k] * np.exp(width * rng.standard_normal(n)) > middle * np.exp(error * shift)
+                )
+                for middle, width, error in ways
+            )
             assert abs(found[k] - share) < 4.0 * np.sqrt(max(share * (1 - share), 1e-6) / n), (k, shift)
 
 
 def test_the_middle_of_the_law_is_where_half_are_found():
-    """Without a shift of the middle, which has errors of 10 % and 5 % here."""
-    found = detection_chance(expecting(np.array([0.8, 1.0])), RULE, np.array([False, True]))
+    """Without a shift of the middle, which has errors of 10 % and 5 % here.
+
+    At a known place: that of photometry among tails, that of the search, which asks for less, without.
+    """
+    margin, tails = np.array([0.8, 1.0, 0.8]), np.array([0.0, 1.0, 0.0])
+    found = detection_chance(expecting(margin, tails), RULE, np.array([False, True, True]))
     np.testing.assert_allclose(found, 0.5, rtol=1e-14)
 
 
@@ -362,9 +374,26 @@ def test_what_cannot_be_seen_is_never_found():
 def test_a_blind_search_is_harder_in_tails_and_near_the_star():
     law = half_margin(RULE, np.zeros(4, bool), np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.1, 0.1, 0.2, 0.2]))
     np.testing.assert_allclose(law, 0.8 * np.exp([0.0, 1.2, 0.5, 1.7]), rtol=1e-14)
-    np.testing.assert_array_equal(half_margin(RULE, np.ones(2, bool), np.array([0.0, 1.0]), np.array([0.1, 0.3])), 1.0)
+    placed = half_margin(RULE, np.ones(2, bool), np.array([0.0, 1.0]), np.array([0.1, 0.3]))
+    np.testing.assert_allclose(placed, [0.8, 1.0], rtol=1e-14)  # the search where it asks for less than photometry
     sure = DetectionRule(rule="expected", blind_tails=1.0)
     np.testing.assert_array_equal(half_margin(sure, np.zeros(2, bool), np.array([0.0, 1.0]), np.array([0.1, 0.3])), 1.0)
+
+
+def test_visits_that_are_reduced_together_are_searched_as_such(model):
+    """Sixteen wavefronts instead of one: half as much light of errors counts where its power is a quarter.
+
+    Nothing else of the law knows how many visits there are, where a stack has the numbers of a single visit.
+    """
+    many = build_model(load_instrument(), ("F520",), Strategy(visits=16))
+    assert (wavefronts(model), wavefronts(many)) == (1.0, 16.0)
+    same = {f"stack_{name}": getattr(RULE, f"blind_{name}") for name in ("margin", "inward", "width")}
+    rule, new = RULE.model_copy(update=same), np.array([False])
+    seen = replace(expecting(np.array([1.0])), tails=np.array([0.6]), inward=np.array([0.1]))
+    alone, together = (detection_chance(replace(seen, visits=np.array(v)), rule, new) for v in (1.0, 16.0))
+    half = detection_chance(replace(seen, tails=np.array([0.3])), rule, new)
+    assert together == pytest.approx(half, rel=1e-12)
+    assert alone < together
 
 
 def test_the_share_of_light_of_errors(model):
@@ -390,7 +419,7 @@ def test_the_share_of_light_of_errors(model):
 
 def test_light_of_errors_grows_with_a_walk(model):
     """Of a walk alone, the light of errors over the rest is proportional to the visit, readouts included."""
-    walking = model.instrument.changed({"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.4}})
+    walking = model.instrument.changed({"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.4, "orbital_nm": 0.0}})
     other, place = replace(model, instrument=walking), np.array([[0.6 / math.sqrt(2.0)]])
     rates = aperture_rates(other, find_target("tau Cet")[0], "F520", place, place, np.array([[1e-8]]))
     odds, visit_s = [], []

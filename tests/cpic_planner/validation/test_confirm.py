@@ -38,7 +38,8 @@ CASES = {
 
 def task_of(case, **changes):
     star, band, instrument, strategy = CASES[case]
-    model = build_model(load_instrument(instrument), [band], strategy)
+    once = (strategy or Strategy()).model_copy(update={"visits": 1})
+    model = build_model(load_instrument(instrument), [band], once)
     # Places of 2012: the closed form takes a companion's light at the planet, not over the annulus where the noise is
     # measured, and errs by up to 2 around alpha Cen B where its companion stands in 2028 (README).
     target, _ = find_target(star, catalog="simbad_2012")

@@ -133,6 +133,71 @@ def test_the_drift_is_that_of_the_images_not_of_the_maps(psf, moving, true_nm):
     assert np.mean(found) == pytest.approx(true_nm, rel=0.25)
 
 
+@pytest.fixture(scope="module")
+def offsets(psf):
+    """Stamps of 48 visits of independent offsets of 0.05 nm."""
+    pairs = [(stream(n, "visit"), stream(n, "walk")) for n in range(48)]
+    return np.stack([visit_frames(psf, MOVING, 1, 1.0, *pair)[0] for pair in pairs])
+
+
+def programme(psf, stamps, seed, visits, references, common=0.0):
+    """Science visits less the mean of the reference visits, as bright each as one pair of visits above."""
+    chosen = np.random.default_rng(seed).permutation(len(stamps))
+    science, library = stamps[chosen[:visits]], stamps[chosen[visits : visits + references]]
+    rng = np.random.default_rng(seed)
+    # White noise of a variance of 9 e-^2 in a pair of visits, half of it in the science frames.
+    own = 3.0 * math.sqrt(0.5) * rng.standard_normal(science.shape)
+    other = 3.0 * math.sqrt(0.5) * rng.standard_normal(library.shape)
+    left = 1e12 * (science + common - library.mean(axis=0)) + own - other.mean(axis=0)
+    sigma_e = 3.0 * math.sqrt(0.5 * visits * (1.0 + visits / references))
+    stack = residual(psf, left.sum(axis=0), sigma_e, integration_s=1000.0 * visits)
+    images = np.where(stack.region, left, 0.0)
+    return dataclasses.replace(stack, rdi=dataclasses.replace(stack.rdi, residuals=images))
+
+
+@pytest.mark.parametrize(("visits", "references"), [(4, 4), (12, 12), (6, 24)])
+def test_a_stack_tells_the_drift_of_a_single_visit(psf, moving, offsets, visits, references):
+    """Taken for one visit it seems to drift less, by the root of what is left; and its noise is known less."""
+    known, taken, more = [], [], []
+    for seed in range(6):
+        stack = programme(psf, offsets, seed, visits, references)
+        many = {"visits": visits, "reference_visits": references}
+        answer = search(stack, psf, moving, star_rate_e_s=STAR_E_S, **many)
+        single = search(stack, psf, moving, star_rate_e_s=STAR_E_S)
+        assert not answer.detections
+        known.append(answer.drift_nm)
+        taken.append(single.drift_nm)
+        more.append(answer.dof / single.dof)
+    assert np.mean(known) == pytest.approx(0.05, rel=0.1)
+    assert np.mean(taken) < 0.8 * np.mean(known)
+    assert min(more) > 1.5
+
+
+def test_a_planet_of_all_visits_is_no_scatter_of_them(psf, moving, offsets):
+    """Two hundred times the noise: what is known of the noise elsewhere is what it was without the planet."""
+    stack = programme(psf, offsets, 3, 8, 8)
+    many = {"star_rate_e_s": STAR_E_S, "visits": 8, "reference_visits": 8}
+    alone = search(stack, psf, moving, **many)
+    bright = inject(stack, psf, 0.42, 0.40, 200 * float(alone.sigma_e.max()))
+    images = stack.rdi.residuals + (bright.image_e - stack.image_e) / 8
+    bright = dataclasses.replace(bright, rdi=dataclasses.replace(bright.rdi, residuals=images))
+    found = search(bright, psf, moving, **many)
+    assert found.detections[0].flux_e == pytest.approx(200 * alone.sigma_e.max(), rel=0.05)
+    assert found.drift_nm == pytest.approx(alone.drift_nm, rel=0.02)
+    assert found.white_level == pytest.approx(alone.white_level, rel=0.02)
+
+
+def test_what_all_visits_share_is_noise_that_no_scatter_shows(psf, moving, offsets):
+    """The difference of two offsets in every science visit: who believes in none takes its peaks for planets."""
+    blind, aware = 0, 0
+    for seed in range(8):
+        stack = programme(psf, offsets[:40], seed, 16, 16, offsets[40 + seed] - offsets[47 - seed])
+        many = {"star_rate_e_s": STAR_E_S, "visits": 16, "reference_visits": 16}
+        blind += len(search(stack, psf, moving, **many).detections)
+        aware += len(search(stack, psf, moving, common_fraction=1.0, **many).detections)
+    assert aware < blind / 5
+
+
 def test_ten_planets_are_taken_out_and_the_others_seen_beside_them(psf, still):
     """Twelve bright ones: all are found, and the map of what is left shows the two faintest."""
     scale, middle = psf.metrics.pixel_scale_arcsec, len(psf.metrics.hole) // 2
@@ -213,6 +278,11 @@ def test_bad_input_is_named(refused, psf, still):
     refused("star_rate_e_s", search, stack, psf, still, star_rate_e_s=0.0)
     for sigma in (1.0, math.nextafter(2.5, 0.0), math.nextafter(20.0, 21.0), math.nan):
         refused("sigma", search, stack, psf, still, star_rate_e_s=STAR_E_S, sigma=sigma)
+    for name in ("visits", "reference_visits"):
+        for number in (0, 10_001, 1.5):
+            refused(name, search, stack, psf, still, star_rate_e_s=STAR_E_S, **{name: number})
+    for fraction in (-0.1, 1.1, math.nan):
+        refused("common_fraction", search, stack, psf, still, star_rate_e_s=STAR_E_S, common_fraction=fraction)
     small = dataclasses.replace(still, linear=np.zeros((3, 3)))
     refused("maps", search, stack, psf, small, star_rate_e_s=STAR_E_S)
 

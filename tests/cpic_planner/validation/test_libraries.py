@@ -43,7 +43,7 @@ def plan(name: str, n_frames: int = 10) -> LibraryPlan:
     ("name", "planets", "stars", "role", "frames", "flags"),
     [
         ("same_star_planet_free", 0, 1, "reference", 5, ()),
-        ("reference_star", 0, 0, "reference", 20, ("reference_colour_not_modelled",)),
+        ("reference_star", 0, 0, "reference", 20, ()),
         ("roll", 1, 1, "reference", 10, ()),
         ("idealised", 0, 1, "science", 10, ("idealised",)),
     ],

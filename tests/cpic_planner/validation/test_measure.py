@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from cpic_planner.confirm.scene import _work
-from cpic_planner.queries import ConfirmQuestion
+from cpic_planner.queries import ConfirmQuestion, Strategy
 from cpic_planner.validation import StarFlux, planet_templates, visit_pair
-from cpic_planner.validation.confirm import _false
-from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure_planets, obstacle, positions_of
+from cpic_planner.validation.confirm import _false, positions_of
+from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure_planets, obstacle
+from cpic_planner.validation.speckle_maps import matched_sum
 from simulator import load_instrument, load_scene
 
 SCENE = {
@@ -136,3 +137,25 @@ def test_what_stands_in_the_way_of_a_planet_is_named():
     beyond = replace(behind, places_arcsec=((corner, corner),))
     reasons = [obstacle(one, visits.geometry)[0].value for one in (behind, beyond)]
     assert reasons == ["inside_inner_edge", "outside_outer_edge"]
+
+
+def test_a_mirror_takes_out_what_is_alike_at_opposite_places():
+    """Light of phase errors is the same at both places: all but the noise of two places goes, the planet stays."""
+    visits, (planet, _) = prepared()
+    realised, geometry = visits.draw(0), visits.geometry
+    rng, side = np.random.default_rng(2), len(geometry.hole)
+    smooth = matched_sum(rng.standard_normal((side, side)), np.ones((3, 3)))
+    alike = smooth + smooth[::-1, ::-1]
+    image = np.where(geometry.hole, 30.0 * alike + rng.standard_normal((side, side)), 0.0)
+    light = 3000.0 * planet.templates[0]
+    stack = replace(realised.reduced, image_e=image + np.where(geometry.hole, light, 0.0))
+    found = {
+        name: forced_photometry(replace(realised, reduced=stack), planet, geometry, name)
+        for name in ("aperture", "mirror", "matched")
+    }
+    expected = 3000.0 * planet.core
+    assert found["mirror"].sigma_background < 0.1 * found["aperture"].sigma_background
+    for one in found.values():
+        assert abs(one.flux - expected) < 4.0 * one.error
+    with pytest.raises(ValueError, match="filter"):
+        Strategy(library="roll", filter="mirror")

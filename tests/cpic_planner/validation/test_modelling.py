@@ -248,7 +248,7 @@ def task():
     model = build_model(load_instrument(), ["F850"])
     target, _ = find_target("tau Cet")
     ready = prepare_task(model, target, "F850", time_s=3600.0, planet=ReferencePlanet(), seed=1, realisations=8)
-    return replace(ready, n_frames=30)
+    return replace(ready, n_frames=30, visits=2, reference_visits=2)
 
 
 def test_tiers_are_ordered_in_time(task):
@@ -263,12 +263,12 @@ def test_tiers_are_ordered_in_time(task):
 def test_frames_are_those_that_are_drawn(task):
     assert (task_cost(task).frames, task_cost(task).realisations) == (0, 8)
     audited = task_cost(replace(task, audit=True))
-    assert audited.frames == 2 * 30
+    assert audited.frames == 2 * 2 * 30
     assert audited.work_s > task_cost(task).work_s
     whole = task_cost(replace(task, fidelity="reference"))
-    assert (whole.frames, whole.realisations) == (8 * 2 * 30, 8)
+    assert (whole.frames, whole.realisations) == (8 * 2 * 2 * 30, 8)
     fewer = replace(task, fidelity="reference", strategy=task.strategy | {"reference_ratio": 0.5})
-    assert task_cost(fewer).frames == 8 * 45
+    assert task_cost(fewer).frames == 8 * 2 * 45
 
 
 def test_more_work_takes_longer(task):

@@ -1,53 +1,86 @@
-"""Law of noise with a few speckles and an estimated scale, and what a residual tells of its own noise.
+"""Law of noise with a few speckles and an estimated scale, against its closed forms, inversion and draws.
 
 Limits of clean pixels, against the exact law of compound counts by Fourier inversion, and against draws.
 """
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.special import ndtr
 from scipy.stats import norm, t as student
 
-from cpic_planner.validation.noise_law import (
-    NoiseTerms,
-    PixelLaw,
-    equivalent_sigma,
-    fit_noise,
-    log_tail,
-    smooth_white,
-    snr_at,
-)
+from cpic_planner.validation.noise_law import PixelLaw, equivalent_sigma, log_tail, snr_at
 from simulator.detectors.gain import multiply
 
 
-@pytest.mark.parametrize("dof", [6.0, 12.0, 80.0])
-def test_without_speckles_it_is_students_law(dof):
-    level = np.array([0.5, 2.0, 5.0, 9.0])
-    np.testing.assert_allclose(log_tail(level, 0.0, dof), student.logsf(level, dof), atol=2e-3)
-    np.testing.assert_allclose(log_tail(level, 0.0), norm.logsf(level), rtol=1e-12)
+@pytest.mark.parametrize("dof", [0.7, 6.0, 12.0, 80.0, 3e4])
+@pytest.mark.parametrize("visits", [1.0, 16.0])
+def test_without_speckles_it_is_students_law(dof, visits):
+    level = np.array([0.0, 0.5, 2.0, 5.0, 9.0])
+    np.testing.assert_allclose(log_tail(level, 0.0, dof, visits), student.logsf(level, dof), rtol=1e-9)
+    np.testing.assert_allclose(log_tail(level, 0.0, visits=visits), norm.logsf(level), rtol=1e-12)
+
+
+def test_students_tail_where_it_is_no_number():
+    """Its density integrated with 30 digits, far below the least number of double precision."""
+    for level, dof in ((100.0, 5e4), (60.0, 9e3), (300.0, 400.0)):
+        with mpmath.workdps(30):
+            half, edges = mpmath.mpf(dof + 1) / 2, [level * part for part in (1, 1.002, 1.01, 1.05, 1.2, 2, 8)]
+            whole = mpmath.quad(lambda u, d=dof, h=half: mpmath.exp(-h * mpmath.log1p(u**2 / d)), edges)
+            factor = mpmath.loggamma(half) - mpmath.loggamma(half - 0.5) - mpmath.log(dof * mpmath.pi) / 2
+            exact = mpmath.log(whole) + factor
+        assert log_tail(level, 0.0, dof)[0] == pytest.approx(float(exact), rel=1e-9)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.9])
-@pytest.mark.parametrize("level", [0.5, 3.0, 6.0])
-def test_tail_is_that_of_the_convolution(share, level):
-    width, fall = math.sqrt(1 - share), math.sqrt(share / 2)
+def test_one_laplace_variate_has_the_closed_form(share):
+    """Normal-Laplace law, Reed & Jorgensen 2004 (Commun. Stat. Theory Methods 33, 1733), with 60 digits."""
+    for level in (0.0, 0.5, 3.0, 8.0, 20.0, 60.0):
+        with mpmath.workdps(60):
+            width, fall = mpmath.sqrt(1 - mpmath.mpf(share)), mpmath.sqrt(mpmath.mpf(share) / 2)
+            x, y = level / width, width / fall
+            right = mpmath.exp(-level / fall) * mpmath.ncdf(x - y)
+            left = mpmath.exp(level / fall) * mpmath.ncdf(-x - y)
+            exact = mpmath.log(mpmath.ncdf(-x) + mpmath.exp(y**2 / 2) * (right - left) / 2)
+        assert log_tail(level, share)[0] == pytest.approx(float(exact), rel=1e-8)
 
-    def density(speckle):
-        return math.exp(-abs(speckle) / fall) / (2 * fall) * norm.sf((level - speckle) / width)
 
-    integral = sum(
-        quad(density, *edges, limit=200)[0] for edges in ((-40 * fall, 0), (0, level), (level, level + 40 * fall))
-    )
-    assert log_tail(level, share)[0] == pytest.approx(math.log(integral), abs=1e-5)
+@pytest.mark.parametrize(("visits", "share"), [(2.0, 0.8), (4.0, 0.2), (7.5, 0.5), (16.0, 0.9)])
+def test_tail_is_that_of_the_characteristic_function(visits, share):
+    """``1/2 - 1/pi integral of sin(t x) phi(t) / t`` (Gil-Pelaez 1951), down to 1e-12."""
+    s, v = mpmath.mpf(share), mpmath.mpf(visits)
+
+    def phi(t):
+        return mpmath.exp(-(1 - s) * t**2 / 2) * (1 + s * t**2 / (2 * v)) ** -v
+
+    for level in (1.0, 7.5):
+        with mpmath.workdps(25):
+            edges = mpmath.linspace(0, 14 / mpmath.sqrt(1 - s), 30)
+            whole = mpmath.quad(lambda t, x=level: mpmath.sin(t * x) * phi(t) / t, edges)
+            exact = mpmath.log(0.5 - whole / mpmath.pi)
+        assert log_tail(level, share, visits=visits)[0] == pytest.approx(float(exact), rel=1e-8)
 
 
-def test_an_estimated_scale_makes_tails_heavier():
-    scale = np.sqrt(np.random.default_rng(3).chisquare(20.0, 200_000) / 20.0)
-    mean = np.mean(np.exp(log_tail(4.0 * scale, 0.5)))
-    assert math.exp(log_tail(4.0, 0.5, 20.0)[0]) == pytest.approx(mean, rel=0.03)
+@pytest.mark.parametrize(("visits", "dof"), [(1, 12.0), (4, 30.0), (16, np.inf)])
+def test_draws_of_laplace_variates(visits, dof):
+    rng, share, n = np.random.default_rng(visits), 0.7, 500_000
+    noise = rng.normal(0.0, math.sqrt(1 - share), n)
+    for _ in range(visits):
+        noise += rng.laplace(0.0, math.sqrt(share / (2 * visits)), n)
+    scale = np.sqrt(rng.chisquare(dof, n) / dof) if np.isfinite(dof) else 1.0
+    for level in (0.5, 2.0, 3.5):
+        chance = math.exp(log_tail(level, share, dof, visits)[0])
+        assert abs(np.mean(noise / scale > level) - chance) < 4 * math.sqrt(chance / n)
+
+
+def test_many_visits_are_gaussian_and_fewer_are_heavier():
+    level, visits = np.array([0.5, 3.0, 6.0]), np.array([0.5, 1.0, 1.5, 4.0, 16.0, 300.0])
+    np.testing.assert_allclose(log_tail(level, 0.6, visits=1e5), norm.logsf(level), rtol=1e-3)
+    np.testing.assert_array_equal(log_tail(level, 0.6, 40.0, 1e9), log_tail(level, 0.0, 40.0))
+    assert (np.diff(log_tail(5.0, 0.6, visits=visits)) < 0).all()
+    assert (np.diff(snr_at(5.0, 0.6, 100.0, visits)) < 0).all()
 
 
 def test_equivalent_sigma_orders_and_inverts():
@@ -66,54 +99,6 @@ def test_candidates_together_and_one_by_one():
     together = snr_at(4.5, share, dof)
     np.testing.assert_array_equal(together, [snr_at(4.5, *pair)[0] for pair in zip(share, dof, strict=True)])
     np.testing.assert_allclose(equivalent_sigma(together, share, dof), 4.5, rtol=1e-9)
-
-
-N = 4000
-RNG = np.random.default_rng(5)
-FALL = np.linspace(0.0, 1.0, N)
-TERMS = NoiseTerms(np.full(N, 2.0), 6.0 * (1 - FALL) ** 3, 20.0 * (1 - FALL) ** 6)
-
-
-@pytest.mark.parametrize(("level", "drift"), [(1.0, 1.0), (1.6, 1.0), (1.0, 9.0), (2.25, 0.3)])
-def test_fit_finds_what_noise_was_made_of(level, drift):
-    truth = TERMS.variance(np.log([level, drift]))
-    before = TERMS.variance(np.zeros(2))
-    ratio = truth * RNG.standard_normal(N) ** 2 / before
-    fit = fit_noise(ratio, before, TERMS, np.ones(N), np.zeros(2))
-    error = np.sqrt(np.diag(np.linalg.inv(fit.information)))
-    assert error.max() < 0.15
-    assert (np.abs(fit.logs - np.log([level, drift])) < 4 * error).all()
-    np.testing.assert_allclose(fit.variance, TERMS.variance(fit.logs))
-
-
-def test_errors_are_those_of_repeated_fits():
-    before = TERMS.variance(np.zeros(2))
-    fits = [fit_noise(RNG.standard_normal(N) ** 2, before, TERMS, np.ones(N), np.zeros(2)) for _ in range(150)]
-    spread = np.std([fit.logs for fit in fits], axis=0)
-    stated = np.sqrt(np.diag(np.linalg.inv(fits[0].information)))
-    np.testing.assert_allclose(spread, stated, rtol=0.25)
-
-
-def test_without_samples_the_beliefs_stay():
-    fit = fit_noise(np.ones(N), np.full(N, 2.0), TERMS, np.zeros(N), np.array([1.0, -1.0]))
-    np.testing.assert_allclose(fit.logs, 0.0, atol=0.05)
-
-
-def test_slopes_are_derivatives():
-    logs, step = np.array([0.3, -0.4]), 1e-6
-    slopes = TERMS.slopes(logs, TERMS.variance(logs))
-    for row in (0, 1):
-        move = np.eye(2)[row] * step
-        numeric = (np.log(TERMS.variance(logs + move)) - np.log(TERMS.variance(logs - move))) / (2 * step)
-        np.testing.assert_allclose(slopes[row], numeric, atol=1e-8)
-
-
-def test_smooth_white_keeps_patterns_and_drops_noise():
-    patterns = np.stack([np.ones(N), FALL, np.zeros(N)])
-    truth = 3.0 + 4.0 * FALL
-    smooth = smooth_white(truth * (1 + 0.2 * RNG.standard_normal(N)), patterns)
-    np.testing.assert_allclose(smooth, truth, rtol=0.03)
-    assert smooth_white(np.where(FALL < 0.9, 1.0, -9.0), patterns[:2]).min() == pytest.approx(0.25)
 
 
 STAGES, READ_NOISE_E = 604, 110.0

@@ -6,7 +6,7 @@ import pytest
 from cpic_core import stream
 from cpic_planner.validation import aperture_photometry, aperture_sum, aperture_weights, contrast
 from cpic_planner.validation.apertures import sample_scatter
-from cpic_planner.validation.photometry import ratio as over_noise
+from cpic_planner.validation.photometry import kernel_at, ratio as over_noise, sum_weights
 from simulator.detectors import excess_noise_factor2
 from simulator.detectors.gain import multiply
 
@@ -295,3 +295,25 @@ def test_contrast_of_any_scale_against_logarithms(hole: np.ndarray) -> None:
         assert measured.contrast(core, rate, time_s).error == pytest.approx(
             measured.error * throughput / star, rel=1e-12
         )
+
+
+def test_a_kernel_measures_as_the_sum_that_it_is(hole: np.ndarray) -> None:
+    """With the weights of the circle the photometry of the circle; with the planet's image the best of white noise."""
+    rng, (x, y) = np.random.default_rng(3), (70.3, 71.6)
+    planet = 400.0 * gaussian(x, y)
+    circle = kernel_at(aperture_weights((SIDE, SIDE), x, y, RADIUS), x, y, RADIUS + 1.0)
+    matched = kernel_at(planet, x, y, 5.0)
+    assert sum_weights((SIDE, SIDE), x, y, RADIUS, circle) == pytest.approx(
+        aperture_weights((SIDE, SIDE), x, y, RADIUS), abs=1e-12
+    )
+    snr: dict[str, list[float]] = {"plain": [], "circle": [], "matched": []}
+    for _ in range(40):
+        image = planet + 5.0 * rng.standard_normal((SIDE, SIDE))
+        for name, kernel in (("plain", None), ("circle", circle), ("matched", matched)):
+            found = aperture_photometry(image, x, y, RADIUS, background_region=hole, kernel=kernel)
+            snr[name].append(found.significance)
+    assert snr["circle"] == pytest.approx(snr["plain"], rel=1e-2)
+    # Of white noise the matched filter has the SNR of the root of the sum of squares.
+    best = float(np.sqrt(np.sum(planet**2))) / 5.0
+    assert np.mean(snr["matched"]) == pytest.approx(best, rel=0.04)
+    assert np.mean(snr["matched"]) > 1.05 * np.mean(snr["plain"])

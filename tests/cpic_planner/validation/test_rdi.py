@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from cpic_planner.validation import aperture_photometry, aperture_weights, rdi_subtract
-from cpic_planner.validation.rdi import leading_modes, row_norm
+from cpic_planner.validation.rdi import leading_modes, paying_modes, row_norm
 
 CENTERINGS = ["none", "spatial", "temporal"]
 
@@ -443,3 +443,40 @@ def test_nothing_in_nothing_out() -> None:
         assert singular.shape == (0,)
     assert row_norm(np.zeros((3, 7))) == 0.0
     assert leading_modes(np.eye(3), 0)[0].shape == (0, 3)
+
+
+def held_out(strong: float, visits: int = 60, most: int = 20) -> tuple[int, list[float]]:
+    """Modes that pay where three patterns vary, ``strong`` times the white noise; and limits of new visits by hand."""
+    side, rng = 41, np.random.default_rng(7)
+    rows, columns = np.indices((side, side)) - side // 2
+    region = (np.hypot(rows, columns) < 19) & (np.hypot(rows, columns) > 6)
+    waves = np.stack([np.cos(0.6 * rows + k) * np.sin((0.5 + 0.1 * k) * columns) for k in range(3)])
+
+    def drawn(number: int) -> np.ndarray:
+        amounts = strong * rng.standard_normal((number, 3))
+        return np.tensordot(amounts, waves, 1) + rng.standard_normal((number, side, side))
+
+    place, radius = (side // 2 + 12.0, float(side // 2)), 2.3
+    template = np.exp(-0.5 * ((columns - 12) ** 2 + rows**2) / 1.4**2)
+    weights, kernel = aperture_weights((side, side), *place, radius), aperture_weights((7, 7), 3, 3, radius)
+    samples = (np.hypot(rows, columns) < 16) & (np.hypot(rows, columns) > 9)
+    references, science = drawn(visits), drawn(400)
+    chosen = paying_modes(
+        references, most, region=region, template=template, weights=weights, kernel=kernel, samples=samples
+    )
+    limits = []
+    for k in (0, 3, most):
+        cut = rdi_subtract(science, references, k, region=region, centering="temporal")
+        sums = np.array([(image * weights).sum() for image in cut.residuals])
+        limits.append(float(sums.std() / cut.throughput(template, weights)))
+    return chosen, limits
+
+
+def test_as_many_modes_are_taken_as_pay() -> None:
+    chosen, (none, three, many) = held_out(3.0)
+    assert 3 <= chosen <= 5
+    assert three < 0.5 * none
+    assert three < many
+    assert held_out(0.0)[0] == 0
+    assert held_out(3.0, visits=2)[0] == 0
+    assert held_out(3.0, most=2)[0] == 2

@@ -20,7 +20,7 @@ STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
 def task_of(library="same_star_planet_free", still=True, star="tau Cet", **changes):
     extra = {"reference_star": ReferenceStar(v_mag=4.5)} if library == "reference_star" else {}
     model = build_model(
-        load_instrument(STILL if still else {}), ["F520"], Strategy(library=library, **extra, **changes)
+        load_instrument(STILL if still else {}), ["F520"], Strategy(library=library, visits=1, **extra, **changes)
     )
     target, _ = find_target(star)
     task = prepare_task(model, target, "F520", time_s=1800.0, planet=ReferencePlanet(), seed=5, fidelity="quick")
@@ -107,7 +107,7 @@ def test_rolls_see_the_planet_twice():
 
 def test_frames_lose_what_is_hit_and_what_is_bad():
     instrument = {"cosmic_rays": {"peak_rate_per_s_cm2": 20.0}}
-    model = build_model(load_instrument(instrument), ["F520"])
+    model = build_model(load_instrument(instrument), ["F520"], Strategy(visits=1))
     target, _ = find_target("tau Cet")
     task = prepare_task(model, target, "F520", time_s=1800.0, planet=ReferencePlanet(), seed=5, fidelity="quick")
     task = replace(task, n_frames=16)
@@ -124,3 +124,36 @@ def test_frames_lose_what_is_hit_and_what_is_bad():
     both = realised.reduced.region & other.reduced.region
     grown = realised.reduced.white_variance_e2[both].mean() / other.reduced.white_variance_e2[both].mean()
     assert grown == pytest.approx(1.0 / (1.0 - story.rejected_fraction), rel=0.1)
+
+
+def test_a_programme_is_the_mean_of_its_visits_less_that_of_the_references():
+    """By hand, from the draws of every visit; R references of V / R times the length; modes are of visits."""
+    task = replace(task_of(still=False), n_frames=6, visits=3, reference_visits=2)
+    strategy = task.strategy | {"reference_visits": 2}
+    visits = visit_pair(replace(task, strategy=strategy))
+    assert (visits.plan.visits, visits.plan.reference_visits, visits.plan.reference["n_frames"]) == (3, 2, 9)
+    science, reference = visits._stacks
+    sums = [stacks.draw(4, visit).sum(axis=0) for stacks, n in ((science, 3), (reference, 2)) for visit in range(n)]
+    stack = visits.draw(4).reduced
+    assert stack.integration_s == pytest.approx(18 * task.exposure_s)
+    assert stack.image_e == pytest.approx(sum(sums[:3]) - sum(sums[3:]), abs=1e-6 * np.abs(sums[0]).max())
+    offsets = [stacks.mean_rates(4, 0)[:, stack.region].mean(axis=0) for stacks in (science, reference)]
+    later = science.mean_rates(4, 1)[:, stack.region].mean(axis=0)
+    assert np.std(later - offsets[0]) > 0.3 * np.std(offsets[1] - offsets[0])
+    rolled = visit_pair(replace(task_of("roll", roll_deg=40.0), n_frames=6, visits=3, reference_visits=3)).draw(4)
+    assert [len(half.residuals) for half in (rolled.roll.first, rolled.roll.second)] == [3, 3]
+    many = visit_pair(replace(task, strategy=strategy | {"n_modes": 5}))
+    assert many.draw(4).reduced.rdi.modes_used == 1  # two visits less their mean
+
+
+def test_frames_of_a_programme_are_its_sums():
+    task = replace(task_of(), n_frames=6, visits=2, reference_visits=2)
+    visits = visit_pair(task)
+    realised, story = realise_frames(visit_pair(task, full=True))
+    other = visits.draw(0).reduced
+    assert story.lost_in == 0
+    assert realised.reduced.integration_s == other.integration_s == pytest.approx(12 * task.exposure_s)
+    assert len(realised.reduced.rdi.residuals) == 2
+    both = realised.reduced.region & other.region
+    noise = np.sqrt(2.0 * other.white_variance_e2[both].sum())
+    assert abs(realised.reduced.image_e[both].sum() - other.image_e[both].sum()) < 4.0 * noise

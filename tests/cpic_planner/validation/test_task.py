@@ -31,10 +31,11 @@ def test_the_prediction_is_that_of_the_optimiser():
     model, target, task = prepared()
     best = best_in_band(model, target, "F520", 7200.0, PLANET)
     expected = task.predictions[0]
-    assert (task.exposure_s, task.n_frames, task.em_gain) == (
+    assert (task.exposure_s, task.n_frames, task.em_gain, task.visits) == (
         float(best.exposure_s[0]),
-        int(best.n_frames[0]),
+        int(best.frames_per_visit[0]),
         float(best.em_gain[0]),
+        int(best.visits[0]),
     )
     for key, value in (
         ("snr_full", best.snr),
@@ -78,7 +79,10 @@ def test_time_without_a_frame_is_refused():
 
 def test_more_frames_than_memory_holds_are_refused():
     _, _, answer = prepared(
-        "alf Cen A", time_s=1e6, instrument=load_instrument({"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}})
+        "alf Cen A",
+        time_s=1e6,
+        instrument=load_instrument({"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}),
+        strategy=Strategy(visits=1),
     )
     assert isinstance(answer, BandConfirmation)
     assert answer.reason == "too_many_frames"

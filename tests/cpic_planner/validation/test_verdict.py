@@ -50,6 +50,7 @@ MODELLING = Modelling(
     epochs=6,
     switches={},
     left_out=(),
+    still=(),
     sky=True,
     rows=(EffectRow("sums", "skipped", "sums of frames", key="summed_frames", size=0.004),),
     predicted_error={"planet_flux": 0.001, "snr": 0.004},

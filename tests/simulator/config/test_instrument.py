@@ -104,8 +104,10 @@ def test_the_instrument_of_table_1_states_its_numbers():
         assert stated.provenance[key].confidence in "PIA"
         if key != "coronagraph.aperture_radius_lambda_d" and not key.endswith("t_opt"):
             assert stated.provenance[key] != default.provenance[key]
-    # nothing else but the paper's sky differs, so that the optics are the shipped ones
-    same = default.changed({"detector": {"read_noise_e": 100.0}, "sky": {"model": "uniform"}})
+    # nothing else but the paper's sky, what it leaves out of the drift and the time between visits differs, so that the
+    # optics are the shipped ones
+    sky, drift = {"model": "uniform"}, {"common_fraction": 0.0, "orbital_nm": 0.0}
+    same = default.changed({"detector": {"read_noise_e": 100.0}, "sky": sky, "drift": drift, "overhead_s": 0.0})
     assert same.model_copy(update={"name": "paper_table1"}).content_hash == stated.content_hash
 
 
@@ -139,6 +141,7 @@ def test_the_near_infrared_channel_has_its_own_geometry(band):
         ("cpic_default", "conjugation", "4q", (0.231, 0.294, 0.319, 0.377)),
         ("cpic_2q", "conjugation", "2q", (0.19, 0.21, 0.23, 0.27)),
         ("cpic_single_jacobian", "single_jacobian", "4q", (0.231, 0.294, 0.319, 0.377)),
+        ("as_published", "conjugation", "4q", (0.231, 0.294, 0.319, 0.377)),
     ],
 )
 def test_shipped_instruments(preset, control, mode, inner):
@@ -152,6 +155,23 @@ def test_shipped_instruments(preset, control, mode, inner):
     for key in ("wavefront.opd_rms_nm", "mirror.n_actuators", "dark_hole.control", "coronagraph.apodizer"):
         assert instrument.provenance[key].source
         assert instrument.provenance[key].confidence == "A"
+
+
+def test_a_band_has_its_own_error_of_sensing_or_that_of_all():
+    own = {"sensing": "probes", "sensing_contrast": 2e-8, "sensing_contrast_by_band": {"F720": 5e-8}}
+    hole = load_instrument({"dark_hole": own}).dark_hole
+    assert (hole.sensing_contrast_of("F720"), hole.sensing_contrast_of("F520")) == (5e-8, 2e-8)
+    assert load_instrument().dark_hole.sensing_contrast_of("F720") == 0
+
+
+def test_published_is_the_default_but_for_sensing():
+    published, default = load_instrument("as_published"), load_instrument()
+    sensed = [band for band in published.bands if published.dark_hole.sensing_contrast_of(band) > 0]
+    assert tuple(sensed) == published.visible_bands()
+    keys = {name for name, value in published.dark_hole if value != getattr(default.dark_hole, name)}
+    assert keys == {"sensing", "sensing_contrast_by_band"}
+    for section in set(type(default).model_fields) - {"name", "dark_hole"}:
+        assert getattr(published, section) == getattr(default, section), section
 
 
 def test_perfect_is_without_aberrations():

@@ -6,7 +6,7 @@ import pytest
 from simulator.config import load_instrument
 from simulator.imaging import HoleZone
 from simulator.imaging.build import bare_imager
-from simulator.imaging.conjugation import Conjugation, ControlSettings, _step, conjugate
+from simulator.imaging.conjugation import Conjugation, ControlSettings, _NormalEquations, _step, conjugate, sensed
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.pupil import draw_aberrations, flat_aberrations
 
@@ -150,3 +150,61 @@ def test_the_mirror_does_not_point():
         position = (np.arange(len(surface)) + 0.5) / len(surface) - 0.5
         slopes[hold] = [abs((IMAGER.transmission * surface * plane).sum()) for plane in (position, position[:, None])]
     assert max(slopes[True]) < 1e-6 * max(slopes[False])
+
+
+def test_the_error_of_sensing_is_that_of_probes():
+    """Two pairs of probes, images with Poisson noise: ``1 / (4 N)`` over one square lambda/D and the whole band."""
+    photons, step, shares = 1e7, 0.5, np.array([5, 8, 5]) / 18
+    rng = np.random.default_rng(5)
+    field = 1e-5 * np.exp(2j * np.pi * rng.random((3, 200, 200)))
+    light = photons * step**2 * shares[:, None, None]  # at the peak, in a pixel of half a lambda/D, at one wavelength
+    parts = []
+    for probe in (1e-3, 1e-3j):
+        bright, faint = (rng.poisson(light * np.abs(field + sign * probe) ** 2) for sign in (1, -1))
+        parts.append((bright - faint) / (4 * light * abs(probe)))
+    probed = (parts[0] + 1j * parts[1] - field) * np.sqrt(shares)[:, None, None]
+    settings = ControlSettings(sensing_contrast=1 / (4 * photons), step_lambda_d=step)
+    drawn = sensed(field, settings, np.random.default_rng(6)) - field
+    for parts_of in (np.real, np.imag):
+        for index in range(3):  # each a mean of 40,000 squares, good to 0.7 %
+            one, other = ((parts_of(errors[index]) ** 2).mean() for errors in (probed, drawn))
+            assert one == pytest.approx(other, rel=0.04)
+    cells = (np.sqrt(shares)[:, None, None] * drawn).sum(axis=0).reshape(100, 2, 100, 2).mean(axis=(1, 3))
+    assert (np.abs(cells) ** 2).mean() == pytest.approx(1 / (4 * photons), rel=0.05)
+
+
+def test_a_step_brings_the_errors_of_sensing_into_the_hole():
+    """As many of them as the singular values of the Jacobian let through, by the field behind the moved mirror."""
+    optics, settings = problem(n_wavelengths=1, sensing_contrast=1e-8, hold_star=False)
+    dark = conjugate(optics, dataclasses.replace(settings, sensing_contrast=0.0)).commands_nm
+    fields, equations, rng = optics.fields(dark), _NormalEquations(optics, settings), np.random.default_rng(7)
+    stacked = optics.jacobian(dark, 0)
+    values = np.linalg.svd(np.concatenate([stacked.real, stacked.imag]), compute_uv=False)
+    damping = 1e-2 * (np.abs(stacked) ** 2).sum(axis=0).max()
+    passed = ((values**2 / (values**2 + damping)) ** 2).sum()
+    expected = passed * settings.sensing_contrast / 2 / settings.step_lambda_d**2 / fields[0].size
+    quiet = dark + _step(*equations.at(dark, fields), -2.0).reshape(16, 16)
+    draws = []
+    for _ in range(60):
+        moved = dark + _step(*equations.at(dark, sensed(fields, settings, rng)), -2.0).reshape(16, 16)
+        draws.append((np.abs(optics.fields(moved) - optics.fields(quiet)) ** 2).sum(axis=0).mean())
+    assert abs(np.mean(draws) - expected) < 4 * np.std(draws) / np.sqrt(60)
+
+
+def test_the_hole_is_as_dark_as_the_field_is_known():
+    few = {"max_iterations": 10, "strong_every": 0, "tolerance": 0.0, "exponents": (1.0, 0.0, -1.0, -2.0, -3.0, -4.0)}
+
+    def darkest(sensing, seed=1):
+        found = conjugate(*problem(sensing_contrast=sensing, sensing_seed=seed, **few))
+        assert list(found.history) == sorted(found.history, reverse=True)
+        return min(found.history)
+
+    perfect = darkest(0)
+    assert darkest(1e-14) == pytest.approx(perfect, rel=0.01)
+    errors = (3e-8, 3e-7, 3e-6)
+    ends = [darkest(error) for error in errors]
+    assert perfect < ends[0] < ends[1] < ends[2]
+    for error, end in zip(errors, ends, strict=True):
+        assert 0.1 * error < end - perfect < 0.8 * error
+    assert darkest(3e-7) == ends[1] != darkest(3e-7, seed=2)
+    assert darkest(3e-7, seed=2) == pytest.approx(ends[1], rel=0.3)

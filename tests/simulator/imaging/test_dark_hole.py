@@ -175,6 +175,18 @@ def test_single_jacobian_is_a_named_less_ideal_state(small):
     assert once.wide.mean > 3 * anew.wide.mean
 
 
+def test_what_is_asked_of_a_hole_allows_for_the_errors_of_sensing(small):
+    aberrations = draw_aberrations(1, samples=64)
+    hole = solve_dark_hole(small, aberrations, MIRROR, settings=default_settings("4q", sensing_contrast=1e-7))
+    assert type(hole) is DarkHole
+    assert hole.limit_contrast == pytest.approx(2e-9 + 5e-8)
+    assert 1e-8 < hole.wide.mean <= hole.limit_contrast
+    assert len(hole.search.strong) <= 10
+    assert not any(hole.search.strong)
+    assert default_settings("2q", sensing_contrast=1e-7).goal_contrast == default_settings("2q").goal_contrast
+    assert default_settings("4q", "single_jacobian", 1e-7).sensing_contrast == 1e-7
+
+
 def test_band_is_scored_in_its_own_width(refused, small):
     aberrations = draw_aberrations(1, samples=64)
     hole = solve_dark_hole(small, aberrations, MIRROR, settings=ControlSettings(max_iterations=4))

@@ -1,16 +1,18 @@
+import itertools
+
 import numpy as np
 import pytest
 
-from simulator.config import Drift, load_instrument
-from simulator.imaging import FocalGrid, build_imager, single_band_psf, visit_frames
-from simulator.imaging.drift import iter_visit_frames, screen_model
+from simulator.config import Drift, Timing, load_instrument
+from simulator.imaging import FocalGrid, SharedTerms, build_imager, single_band_psf, visit_frames
+from simulator.imaging.drift import iter_visit_frames, low_order_map, screen_model
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()
 
 
-def drift(visit=0.05, walk=0.0):
-    return Drift(visit_nm=visit, walk_nm_per_sqrt_hour=walk, psd_slope=2.5)
+def drift(visit=0.05, walk=0.0, **more):
+    return Drift(visit_nm=visit, walk_nm_per_sqrt_hour=walk, psd_slope=2.5, **more)
 
 
 def rngs(*path):
@@ -125,8 +127,13 @@ def wavefronts(monkeypatch):
     imager = build_imager(INSTRUMENT, "F662", Knobs(pupil_samples=64, wavelength_nodes=1, pixel_nodes=1))
     monkeypatch.setattr(FocalGrid, "image", lambda grid, opd_nm: opd_nm)
 
-    def drawn(settings, n_frames, cadence_s, n_visits):
-        opd = np.stack([visit_frames(imager, settings, n_frames, cadence_s, *rngs(5, k)) for k in range(n_visits)])
+    def drawn(settings, n_frames, cadence_s, n_visits, shared=lambda k: SharedTerms()):
+        opd = np.stack(
+            [
+                visit_frames(imager, settings, n_frames, cadence_s, *rngs(5, k), shared=shared(k))
+                for k in range(n_visits)
+            ]
+        )
         return opd[:, :, disc(opd.shape[-1])[0]]
 
     return drawn
@@ -158,3 +165,124 @@ def test_iteration_is_lazy_and_checked(refused):
     assert next(frames).shape == (137, 137)
     refused("n_frames", iter_visit_frames, imager, drift(), 0, 60.0, *rngs(7))
     refused("cadence_s", iter_visit_frames, imager, drift(), 1, 0.0, *rngs(8))
+
+
+def test_low_orders_are_the_six_aberrations_in_equal_parts():
+    """Projections on unit Zernike polynomials (Noll 1976), whose radial parts are written out here once more."""
+    n = 400
+    inside, position = disc(n)
+    r, theta = 2 * np.hypot(position[:, None], position), np.arctan2(position[:, None], position)
+    noll = {
+        "piston": np.ones_like(r),
+        "tip": 2 * r * np.cos(theta),
+        "tilt": 2 * r * np.sin(theta),
+        "defocus": np.sqrt(3) * (2 * r**2 - 1),
+        "astigmatism": np.sqrt(6) * r**2 * np.cos(2 * theta),
+        "other astigmatism": np.sqrt(6) * r**2 * np.sin(2 * theta),
+        "coma": np.sqrt(8) * (3 * r**3 - 2 * r) * np.cos(theta),
+        "other coma": np.sqrt(8) * (3 * r**3 - 2 * r) * np.sin(theta),
+        "spherical": np.sqrt(5) * (6 * r**4 - 6 * r**2 + 1),
+    }
+    low = low_order_map(n)
+    for name, term in noll.items():
+        expected = 0.0 if name in ("piston", "tip", "tilt") else 1 / np.sqrt(6)
+        assert (low * term)[inside].mean() == pytest.approx(expected, abs=3e-3), name
+    assert (low[inside] ** 2).mean() == pytest.approx(1.0, rel=1e-12)
+    assert not low.flags.writeable
+
+
+@pytest.mark.parametrize("tau_h", [0.5, 3.0])
+def test_offsets_of_visits_are_a_stationary_chain(tau_h):
+    """The correlation of visits j and k is exp(-|j - k| gap / tau), and every visit has the same rms."""
+    settings, gap_s, count, inside = drift(0.4, correlation_time_h=tau_h), 1800.0, 80, disc(64)[0]
+    model, chains = screen_model(64, 2.5), []
+    for number in range(count):
+
+        def rng(visit, number=number):
+            return np.random.default_rng([number, visit])
+
+        terms = [SharedTerms(settings.correlation(gap_s), tuple(map(rng, range(k - 1, -1, -1)))) for k in range(4)]
+        chains.append([term.frozen(model, settings, model.draw(rng(k), 0.4))[inside] for k, term in enumerate(terms)])
+    chains = np.array(chains)
+    for j in range(4):
+        for k in range(j, 4):
+            products = (chains[:, j] * chains[:, k]).mean(axis=-1)
+            expected = 0.4**2 * np.exp(-0.5 * (k - j) / tau_h)
+            assert abs(products.mean() - expected) < 4 * products.std() / np.sqrt(count), (j, k)
+
+
+def test_science_visits_have_one_screen_in_common(wavefronts):
+    """The mean of many visits tends to it; its rms is its fraction of the offset's."""
+    settings = drift(0.3, common_fraction=0.5)
+    found = wavefronts(settings, 1, 60.0, 40, lambda k: SharedTerms(common=np.random.default_rng(8)))
+    alone = wavefronts(settings, 1, 60.0, 40)
+    screen = screen_model(128, 2.5).draw(np.random.default_rng(8), 0.15)[disc(128)[0]]
+    np.testing.assert_allclose(found - alone, np.broadcast_to(screen, found.shape), atol=1e-12)
+    assert settings.common_nm == 0.15
+
+
+ORBIT_S = 5553.6
+
+
+@pytest.mark.parametrize("orders", ["low", "all"])
+def test_the_orbit_swings_one_map_in_all_visits(wavefronts, orders):
+    """Frames against the sine at their middle; the rms over disc and orbit is that of the configuration."""
+    settings = drift(0.0, orbital_nm=0.2, orbital_orders=orders, orbital_period_s=ORBIT_S)
+    timing, n_frames, cadence_s = Timing(start_turns=0.1, window_turns=1.0), 20, ORBIT_S / 20
+    orbits = 60 if orders == "all" else 1
+
+    def shared(seed):
+        return lambda k: SharedTerms(orbit=np.random.default_rng(seed), timing=timing)
+
+    found = np.concatenate([wavefronts(settings, n_frames, cadence_s, 1, shared(seed)) for seed in range(orbits)])
+    middle = (np.arange(n_frames) + 0.5) * cadence_s / ORBIT_S + 0.1
+    width = np.sinc(cadence_s / ORBIT_S)  # of a sine that is averaged over a frame
+    expected = 0.2 * np.sqrt(2) * width * np.sin(2 * np.pi * middle)
+    shape = found[0, 0] / expected[0]
+    np.testing.assert_allclose(found[0], expected[:, None] * shape, atol=1e-12)
+    squares = (found**2).mean(axis=(1, 2)) / width**2
+    assert abs(squares.mean() - 0.04) <= max(4 * squares.std() / np.sqrt(orbits), 1e-12)
+
+
+def test_a_phase_that_nobody_knows_is_that_of_the_realisation(wavefronts):
+    settings = drift(0.0, orbital_nm=0.2, orbital_period_s=ORBIT_S)
+
+    def swung(seed, **more):
+        terms = SharedTerms(orbit=np.random.default_rng(seed), **more)
+        return wavefronts(settings, 1, 60.0, 1, lambda k: terms)[0, 0]
+
+    np.testing.assert_array_equal(swung(1, visit=5), swung(1, reference=True))  # interleaved: the same part of orbits
+    assert np.abs(swung(1) - swung(2)).max() > 1e-3
+
+
+@pytest.mark.parametrize("harmonic", [1, 2])
+@pytest.mark.parametrize(
+    ("scheme", "visit", "science", "reference"),
+    [
+        ("interleaved", 0, (0.0, 0.4), (0.0, 0.4)),
+        ("half", 1, (0.0, 0.2), (0.2, 0.4)),
+        ("swapped", 2, (0.0, 0.2), (0.2, 0.4)),
+        ("swapped", 3, (0.2, 0.4), (0.0, 0.2)),
+        ("other_star", 0, (0.0, 0.4), (0.25, 0.65)),
+    ],
+)
+def test_light_is_taken_in_windows(scheme, visit, science, reference, harmonic):
+    """Means over the times of a fine clock that is folded into the windows."""
+    timing, edges = Timing(scheme, window_turns=0.4), np.array([0.0, 0.13, 0.5, 2.31])
+    for first, last, role in ((*science, False), (*reference, True)):
+        found = timing.phasors(edges, reference=role, visit=visit, harmonic=harmonic)
+        clock = (np.arange(231_000) + 0.5) * 1e-5
+        waves = np.exp(2j * np.pi * harmonic * (first + clock % (last - first)))
+        expected = [waves[(clock > low) & (clock < high)].mean() for low, high in itertools.pairwise(edges)]
+        np.testing.assert_allclose(found, expected, atol=2e-4)
+
+
+def test_timing_is_checked(refused):
+    for name, values in {
+        "scheme": ("alternate",),
+        "gap_s": (-1.0, np.nan),
+        "start_turns": (np.inf,),
+        "window_turns": (0.0, 1.1),
+    }.items():
+        for value in values:
+            refused(name, Timing, **{name: value})

@@ -27,7 +27,7 @@ def report():
 @pytest.fixture(scope="session")
 def calm():
     """The default instrument without drift."""
-    return load_instrument({"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}})
+    return load_instrument({"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0, "orbital_nm": 0.0}})
 
 
 @pytest.fixture(scope="session")

@@ -97,7 +97,7 @@ def test_standard_only_draws_sums(said):
 
 def test_quick_is_refused_where_it_is_too_coarse(make):
     """Two wavelengths do not know the light of a bright star beyond the dark hole."""
-    calm = load_instrument({"drift": {"visit_nm": 0.5, "walk_nm_per_sqrt_hour": 0.0}})
+    calm = load_instrument({"drift": {"visit_nm": 0.5, "walk_nm_per_sqrt_hour": 0.0, "orbital_nm": 0.0}})
     speckled = forecast(
         make(0.8, 0.2, v_mag=4.0), calm, **(SETTINGS | {"band": "F520", "exposure_s": 1.0}), reduced=True
     )

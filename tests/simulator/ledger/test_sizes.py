@@ -8,11 +8,15 @@ import pytest
 from cpic_core import stream
 from simulator import load_instrument, observe
 from simulator.camera import aperture_loss_per_s
+from simulator.config import Timing
 from simulator.detectors import VISIBLE
 from simulator.detectors.chains import switched
 from simulator.effects import draw_cosmic_rays
+from simulator.imaging import centred_axis, psf_metrics, single_band_psf
+from simulator.imaging.drift import low_order_map
 from simulator.ledger import forecast
-from simulator.ledger.case import pixel_hits
+from simulator.ledger.case import largest_speckles, pixel_hits
+from simulator.signal import drift_halo
 
 SETTINGS = {"band": "F662", "exposure_s": 2.0, "n_frames": 4, "em_gain": 20.0}
 # Nothing overflows in the scene, and the clocks of the register make nothing by default.
@@ -139,3 +143,56 @@ def test_fewer_epochs_miss_the_variance_of_a_walk(make):
     assert few > 20 * more > 0
     assert said.knob_sizes["drift_epochs"][12]["snr"] == 0.0
     assert said.knob_sizes["drift_epochs"][1]["pixel_map"] > said.knob_sizes["drift_epochs"][6]["pixel_map"] > 0
+
+
+def test_what_visits_have_in_common_grows_with_their_number(make):
+    """Half the share that it has in the variance of the programme, by the law; what averages counts less and less."""
+    drift = {"visit_nm": 0.1, "walk_nm_per_sqrt_hour": 0.0, "common_fraction": 0.3, "orbital_nm": 0.05}
+    drifting = load_instrument({"drift": drift | {"orbital_orders": "all"}})
+    settings = SETTINGS | {"n_frames": 1000}
+    found = [
+        forecast(make(v_mag=0.0), drifting, **settings, visits=visits, timing=Timing("other_star")).sizes
+        for visits in (1, 4, 64)
+    ]
+    for key in ("drift_common", "orbital_drift"):
+        few, more, many = (sizes[key]["snr"] for sizes in found)
+        assert 0 < few < more < many < 0.5, key
+        assert found[0][key]["pixel_map"] == found[2][key]["pixel_map"] > 0
+    for key in ("photon_noise", "read_noise", "clock_charge"):
+        few, more, many = (sizes[key]["snr"] for sizes in found)
+        assert few > more > many > 0, key
+    # More than half of the variance of so many visits.
+    assert found[2]["drift_common"]["snr"] + found[2]["orbital_drift"]["snr"] > 0.25
+
+
+def test_a_small_orbit_is_not_drawn(make):
+    """Low orders of 0.1 nm change nothing that was asked for; a screen of that size in another part of orbits does."""
+    low = load_instrument()
+    high = low.changed({"drift": {"orbital_orders": "all"}})
+    settings = SETTINGS | {"n_frames": 1000, "window": "hole", "max_epochs": 1, "timing": Timing("other_star")}
+    settings |= {"quantity": "snr", "tolerance": 0.02}
+    kept = {
+        name: observe(make(v_mag=1.0), **settings, instrument=instrument, visits=16)
+        for name, instrument in (("low", low), ("high", high))
+    }
+    rows = {name: {row.key: row for row in seen.ledger} for name, seen in kept.items()}
+    assert rows["low"]["orbital_drift"].decision == "skipped"
+    assert "SNR" in rows["low"]["orbital_drift"].reason
+    assert rows["high"]["orbital_drift"].decision == rows["low"]["drift_common"].decision == "kept"
+    assert kept["low"].instrument.drift.orbital_nm == 0.0 < kept["high"].instrument.drift.orbital_nm
+    assert kept["low"].choice.still == ("orbital_nm",)
+
+
+@pytest.mark.parametrize("band", ["F520", "F850"])
+def test_an_orbit_of_low_orders_changes_no_pixel_by_more_than_it_says(band):
+    """Full propagation at the largest swing, either sign, on the whole stamp; the light of a screen of that rms."""
+    instrument, largest_nm = load_instrument(), 0.1 * math.sqrt(2.0)
+    psf, figures = single_band_psf(band), psf_metrics(instrument, band)
+    axis, shape = psf.imager.stamp_axis(masked=True), low_order_map(len(psf.imager.transmission))
+    grid = psf.imager.focal_grid(axis, axis)
+    still, swung = grid.image(), [grid.image(sign * largest_nm * shape) for sign in (1, -1)]
+    place = centred_axis(len(still), psf.imager.pixel_scale_arcsec)
+    radius = np.hypot(place[:, None], place)
+    halo = drift_halo(figures, radius, largest_nm, 2.5, instrument.band(band).center_nm) * figures.peak_off_axis
+    change = np.max([np.abs(image - still) for image in swung], axis=0)
+    assert 0.05 < np.max(change / largest_speckles(still, halo)) < 0.5

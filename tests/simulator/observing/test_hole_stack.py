@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 
-from cpic_core import Reason, Status
+from cpic_core import Reason, Status, stream
 from simulator import load_instrument, observe
 from simulator.camera import to_electrons
+from simulator.config import Timing
 from simulator.detectors import excess_noise_factor2
+from simulator.imaging import FocalGrid
+from simulator.imaging.drift import low_order_map, screen_model
 from simulator.ledger import SUM_EPOCHS
 from simulator.observing import hole_stackable, hole_stacks
 
-STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}
+STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0, "orbital_nm": 0.0}}
 MOVING = tuple(
     """
     parallel_cti serial_cti smear cosmic_rays nonlinearity flat dark_structure bad_pixels bad_columns stripes
@@ -76,7 +79,7 @@ def test_sums_scatter_as_sums_of_frames_do():
 
 
 def test_a_visit_has_the_same_offset_as_its_frames():
-    still = {"drift": {"visit_nm": 0.2, "walk_nm_per_sqrt_hour": 0.0}}
+    still = {"drift": {"visit_nm": 0.2, "walk_nm_per_sqrt_hour": 0.0, "orbital_nm": 0.0}}
     observation = sequence(still, realisation=3, fidelity="standard")
     rates = hole_stacks(observation).mean_rates(3)
     hole = observation.psf.metrics.hole
@@ -89,7 +92,7 @@ def test_a_visit_has_the_same_offset_as_its_frames():
 
 
 def test_a_walk_is_sampled_evenly_and_grows():
-    walk = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.02}}
+    walk = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.02, "orbital_nm": 0.0}}
     stacks = hole_stacks(sequence(walk, n_frames=360, fidelity="standard"))
     nominal = hole_stacks(sequence(STILL, n_frames=360, fidelity="standard")).mean_rates()[0]
     hole = stacks.region
@@ -107,6 +110,77 @@ def test_realisations_differ_and_repeat():
     assert np.any(stacks.draw(2) != stacks.draw(3))
     reference = hole_stacks(sequence(role="reference"))
     assert np.any(stacks.draw(2) != reference.draw(2))
+
+
+@pytest.fixture
+def wavefront(monkeypatch):
+    """Return what the pupil has in the epochs of a visit, nm."""
+    seen = []
+    image = FocalGrid.image
+
+    def kept(grid, opd_nm=None):
+        if opd_nm is not None:
+            seen.append(opd_nm)
+        return image(grid, opd_nm)
+
+    def drawn(stacks, *which):
+        seen.clear()
+        stacks.mean_rates(*which)
+        return np.array(seen)
+
+    monkeypatch.setattr(FocalGrid, "image", kept)
+    return drawn
+
+
+def test_visits_of_a_programme_share_a_screen_and_the_orbit(wavefront):
+    """Every wavefront, put together once more from its named streams."""
+    drift = {
+        "visit_nm": 0.2,
+        "walk_nm_per_sqrt_hour": 0.0,
+        "common_fraction": 0.5,
+        "correlation_time_h": 0.1,
+        "orbital_nm": 0.3,
+    }
+    timing = Timing("half", gap_s=600.0, start_turns=0.25)
+    rho, model = np.exp(-600.0 / 360.0), screen_model(128, 2.5)
+    for role in ("science", "reference"):
+        stacks = hole_stacks(sequence({"drift": drift}, role=role, timing=timing, n_frames=4))
+        path = ("s", "SCI", role, "F520", 5)
+        first, later = (model.draw(stream(1, *path, *visit, "visit"), 0.2) for visit in ((), ("visit", 1)))
+        offset = rho * first + np.sqrt(1 - rho**2) * later
+        if role == "science":
+            offset = offset + model.draw(stream(1, *path, "common"), 0.1)
+        turns = (np.arange(5) * 11.1 / 5553.6)[:, None] + np.linspace(0, 1, 2001) * 11.1 / 5553.6
+        late = 0.23 if role == "reference" else 0.0
+        sine = np.sin(2 * np.pi * (turns + 0.25 + late)).mean(axis=1)[:4]
+        expected = offset + 0.3 * np.sqrt(2) * sine[:, None, None] * low_order_map(128)
+        np.testing.assert_allclose(wavefront(stacks, 5, 1), expected, atol=1e-6)
+
+
+def test_visits_have_their_own_noise_and_the_first_is_the_default():
+    stacks = hole_stacks(sequence(STILL, n_frames=2))
+    np.testing.assert_array_equal(stacks.draw(3), stacks.draw(3, 0))
+    np.testing.assert_array_equal(stacks.mean_rates(3, 1), stacks.mean_rates(3))
+    drawn = [stacks.draw(realisation, visit) for realisation in (3, 4) for visit in (0, 1, 2)]
+    for i, one in enumerate(drawn):
+        for other in drawn[:i]:
+            assert np.any(one != other)
+
+
+def test_frames_and_sums_are_of_the_same_visit():
+    still = {"drift": {"visit_nm": 0.2, "walk_nm_per_sqrt_hour": 0.0, "orbital_nm": 0.0}}
+    seen = sequence(still, realisation=3, visit=4, fidelity="standard")
+    hole = seen.psf.metrics.hole
+    rates = hole_stacks(sequence(still, fidelity="standard")).mean_rates(3, 4)
+    np.testing.assert_allclose(rates[0][hole], seen.mean_rate_map[hole], rtol=1e-12)
+    one, other = (sequence(STILL, visit=visit).frame(0).adu for visit in (0, 1))
+    assert np.any(one != other)
+
+
+def test_a_visit_has_a_number(refused):
+    refused("visit", sequence, visit=-1)
+    refused("visit", hole_stacks(sequence(STILL)).draw, 1, 1.5)
+    refused("visits", sequence, visits=0)
 
 
 def test_frames_are_shared_among_epochs():

@@ -9,7 +9,7 @@ from simulator.passbands import Passbands
 
 STAR = {"name": "star", "v_mag": 5.0, "teff_k": 5800}
 QUIET_CAMERA = {"cosmic_rays": False, "interference": False}
-QUIET = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
+QUIET = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0, "orbital_nm": 0.0}}
 
 
 def planet(pa_deg, separation=0.5, distance=0.02):

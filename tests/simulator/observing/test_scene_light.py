@@ -7,7 +7,7 @@ from simulator import load_instrument, observe
 from simulator.imaging import psf_metrics
 
 NOTHING = dict.fromkeys(type(load_instrument().detector.switches).model_fields, False)
-STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}
+STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0, "orbital_nm": 0.0}}
 STRAY = {"sky": {"stray_light": {"rate_e_s": 0.5}}}
 COMPANION = {"name": "B", "v_mag": 4.0, "teff_k": 5200, "separation_arcsec": 6.0, "pa_deg": 5.0}
 

@@ -68,6 +68,7 @@ def orbit(**values):
 def test_default_orbit_has_the_published_period_speed_and_drift():
     default = orbit()
     assert default.period_s / 60 == pytest.approx(92.56, abs=0.01)
+    assert load_instrument().drift.orbital_period_s == pytest.approx(default.period_s, abs=0.05)
     _, velocity = default.state(np.linspace(0, 6000, 50))
     assert np.linalg.norm(velocity, axis=-1) == pytest.approx(7.67, abs=0.01)
     assert default.node_rate_deg_day == pytest.approx(-6.03, abs=0.01)

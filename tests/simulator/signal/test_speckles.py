@@ -5,10 +5,18 @@ import pytest
 
 from cpic_core import stream
 from cpic_planner.etc import build_model
-from simulator.config import load_instrument
+from simulator.config import Timing, load_instrument
 from simulator.imaging import psf_metrics, single_band_psf
 from simulator.imaging.drift import screen_model
-from simulator.signal import SpeckleLaw, drift_halo, error_light_share, floor_law, speckle_law
+from simulator.signal import (
+    SpeckleLaw,
+    drift_halo,
+    error_light_share,
+    floor_law,
+    programme_law,
+    programme_parts,
+    speckle_law,
+)
 
 MODEL = build_model(load_instrument())
 DRIFT = MODEL.instrument.drift
@@ -20,8 +28,9 @@ def speckle_fraction(metrics, drift, visit_s, separation_arcsec, annulus_lambda_
     return np.sqrt(speckle_law(metrics, drift, separation_arcsec, annulus_lambda_d).variance(visit_s))
 
 
-def drift(visit_nm, walk=0.0):
-    return DRIFT.model_copy(update={"visit_nm": visit_nm, "walk_nm_per_sqrt_hour": walk})
+def drift(visit_nm, walk=0.0, **more):
+    values = {"visit_nm": visit_nm, "walk_nm_per_sqrt_hour": walk, "common_fraction": 0.0, "orbital_nm": 0.0}
+    return DRIFT.model_copy(update=values | more)
 
 
 @pytest.mark.parametrize("band", BANDS)
@@ -103,17 +112,28 @@ def test_small_offsets_are_linear_and_large_ones_quadratic(band):
     assert ten / one == pytest.approx(100.0, rel=0.01)
 
 
+def coefficients(metrics, r):
+    """Of the floor at separations: between bins by logarithms, beyond them by the power of the last two."""
+    found = []
+    bins = metrics.floor_separation_arcsec
+    for part in floor_law(metrics):
+        power = np.log(part[-1] / part[-2]) / np.log(bins[-1] / bins[-2])
+        beyond = part[-1] * (r / bins[-1]) ** power
+        found.append(np.where(r > bins[-1], beyond, np.exp(np.interp(r, bins, np.log(part)))))
+    return found
+
+
 def test_an_annulus_counts_with_the_mean_variance_of_its_whole_apertures():
     """Apertures thrown at random on the annulus, kept where they lie in the square quadrants."""
     metrics, place, half = MODEL.metrics["F662"], 0.66, 1.5
     rng, margin = np.random.default_rng(5), metrics.aperture_radius_arcsec
-    reach = half * metrics.lambda_d_arcsec
+    reach = half * metrics.lambda_d_arcsec - margin  # whole apertures
     x, y = rng.uniform(0.0, place + reach, (2, 400_000))
     r = np.hypot(x, y)
     low, high = metrics.zone.inner_arcsec + margin, metrics.zone.outer_arcsec - margin
     kept = (np.abs(r - place) <= reach) & (np.minimum(x, y) >= low) & (np.maximum(x, y) <= high)
-    a, b = (np.interp(r[kept], metrics.floor_separation_arcsec, np.log(part)) for part in floor_law(metrics))
-    mean = (np.exp(a) * 0.05**2 + np.exp(b) * 0.05**4).mean() ** 0.5
+    a, b = coefficients(metrics, r[kept])
+    mean = (a * 0.05**2 + b * 0.05**4).mean() ** 0.5
     assert speckle_fraction(metrics, drift(0.05), 0.0, place, half) == pytest.approx(mean, rel=0.03)
     inner, outer = speckle_fraction(metrics, drift(0.05), 0.0, np.array([0.5, 0.8]), half)
     assert inner > 1.3 * outer
@@ -127,20 +147,21 @@ def test_the_mean_over_an_annulus_by_counting_angles(band, half):
     corner, edge, margin = metrics.hole_inner_corner_arcsec, metrics.owa_arcsec, metrics.aperture_radius_arcsec
     low, high = metrics.zone.inner_arcsec + margin, metrics.zone.outer_arcsec - margin
     first, last = np.hypot(low, low), np.hypot(high, high)
-    near = 0.98 * half * metrics.lambda_d_arcsec  # circles at the end of the annulus hold the only apertures
+    reach = max(half * metrics.lambda_d_arcsec - margin, 0.0)
+    near = 0.98 * reach  # circles at the end of the annulus hold the only apertures
     places = np.array([0.6 * corner, first - near, first, 0.5 * (first + last), high, last, last + near, edge])
     angle = 2.0 * np.pi * (np.arange(20_000) + 0.5) / 20_000
     cosine, sine = np.abs(np.cos(angle)), np.abs(np.sin(angle))
     expected = []
     for place in places:
-        circles = place + np.linspace(-1.0, 1.0, 25)[:, None] * half * metrics.lambda_d_arcsec
+        circles = place + np.linspace(-1.0, 1.0, 25)[:, None] * reach
         x, y = circles * cosine, circles * sine
         free = (np.minimum(x, y) >= low) & (np.maximum(x, y) <= high)
         weight = circles[:, 0] * free.mean(axis=1)
         if weight.sum() == 0.0:
             circles, weight = np.full((1, 1), place), np.ones(1)
-        a, b = (np.interp(circles[:, 0], metrics.floor_separation_arcsec, np.log(part)) for part in floor_law(metrics))
-        expected.append(((np.exp(a) * 0.05**2 + np.exp(b) * 0.05**4) @ weight / weight.sum()) ** 0.5)
+        a, b = coefficients(metrics, circles[:, 0])
+        expected.append(((a * 0.05**2 + b * 0.05**4) @ weight / weight.sum()) ** 0.5)
     found = speckle_fraction(metrics, drift(0.05), 0.0, places, half)
     inner = np.isin(np.arange(places.size), [1, 6])  # a few angles there: the steps of the table show
     np.testing.assert_allclose(found[~inner], np.array(expected)[~inner], rtol=3e-3)
@@ -152,6 +173,81 @@ def test_the_fit_is_never_negative():
         a, b = floor_law(MODEL.metrics[band])
         assert np.all(a >= 0)
         assert np.all(b > 0)
+
+
+ORBIT = {"orbital_nm": 0.3, "orbital_orders": "all"}
+
+
+def orbital_laws(scheme, **more):
+    """Return the law of a drift with an orbital term, and without."""
+    settings = [drift(0.05, **(ORBIT | more)), drift(0.05)]
+    return [programme_law(MODEL.metrics["F520"], item, 0.6, 1.5, timing=Timing(scheme)) for item in settings]
+
+
+def phases(scheme):
+    """Orbital sine over the windows of science and of references, for all phases: arrays (phases, times)."""
+    half, late = 0.5 if scheme in ("half", "swapped") else 1.0, {"half": 0.23, "swapped": 0.23, "other_star": 0.25}
+    start = (np.arange(720) + 0.5) / 720
+    times = (np.arange(3000) + 0.5) / 3000 * 0.46 * half
+    begins = (0.0, late.get(scheme, 0.0))
+    return [np.sqrt(2) * np.sin(2 * np.pi * (start[:, None] + begin + times)) for begin in begins]
+
+
+@pytest.mark.parametrize("scheme", ["interleaved", "half", "swapped", "other_star"])
+def test_the_orbit_leaves_what_its_sine_leaves(scheme):
+    """From means over a fine clock and all phases: its cross terms with the static field and with visits, and alone."""
+    law, alone = orbital_laws(scheme)
+    linear, square = (programme_law(MODEL.metrics["F520"], drift(o), 0.6, 1.5).science.k0 for o in (1e-6, 1e6))
+    linear, square, power = linear / 1e-12, square / 1e24, 0.3**2
+    science, reference = phases(scheme)
+    stays = power * ((science - reference).mean(axis=1) ** 2).mean()
+    light = power**2 * (((science**2).mean(axis=1) - (reference**2).mean(axis=1)) ** 2).mean()
+    lasting = stays * linear + light * square
+    crossing = [2 * square * 0.05**2 * power * (part.mean(axis=1) ** 2).mean() for part in (science, reference)]
+    for visits in (1, 2, 8):
+        more = law.law(visits).k0 - alone.law(visits).k0
+        stay = lasting / visits**2 if scheme == "swapped" else lasting
+        small = 1e-4 * float(alone.law(visits).k0)
+        assert more == pytest.approx(stay + sum(crossing) / visits, rel=2e-3, abs=small)
+
+
+def test_a_calm_orbit_changes_nothing_and_drift_scales_as_a_whole():
+    law, alone = orbital_laws("half", orbital_nm=0.0)
+    assert law == alone
+    metrics, timing = MODEL.metrics["F520"], Timing("other_star")
+    settings = drift(0.05, 0.1, common_fraction=0.3, **ORBIT)
+    twice = drift(0.1, 0.2, common_fraction=0.3, **(ORBIT | {"orbital_nm": 0.6}))
+    one, two = (programme_parts(metrics, item, 0.6, 1.5, timing=timing) for item in (settings, twice))
+    for power, part, larger in zip((4, 16), one, two, strict=True):
+        assert larger.law(3).variance(3600.0) == pytest.approx(power * part.law(3).variance(3600.0), rel=1e-12)
+    whole = programme_law(metrics, settings, 0.6, 1.5, timing=timing).law(3).variance(3600.0)
+    assert whole == pytest.approx(sum(part.law(3).variance(3600.0) for part in one), rel=1e-12)
+
+
+def test_the_order_that_turns_scales_with_the_rest():
+    law, _ = orbital_laws("swapped")
+    assert law.turned is not None
+    assert law.scaled(4.0).law(3).k0 == pytest.approx(4.0 * law.law(3).k0, rel=1e-12)
+    assert law.averaging().turned is law.turned
+
+
+@pytest.mark.parametrize(
+    ("visits", "gap_h", "memory_h"), [(1, 1.0, 3.0), (2, 0.5, 1.0), (7, 2.0, 5.0), (40, 0.3, 30.0)]
+)
+def test_independent_visits_are_the_sum_over_pairs(visits, gap_h, memory_h):
+    """The variance of a mean of correlated offsets, pair by pair."""
+    law = programme_law(MODEL.metrics["F520"], drift(0.05, correlation_time_h=memory_h), 0.6, 1.5)
+    number = np.arange(visits)
+    together = np.exp(-np.abs(number[:, None] - number) * gap_h / memory_h)
+    assert float(law.independent(visits, gap_h * 3600.0)) == pytest.approx(visits**2 / together.sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.5, 1.0])
+def test_what_all_visits_share_is_half_of_a_pair_that_is_off_by_it(fraction):
+    metrics = MODEL.metrics["F662"]
+    shared = programme_law(metrics, drift(0.2, common_fraction=fraction), 0.6, 1.5).common
+    alone = speckle_law(metrics, drift(0.2 * fraction), 0.6, 1.5)
+    assert shared.variance(7200.0) == pytest.approx(alone.variance(7200.0) / 2.0, rel=1e-12)
 
 
 def test_a_law_scales():

@@ -4,7 +4,7 @@ import pytest
 
 from catalogs import load_known_planets
 from cpic_planner.ranking import KnownChoice
-from cpic_planner.ranking.known_superseded import superseded_by
+from cpic_planner.ranking.known_answer import superseded_by
 from simulator.config import albedo_spec
 
 DISTANCE_PC = 3.216

@@ -1,0 +1,308 @@
+"""Of how many visits, and how long ones, the observation of a planet is best made: closed forms over many places.
+
+With ``G`` the white noise over signal squared of one second of frames, and ``z(v; V)`` the residual of V visits of
+``v`` seconds over signal squared, a programme has ``1 / SNR^2 = G / (V v) + z(v; V)``. Each visit has an overhead, so
+that more of them leave less time; each has a wavefront of its own, so that more of them average it; what science and
+reference visits differ by in all of them stays. Frames need not be whole here, and their exposure is that of one visit,
+so that many stars and places cost little: `cpic_planner.ranking.optimiser` makes frames whole.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+
+from cpic_core import ArrayLike, BoolArray, FloatArray
+from cpic_planner import etc
+from cpic_planner.queries import MAX_VISITS
+from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_parts
+
+VISITS = np.unique(np.rint(np.geomspace(1.0, MAX_VISITS, 24)))
+"""Numbers of visits that are looked at first."""
+_NEARBY = np.linspace(0.0, 1.0, 11)
+_SHORTER = np.geomspace(1.0, 0.01, 16)
+_ENDLESS_S = np.geomspace(1e2, 1e8, 25)
+_ROUNDS, _NEWTON_STEPS, _BISECTIONS = 8, 3, 14
+_LEAST_FACTOR = 1e-4
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What decides programmes at places of many stars: arrays ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
+
+    Attributes
+    ----------
+    model : EtcModel
+    band : str
+    level : ndarray
+        Small-sample threshold of a significance, or the SNR that is asked for.
+    inward : ndarray
+        Width of a resolution element over the separation.
+    white : ndarray
+        ``G``: white noise over signal squared of one second of a visit at its best exposure; infinite where no frame is
+        possible.
+    shortest_s : ndarray
+        Length of one such frame, readout included.
+    crossed, light : ProgrammeLaw
+        Residual over signal squared: cross term with the static field, and light of the wavefront's errors.
+    wings : ndarray
+        Wings of a companion that the references do not share, over signal squared.
+    searched : bool
+        Whether the level is a threshold, which the law of detections raises.
+    """
+
+    model: etc.EtcModel
+    band: str
+    level: FloatArray
+    inward: FloatArray
+    white: FloatArray
+    shortest_s: FloatArray
+    crossed: ProgrammeLaw
+    light: ProgrammeLaw
+    wings: FloatArray
+    searched: bool
+
+    @classmethod
+    def of(
+        cls,
+        model: etc.EtcModel,
+        band: str,
+        separation_arcsec: FloatArray,
+        contrast: FloatArray,
+        rates: etc.ApertureRates,
+        problem: etc.FrameProblem,
+        level: FloatArray,
+        *,
+        searched: bool,
+    ) -> Self:
+        """Return the outlook of places.
+
+        Parameters
+        ----------
+        model : EtcModel
+        band : str
+        separation_arcsec : ndarray
+            ``(n, k)`` or ``(1, k)``, as the other arrays.
+        contrast : ndarray
+            Of the planets there.
+        rates : ApertureRates
+        problem : FrameProblem
+            Of one visit: its white noise is used.
+        level : ndarray
+            Threshold, or SNR to reach.
+        searched : bool
+            Whether the level is a threshold.
+        """
+        metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
+        exposure_s, white = etc.best_exposure_s(problem)
+        parts = programme_parts(metrics, drift, separation_arcsec, strategy.annulus_lambda_d, strategy.reference_ratio)
+        mean = 1.0 if searched else 1.0 + 1.0 / rates.background_apertures
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            kept = rates.variance_factor * model.library_noise(band, np.ones(1)).speckle
+            of_star = np.nan_to_num(mean * kept / (rates.core * contrast) ** 2, posinf=0.0)  # no light: white is inf
+            wings = np.nan_to_num(mean * rates.variance_factor * rates.wings_e2_s2 / rates.planet_e_s**2, posinf=0.0)
+
+        def last(part: ArrayLike) -> FloatArray:
+            return np.asarray(part, float)[..., None]
+
+        crossed, light = (_deeper(part).scaled(last(of_star)) for part in parts)
+        inward = last(metrics.lambda_d_arcsec / separation_arcsec)
+        frame_s = last(exposure_s + problem.camera.readout_s)
+        return cls(model, band, last(level), inward, last(white), frame_s, crossed, light, last(wings), searched)
+
+    def select(self, stars: Any) -> Self:
+        """Return the outlook of some of the stars."""
+
+        def some(part: Any) -> Any:
+            if isinstance(part, tuple):
+                return type(part)(*map(some, part))
+            return part[stars] if isinstance(part, np.ndarray) and part.ndim and len(part) > 1 else part
+
+        return type(self)(*(some(getattr(self, item.name)) for item in fields(self)))
+
+    def drifting(self, factor: ArrayLike) -> Self:
+        """Return the same with a drift that is ``factor`` times as large, its walk and what is common included."""
+        k = np.asarray(factor, float)
+        return replace(self, crossed=self.crossed.scaled(k**2), light=self.light.scaled(k**4))
+
+    def without_speckles(self) -> Self:
+        """Return the same with a wavefront that does not drift, and without a companion's wings."""
+        return replace(self.drifting(0.0), wings=np.zeros_like(self.wings))
+
+    @property
+    def visits(self) -> FloatArray:
+        """Numbers of visits to look at: the given one, or some up to the most."""
+        given = self.model.strategy.visits
+        return VISITS if given is None else np.array([float(given)])
+
+    def _laws(self, programme: etc.Programme) -> tuple[SpeckleLaw, SpeckleLaw]:
+        """Residual of programmes, and the light of the errors in it that visits average."""
+        light = programme.law(self.light.averaging())
+        parts = programme.law(self.crossed), light, self.light.common
+        return SpeckleLaw(*(one + two + three for one, two, three in zip(*parts, strict=True))), light
+
+    def cost(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
+        """Return the level over the SNR of programmes, at most 1 where it is reached.
+
+        Parameters
+        ----------
+        visits, visit_s : ndarray
+            Number and length of the science visits; broadcast, programmes along the last axis.
+        """
+        programme = programme_of(self.model, visits, visit_s)
+        whole, light = self._laws(programme)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            noise = self.white / (visits * visit_s) + whole.variance(visit_s) + self.wings
+            value = np.sqrt(noise) * self._wanted(programme, light.variance(visit_s) / noise)
+        return np.where(np.isfinite(value) & (visit_s > 0.0), value, np.inf)
+
+    def _wanted(self, programme: etc.Programme, light_share: FloatArray) -> FloatArray:
+        """Level that a search asks for where that share of the variance is light of the errors."""
+        if not self.searched:
+            return self.level
+        tails = np.sqrt(np.nan_to_num(light_share))
+        effective = etc.effective_of(programme, self.light)
+        return self.level * etc.needed_margin(self.model, self.band, tails, self.inward, effective)
+
+    def in_time(self, time_s: float, visits: FloatArray | None = None) -> list[FloatArray]:
+        """Return least cost within a wall time, and number and length of the visits; arrays ``(n, k)``.
+
+        Parameters
+        ----------
+        time_s : float
+        visits : ndarray, optional
+            Numbers of visits to choose from, along the last axis.
+        """
+        many = self.visits if visits is None else visits
+        visit = self.model.visit_s(time_s / many)
+        if self.model.strategy.visits is not None or many.shape[-1] == 1:
+            many, visit = np.broadcast_arrays(many, visit * _SHORTER)  # where a shorter visit is better
+        cost = self.cost(many, visit)
+        possible = (many == 1.0) | (visit >= self.shortest_s) | (self.model.strategy.visits is not None)
+        return _least(np.where(possible, cost, np.inf), many, visit)
+
+    def finely_in_time(self, time_s: float) -> list[FloatArray]:
+        """Return what `in_time` does, with numbers of visits between those of `VISITS` too."""
+        found = self.in_time(time_s)
+        return found if self.model.strategy.visits is not None else self.in_time(time_s, nearby(found[1]))
+
+    def for_level(self, visits: FloatArray | None = None) -> list[FloatArray]:
+        """Return the least wall time that reaches the level, and number and length of the visits; arrays ``(n, k)``.
+
+        Parameters
+        ----------
+        visits : ndarray, optional
+            Numbers of visits to choose from, along the last axis.
+        """
+        many = self.visits if visits is None else visits
+        visit = self._shortest_visit_s(many)
+        with np.errstate(invalid="ignore"):
+            time = np.where(np.isfinite(visit), many * self.model.time_s(visit), np.inf)
+        return _least(time, many, visit)
+
+    def _shortest_visit_s(self, visits: FloatArray) -> FloatArray:
+        """Length of the visits with which programmes reach the level; ``inf`` where none does.
+
+        From the left: the level grows with the share of the errors' light, and that with the length of the visits.
+        """
+        lost = ~np.isfinite(self.white)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            v = self.white / visits * self._wanted(programme_of(self.model, visits, np.ones(1)), np.zeros(1)) ** 2
+            v = np.where(visits > 1.0, np.maximum(v, self.shortest_s), v)
+            for _ in range(_ROUNDS):
+                programme = programme_of(self.model, visits, np.where(np.isfinite(v), v, 1.0))
+                whole, light = self._laws(programme)
+                white = self.white / visits
+                noise = white / v + whole.variance(v) + self.wings
+                aim = 1.0 / self._wanted(programme, light.variance(v) / noise) ** 2
+                for _ in range(_NEWTON_STEPS):
+                    slope = white / v**2 - whole.k1 - 2.0 * whole.k2 * v
+                    excess = white / v + whole.variance(v) + self.wings - aim
+                    v = np.where(excess > 0.0, np.where(slope > 0.0, v + excess / slope, np.inf), v)
+                v = np.where(lost | (aim <= whole.k0 + self.wings), np.inf, v)
+        return np.where(v < _ENDLESS_S[-1], v, np.inf)
+
+    def fewest(self, visit_s: FloatArray) -> FloatArray:
+        """Return the least number of visits of that length that reach the level, ``(n,)``; NaN where none does.
+
+        Parameters
+        ----------
+        visit_s : ndarray, shape (n,)
+            For one place of each star.
+        """
+        low, high = np.zeros(len(visit_s)), np.full(len(visit_s), float(MAX_VISITS))
+
+        def reached(visits: FloatArray) -> BoolArray:
+            return self.cost(visits[:, None, None], visit_s[:, None, None])[:, 0, 0] <= 1.0
+
+        possible = reached(high)
+        while np.any(high - low > 1.0):
+            middle = np.floor(0.5 * (low + high))
+            good = reached(np.maximum(middle, 1.0))
+            low, high = np.where(good, low, middle), np.where(good, middle, high)
+        return np.where(possible, high, np.nan)
+
+    def endless(self) -> FloatArray:
+        """Return the least cost of any number of visits of any length, ``(n, k)``."""
+        return np.asarray(self.cost(self.visits[-1:], _ENDLESS_S).min(axis=-1))
+
+    def drift_factor(self, time_s: float) -> FloatArray:
+        """Return the largest factor on the drift with which a star's planet is detected, ``(n,)``; NaN where none.
+
+        Parameters
+        ----------
+        time_s : float
+            Wall time.
+        """
+        return _largest(lambda k: self.drifting(k[:, None, None]).in_time(time_s)[0].min(axis=1), len(self.white))
+
+
+def programme_of(model: etc.EtcModel, visits: ArrayLike, visit_s: ArrayLike) -> etc.Programme:
+    """Return so many visits of that length, each begun after the one before it and the gap of the strategy.
+
+    Parameters
+    ----------
+    model : EtcModel
+    visits, visit_s : array_like
+        Number of the science visits, and length of their science part.
+    """
+    return etc.Programme.of(model.strategy, visits, model.time_s(visit_s))
+
+
+def nearby(visits: FloatArray) -> FloatArray:
+    """Return whole numbers of visits from the last value of `VISITS` before ``visits`` to the next, along a last axis.
+
+    Parameters
+    ----------
+    visits : ndarray
+        Values of `VISITS`.
+    """
+    place = np.searchsorted(VISITS, visits)
+    low, high = VISITS[np.maximum(place - 1, 0)], VISITS[np.minimum(place + 1, len(VISITS) - 1)]
+    return np.asarray(np.rint(low[..., None] + (high - low)[..., None] * _NEARBY))
+
+
+def _deeper(law: ProgrammeLaw) -> ProgrammeLaw:
+    """A law whose arrays have one more axis, for programmes."""
+    parts = (SpeckleLaw(*(np.asarray(k, float)[..., None] for k in part)) for part in law[:3])
+    science, reference, common = parts
+    return law._replace(science=science, reference=reference, common=common)
+
+
+def _least(value: FloatArray, *others: FloatArray) -> list[FloatArray]:
+    """Least value along the last axis, and what other arrays have there."""
+    best = np.argmin(value, axis=-1)[..., None]
+    taken = (np.broadcast_to(part, value.shape) for part in (value, *others))
+    return [np.take_along_axis(part, best, axis=-1)[..., 0] for part in taken]
+
+
+def _largest(cost: Callable[[FloatArray], FloatArray], n: int) -> FloatArray:
+    """Largest factor below 1 at which costs that grow with it are at most 1; NaN where that is at none."""
+    low, high = np.full(n, np.log(_LEAST_FACTOR)), np.zeros(n)
+    reached = cost(np.exp(low)) <= 1.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        good = cost(np.exp(middle)) <= 1.0
+        low, high = np.where(good, middle, low), np.where(good, high, middle)
+    return np.where(reached, np.exp(low), np.nan)

@@ -1,0 +1,212 @@
+"""The best setting of every target, what of it is detected, and what limits it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from cpic_core import BoolArray, FloatArray, NDArray, Reason, Status
+from cpic_planner import etc, planets
+from cpic_planner.results import LimitText
+from simulator.signal import frame_limit
+
+_CHANGES = ("without_speckles", "without_background")
+_COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames")
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class OptimalSetting:
+    """Best setting of each target; arrays of ``n`` stars.
+
+    ``visits`` of ``frames_per_visit`` frames are reduced together with ``reference_visits`` reference visits;
+    ``visit_time_s`` is the wall time of one with its references and ``time_s`` that of all, ``n_frames`` the science
+    frames of all. ``margin`` is significance over the detection threshold at the chosen separation; at
+    ``needed_margin`` half of such observations detect the planet there, by the search of the strategy, and
+    ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection (NaN where no law was measured).
+    ``floor_margin`` is what no programme can pass, at any separation: of the given number of visits, or of the most.
+    ``without_speckles`` and ``without_background`` say whether the planet would be detected in the given time under the
+    changes of `cpic_planner.etc.budget`; False where no time was given. ``required_visits`` are
+    the fewest of this length that detect it, ``required_drift_factor`` and ``required_contrast_factor`` the least
+    changes of drift and contrast that make it detected in the given time; NaN where it is detected or no value does.
+    ``contrast_limit`` is the faintest contrast that this observation detects at the chosen separation,
+    ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame saturates or the time is
+    too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band, ``outside`` why a given
+    separation has no answer (empty: it is in the zone).
+    """
+
+    band: NDArray[np.str_]
+    separation_arcsec: FloatArray
+    contrast: FloatArray
+    visits: FloatArray
+    reference_visits: FloatArray
+    exposure_s: FloatArray
+    frames_per_visit: FloatArray
+    n_frames: FloatArray
+    em_gain: FloatArray
+    visit_time_s: FloatArray
+    time_s: FloatArray
+    snr: FloatArray
+    significance: FloatArray
+    threshold: FloatArray
+    margin: FloatArray
+    floor_margin: FloatArray
+    needed_margin: FloatArray
+    chance_blind: FloatArray
+    chance_known_place: FloatArray
+    without_speckles: BoolArray
+    without_background: BoolArray
+    required_visits: FloatArray
+    required_drift_factor: FloatArray
+    required_contrast_factor: FloatArray
+    contrast_limit: FloatArray
+    deepest_limit: FloatArray
+    deepest_separation_arcsec: FloatArray
+    longest_exposure_s: FloatArray
+    peak_columns_e_s: FloatArray
+    peak_hole_e_s: FloatArray
+    tail_e_s: FloatArray
+    core_throughput: FloatArray
+    extrapolated: BoolArray
+    outside: NDArray[np.str_]
+
+    def span_days(self, model: etc.EtcModel) -> FloatArray:
+        """Return the days from the begin of the first visit to the end of the last, one directly after the other."""
+        return planets.span_days(self.time_s, np.maximum(self.visits, 1.0), model.strategy.visit_gap_h)
+
+    @property
+    def detected(self) -> BoolArray:
+        """Whether half of such observations or more detect the planet."""
+        possible = (self.n_frames >= 1) & (self.outside == "")
+        return np.asarray(possible & (self.margin >= self.needed_margin * (1.0 - _ROUNDING)))
+
+
+def best_of(found: Sequence[OptimalSetting], *, by_time: bool = False) -> OptimalSetting:
+    """Row by row the one of largest margin over what is needed (or of least time), the first of equals.
+
+    Extrapolated ones come last. Whether a change would make the planet detected is said of any of them; the required
+    drift, and what no programme can pass, are the largest.
+    """
+    costs = [
+        np.where(item.n_frames > 0, item.time_s, np.inf) if by_time else -item.margin / item.needed_margin
+        for item in found
+    ]
+    cost = np.stack(costs)
+    answered = np.stack([item.n_frames > 0 for item in found])
+    last = np.stack([item.extrapolated for item in found]) | ~answered
+    rows = np.arange(cost.shape[1])
+    pick = np.lexsort((np.broadcast_to(np.arange(len(found))[:, None], cost.shape), cost, last), axis=0)[0]
+    changed = {name: np.any([getattr(item, name) for item in found], axis=0) for name in _CHANGES}
+    drift = np.fmax.reduce([item.required_drift_factor for item in found])
+    floor = np.max([item.floor_margin / item.needed_margin for item in found], axis=0)
+    others = (item.name for item in fields(OptimalSetting) if item.name not in _CHANGES)
+    best = OptimalSetting(
+        **changed, **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in others}
+    )
+    drift = np.where(best.detected, np.nan, drift)
+    return replace(best, required_drift_factor=drift, floor_margin=floor * best.needed_margin)
+
+
+def detection_statuses(best: OptimalSetting, model: etc.EtcModel) -> list[tuple[Status, Reason]]:
+    """Whether the reference planet is detected in the given time, and if not, why.
+
+    A detection is a significance that half of such observations show, by the search of the model's strategy
+    (`OptimalSetting.needed_margin`). The reason ``speckle_floor`` says that no length of the given number of visits
+    reaches it, ``common_speckle_floor`` that no number of visits does either, up to 1000; neither says that the drift
+    decides: `limits_of` says that.
+
+    Parameters
+    ----------
+    best : OptimalSetting
+    model : EtcModel
+    """
+    floor = Reason.COMMON_SPECKLE_FLOOR if model.strategy.visits is None else Reason.SPECKLE_FLOOR
+    return [_verdict(best, i, model.camera(str(best.band[i])), floor) for i in range(len(best.margin))]
+
+
+def _verdict(best: OptimalSetting, i: int, camera: etc.FrameCamera, floor: Reason) -> tuple[Status, Reason]:
+    if best.outside[i]:
+        return Status.OUTSIDE_FIELD, Reason(str(best.outside[i]))
+    if best.n_frames[i] < 1:
+        return no_frame_status(best, i, camera)
+    if best.detected[i]:
+        return Status.OK, Reason.NONE
+    enough = best.floor_margin[i] > best.needed_margin[i]
+    return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME if enough else floor
+
+
+def limits_of(standings: Sequence[tuple[Status, Reason]], best: OptimalSetting) -> list[LimitText]:
+    """Return what limits the detection of each star's reference planet in the given time, visits chosen anew.
+
+    Parameters
+    ----------
+    standings : sequence
+        Status and reason of each star, of `detection_statuses`.
+    best : OptimalSetting
+        The same stars, in their best band.
+    """
+    changes = zip(*(getattr(best, name).tolist() for name in _CHANGES), strict=True)
+    return [
+        etc.limit_of(
+            *standing,
+            detected=standing[0] is Status.OK,
+            without_speckles=calm,
+            without_background=dark,
+            common=standing[1] is Reason.COMMON_SPECKLE_FLOOR,
+        )
+        for standing, (calm, dark) in zip(standings, changes, strict=True)
+    ]
+
+
+def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tuple[Status, Reason]:
+    """Why not even one frame is possible: the shortest one saturates, or the time is too short for it."""
+    peaks = (float(best.peak_columns_e_s[i]), float(best.peak_hole_e_s[i]), float(best.tail_e_s[i]))
+    limit = frame_limit(*peaks, camera.exposure_min_s, 1.0, camera)
+    return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
+
+
+def setting_fields(
+    model: etc.EtcModel, best: OptimalSetting, i: int, standing: tuple[Status, Reason], limited_by: LimitText
+) -> dict[str, Any]:
+    """Return what rows say of a star's best setting: its frames, and whether it detects the reference planet.
+
+    Parameters
+    ----------
+    model : EtcModel
+    best : OptimalSetting
+    i : int
+        Number of the star.
+    standing : tuple
+        Its status and reason, of `detection_statuses`.
+    limited_by : str
+        What limits it, of `limits_of`.
+    """
+    possible = best.n_frames[i] >= 1
+
+    def taken(values: FloatArray) -> float | None:
+        """Return the star's value where it can be observed."""
+        return float(values[i]) if possible else None
+
+    return {
+        "status": standing[0].value,
+        "reason": standing[1].value,
+        "verdict": etc.verdict_of(standing[0], detected=True),
+        "verdict_mode": model.strategy.search,
+        "detection_probability": finite(best.chance_blind[i]),
+        "detection_probability_known_place": finite(best.chance_known_place[i]),
+        "detection_margin": float(best.margin[i]),
+        "limited_by": limited_by,
+        **{name: int(getattr(best, name)[i]) if possible else None for name in _COUNTS},
+        **{name: taken(getattr(best, name)) for name in ("exposure_s", "em_gain", "visit_time_s", "time_s")},
+        "span_days": float(best.span_days(model)[i]) if possible else None,
+        "required_visits": int(best.required_visits[i]) if math.isfinite(best.required_visits[i]) else None,
+        "required_drift_factor": finite(best.required_drift_factor[i]),
+        "required_contrast_factor": finite(best.required_contrast_factor[i]),
+    }
+
+
+def finite(value: float) -> float | None:
+    """Return a number as results hold it: null for one that is not finite."""
+    return float(value) if math.isfinite(value) else None
