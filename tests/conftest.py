@@ -19,6 +19,8 @@ settings.load_profile("suite")
 # The matrices here are small: BLAS threads only get in each other's way, and sums should have one order.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+# A variance of 1e-20 is a number too: approx compares it by its relative tolerance, not as equal to 0 within 1e-12.
+type(pytest.approx(1.0)).DEFAULT_ABSOLUTE_TOLERANCE = 0.0
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # every process that a test starts would compile the package anew
 
 

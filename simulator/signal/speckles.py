@@ -19,7 +19,7 @@ _NOTHING = 1e-290
 # in lambda/D: at most 1.7 times too large in the dark holes of the visible bands (60 screens each).
 _DRIFT_AT_1_NM = 2.4e-5
 # What low orders leave over what a screen of the same rms does, variances of the cross term and of the light of the
-# errors: measured in the four visible bands by full propagation, the rms right within a factor of 3 from 0.1 to 3 nm.
+# errors: measured in the four visible bands by full propagation, the rms right within a factor of 4 from 0.1 to 3 nm.
 LOW_ORDER_LINEAR, LOW_ORDER_SQUARE = 5e-5, 2e-7
 INTERLEAVED = Timing()
 

@@ -11,8 +11,8 @@ from simulator.config import Drift, Timing, load_instrument
 from simulator.imaging import aperture_sums, overlap_weights, psf_metrics, single_band_psf
 from simulator.imaging.drift import low_order_map
 from simulator.observing.scene_light import Visit, visit_stamps
-from simulator.signal import floor_law, programme_law
-from simulator.signal.speckles import LOW_ORDER_LINEAR, LOW_ORDER_SQUARE
+from simulator.signal import programme_law
+from simulator.signal.speckles import LOW_ORDER_LINEAR, LOW_ORDER_SQUARE, programme_parts
 
 PROVES = ("simulator.imaging.drift", "simulator.observing.scene_light", "simulator.signal.speckles")
 PLACES = {"F520": (0.4, 0.6, 0.85), "F850": (0.52, 0.6, 0.8)}
@@ -66,12 +66,28 @@ class Hole:
             left.append(pair[0] - pair[1])
         return np.array(left)
 
-    def rms(self, left, visits):
-        """Rms of the mean of so many visits, of the whole apertures of the annuli around the three places."""
-        means = left.reshape(-1, visits, left.shape[-1]).mean(axis=1)
+    def around(self, squares):
+        """Mean over the whole apertures of the annuli around the three places."""
         reach = 1.5 * self.metrics.lambda_d_arcsec - self.metrics.aperture_radius_arcsec
         near = [np.abs(self.separation - place) <= reach for place in self.places]
-        return np.sqrt([(means[:, apertures] ** 2).mean() for apertures in near])
+        return np.stack([squares[..., apertures].mean(axis=-1) for apertures in near], axis=-1)
+
+    def squares(self, left, visits):
+        """Variance there of the mean of so many visits, a row for each mean.
+
+        What is the same in all of them, a ring of the light of common errors, is no noise and is taken off.
+        """
+        means = left.reshape(-1, visits, left.shape[-1]).mean(axis=1)
+        return self.around((means - means.mean(axis=0)) ** 2) * len(means) / (len(means) - 1)
+
+    def rms(self, left, visits):
+        """The root of its mean over the rows."""
+        return np.sqrt(self.squares(left, visits).mean(axis=0))
+
+    def error(self, left, visits):
+        """Relative standard error of that."""
+        squares = self.squares(left, visits)
+        return squares.std(axis=0, ddof=1) / squares.mean(axis=0) / np.sqrt(len(squares)) / 2
 
     def law(self, drift, visits, timing=None, visit_s=WINDOW_S):
         """The same by the law."""
@@ -86,10 +102,10 @@ def drift(visit=0.05, **more):
 
 
 def test_a_few_programmes_follow_the_law():
-    hole, count = Hole("F520"), 96
-    left = hole.residuals(drift(), 1, count)
-    found = np.array([hole.rms(left, visits) for visits in (1, 4, 16)])
-    slope = np.polyfit(np.log([1, 4, 16]), np.log(found), 1, w=np.sqrt(count / np.array([1, 4, 16])))[0]
+    hole, numbers = Hole("F520"), np.array([1, 4, 12])
+    left = hole.residuals(drift(), 1, 120)
+    found = np.array([hole.rms(left, visits) for visits in numbers])
+    slope = np.polyfit(np.log(numbers), np.log(found), 1, w=numbers**-0.5)[0]
     np.testing.assert_allclose(slope, -0.5, atol=0.07)
     np.testing.assert_allclose(found[0] / hole.law(drift(), 1), 1.0, atol=0.1)
     shared = drift(common_fraction=0.5)
@@ -103,7 +119,7 @@ def test_independent_visits_average_with_the_root_of_their_number(band, record_p
     hole, count = Hole(band), 1024
     left, numbers = hole.residuals(drift(), 1, count), np.array([1, 4, 16, 64])
     found = np.array([hole.rms(left, visits) for visits in numbers])
-    slope = np.polyfit(np.log(numbers), np.log(found), 1, w=np.sqrt(count / numbers))[0]
+    slope = np.polyfit(np.log(numbers), np.log(found), 1, w=numbers**-0.5)[0]
     record_property("exponents", np.round(slope, 3).tolist())
     np.testing.assert_allclose(slope, -0.5, atol=0.03)
     ratio = found[:3] / [hole.law(drift(), visits) for visits in numbers[:3]]
@@ -117,9 +133,12 @@ def test_a_common_screen_ends_the_slope(fraction, record_property):
     """From V = 1 / f^2 on more visits hardly help: 25 with a fifth, 4 with a half."""
     hole, settings = Hole("F520"), drift(common_fraction=fraction)
     left, numbers = hole.residuals(settings, 64, 64), (1, 4, 16, 64)
+    # Means of visits that share the common screen of their realisation: 64 of them say what the images can.
+    error = hole.error(left, 64)
     ratio = np.array([hole.rms(left, visits) / hole.law(settings, visits) for visits in numbers])
     record_property("images over law", np.round(ratio, 3).tolist())
-    np.testing.assert_allclose(ratio, 1.0, atol=0.05 if fraction == 0.2 else 0.07)
+    record_property("error of the images at V = 64", np.round(error, 3).tolist())
+    np.testing.assert_array_less(np.abs(ratio - 1.0), 0.05 + error)
     assert np.all(hole.law(settings, 1e9) > 0.6 * hole.law(settings, 2 / fraction**2))
 
 
@@ -153,14 +172,12 @@ def test_low_orders_leave_a_small_share_of_what_a_screen_leaves(band):
     """Light of the errors and its cross term apart, by the difference and the mean of both signs of the map."""
     hole = Hole(band)
     shape, still = low_order_map(hole.samples), hole.sums(hole.grid.image())
-    a, b = (np.interp(hole.places, hole.metrics.floor_separation_arcsec, part) / 2 for part in floor_law(hole.metrics))
     for rms_nm in (0.1, 3.0):
+        crossed, light = programme_parts(hole.metrics, drift(rms_nm), np.array(hole.places), 1.5)
+        said = np.sqrt(LOW_ORDER_LINEAR * crossed.science.k0 + LOW_ORDER_SQUARE * light.science.k0)
         up, down = (hole.sums(hole.grid.image(sign * rms_nm * shape)) - still for sign in (1.0, -1.0))
-        crossed, light = hole.rms((up - down) / 2, 1), hole.rms((up + down) / 2, 1)
-        found = np.sqrt(crossed**2 + light**2)
-        said = np.sqrt(LOW_ORDER_LINEAR * a * rms_nm**2 + LOW_ORDER_SQUARE * b * rms_nm**4)
-        assert np.all((said / found > 1 / 3) & (said / found < 3.2)), said / found
+        found = np.sqrt(hole.around((up - down) ** 2 + (up + down) ** 2)) / 2
+        assert np.all((said / found > 1 / 4) & (said / found < 4)), said / found
     # At the default 0.1 nm nothing that counts: less than a fortieth of a pair of visits.
-    default = np.sqrt(2 * a * 0.05**2 + 2 * b * 0.05**4)
     up = hole.sums(hole.grid.image(0.1 * shape)) - still
-    assert np.all(hole.rms(up, 1) < 0.025 * default)
+    assert np.all(np.sqrt(hole.around(up**2)) < 0.025 * hole.law(drift(), 1))
