@@ -16,9 +16,7 @@ from cpic_planner.survey.strategy import Assumptions, SurveyStrategy
 from simulator.config import Instrument, content_hash
 from simulator.imaging import PsfMetrics, build_imager, centred_axis, metrics_key, psf_metrics
 from simulator.passbands import Passbands
-from simulator.signal import floor_law
 
-_LEAST = 1e-30  # a floor of 0 has no law
 _FIRST_NM, _MOST_NM, _RTOL, _ROUNDING = 0.01, 100.0, 1e-7, 1e-9
 
 
@@ -168,15 +166,8 @@ def with_contrast(metrics: PsfMetrics, contrast: float) -> PsfMetrics:
     """
     factor = contrast / raw_contrast_median(metrics)
     axis = centred_axis(len(metrics.raw_contrast), metrics.pixel_scale_arcsec)
-    linear, square = (part[:, None] for part in floor_law(metrics))
-    offset2 = metrics.floor_visit_nm**2
     inside = metrics.zone.covers(axis, axis)
-    # The measured table times the ratio of the two laws: a difference would be left with the errors of the fit.
-    floor = metrics.floor_sigma.copy()
-    ratio = (factor * linear + square * offset2) / (linear + square * offset2)
-    floor[1:] *= np.sqrt(np.maximum(ratio, _LEAST))
-    whole = metrics.floor_sigma[0] ** 2 / np.mean(metrics.floor_sigma[1:] ** 2, axis=0)
-    floor[0] = np.sqrt(whole * np.mean(floor[1:] ** 2, axis=0))
     maps = {name: getattr(metrics, name) for name in ("halo_map", "raw_contrast")}
     scaled: dict[str, Any] = {name: np.where(inside, factor * values, values) for name, values in maps.items()}
-    return replace(metrics, **scaled, floor_sigma=floor, peak_on_axis_hole=factor * metrics.peak_on_axis_hole)
+    scaled["floor_linear"] = factor * metrics.floor_linear
+    return replace(metrics, **scaled, peak_on_axis_hole=factor * metrics.peak_on_axis_hole)

@@ -107,6 +107,31 @@ class ScreenModel:
         screen -= (content @ self.planes.reshape(3, -1)).reshape(screen.shape)
         return screen
 
+    def variance(self, readings: FloatArray) -> FloatArray:
+        """Variance of linear readings of a screen of 1 nm, exact, shape (...).
+
+        Parameters
+        ----------
+        readings : ndarray, shape (..., n, n)
+            Maps; a reading is the sum over the pupil of the screen times a map.
+        """
+        content = np.einsum("...yx,kyx->...k", readings, self.planes)
+        readings = readings - np.einsum("...k,kyx->...yx", content, self.removed)
+        lower = self.planes.shape[-1] - self.cosine.shape[1]
+        waves = np.concatenate(
+            [
+                np.concatenate([sign * half[:, ::-1][:, :lower], half], axis=1)
+                for sign, half in ((1.0, self.cosine), (-1.0, self.sine))
+            ]
+        )
+        count = LAST_INDEX + 1
+        found = (waves @ readings @ waves.T) ** 2
+        power = sum(found[..., y : y + count, x : x + count] for y in (0, count) for x in (0, count))
+        # Frequencies f_x and -f_x together: half of each product of cosines and sines belongs to either.
+        several = np.full((count, count), 2.0)
+        several[0], several[:, 0] = 1.0, 1.0
+        return np.asarray((several * self.amplitude[:, LAST_INDEX:] ** 2 * power).sum(axis=(-2, -1)))
+
     def _series(self, real: FloatArray, imaginary: FloatArray) -> FloatArray:
         """Real part of the Fourier series with the given coefficients, shape (n, n)."""
         # Along x: sums of opposite frequencies bring cosines, differences of them sines and a factor of i.

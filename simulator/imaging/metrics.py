@@ -12,7 +12,7 @@ from simulator.imaging.aperture import core_from_table, overlap_weights
 from simulator.imaging.geometry import BandGeometry, HoleMode, HoleSide, HoleStatus, HoleZone
 from simulator.imaging.sampling import bilinear
 
-TINY = 1e-300  # light behind the mask, for logarithms
+TINY = 1e-300  # for logarithms of what may be 0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -168,12 +168,11 @@ class PsfMetrics(StampMetrics):
         8 arcsec along an axis.
     aperture_map_step_arcsec : float
         Step of that map, about 0.6 lambda/D.
-    floor_visit_nm : ndarray, shape (g,)
-        Visit offsets at which the speckle floor was measured.
     floor_separation_arcsec : ndarray, shape (s,)
         Mean separations of the annular bins.
-    floor_sigma : ndarray, shape (1 + s, g)
-        Rms of aperture sums after subtraction of the reference mean: whole hole, then each bin.
+    floor_linear, floor_square : ndarray, shape (1 + s,)
+        Variance of aperture sums between two visits that are each v nm off, ``linear v^2 + square v^4``: of the cross
+        term with the static field and of the light of the errors; whole hole, then each bin.
     """
 
     hole_state: HoleStatus
@@ -189,9 +188,9 @@ class PsfMetrics(StampMetrics):
     wing_map_step_arcsec: float
     aperture_map: FloatArray
     aperture_map_step_arcsec: float
-    floor_visit_nm: FloatArray
     floor_separation_arcsec: FloatArray
-    floor_sigma: FloatArray
+    floor_linear: FloatArray
+    floor_square: FloatArray
 
     @property
     def field_radius_arcsec(self) -> float:
@@ -319,7 +318,6 @@ class PsfMetrics(StampMetrics):
     def rdi_floor(
         self,
         visit_nm: ArrayLike,
-        n_modes: int = 1,
         *,
         walk_nm_per_sqrt_hour: ArrayLike = 0.0,
         visit_hours: ArrayLike = 0.0,
@@ -327,46 +325,41 @@ class PsfMetrics(StampMetrics):
     ) -> FloatArray:
         """Speckle floor of reference differential imaging: spatial rms of aperture sums, per unit star.
 
+        Modes that are projected out after the reference mean are not credited: they hold what the reference visit's own
+        walk and noise put there.
+
         Parameters
         ----------
         visit_nm : array_like
             Rms wavefront offset of each visit, >= 0.
-        n_modes : int
-            Modes projected out after the reference mean, >= 0. They are not credited: they hold what the
-            reference visit's own walk and noise put there.
         walk_nm_per_sqrt_hour, visit_hours : array_like
             Random walk and length of the two visits (each); the time average of the walk adds ``walk^2 hours / 3``
             to the variance of the offset.
         separation_arcsec : array_like, optional
-            Local value at that separation (clamped to the measured range); the whole hole if omitted.
-
-        Returns
-        -------
-        ndarray
-            Interpolated in logarithms; linear below and quadratic above the measured range of offsets.
+            Local value at that separation, in logarithms between the bins and clamped to them; the whole hole if
+            omitted.
 
         Raises
         ------
         InputError
-            If ``n_modes < 0`` or an rms is negative.
+            If an rms is negative.
         """
         given = (visit_nm, walk_nm_per_sqrt_hour, visit_hours)
         visit, walk, hours = (np.asarray(part, dtype=np.float64) for part in given)
-        if n_modes < 0:
-            raise InputError("n_modes", n_modes, allowed="at least 0")
         if not (np.all(visit >= 0) and np.all(walk >= 0) and np.all(hours >= 0)):
             raise InputError("visit_nm", visit_nm, unit="nm", allowed="0 or more, as the walk and the hours")
-        offset = np.sqrt(visit**2 + walk**2 * hours / 3.0)
-        grid, logs = self.floor_visit_nm, np.log(self.floor_sigma)
-        column = np.interp(np.log(np.clip(offset, grid[0], grid[-1])), np.log(grid), np.arange(grid.size))
+        variance = visit**2 + walk**2 * hours / 3.0
         if separation_arcsec is None:
-            middle = np.exp(np.interp(column, np.arange(grid.size), logs[0]))
+            linear, square = self.floor_linear[0], self.floor_square[0]
         else:
             bins = self.floor_separation_arcsec
-            row = np.interp(np.asarray(separation_arcsec, dtype=np.float64), bins, np.arange(bins.size))
-            middle = np.exp(bilinear(logs[1:], row, column))
-        result: FloatArray = middle * np.minimum(offset / grid[0], 1.0) * np.maximum(offset / grid[-1], 1.0) ** 2
-        return result
+            linear, square = (np.exp(np.interp(separation_arcsec, bins, logs)) for logs in self.floor_logs())
+        return np.asarray(np.sqrt(linear * variance + square * variance**2))
+
+    def floor_logs(self) -> tuple[FloatArray, FloatArray]:
+        """Logarithms of the floor's coefficients in the bins; a coefficient of 0 (a perfect hole) stays next to it."""
+        linear, square = (np.log(np.maximum(part[1:], TINY)) for part in (self.floor_linear, self.floor_square))
+        return linear, square
 
     def annulus(self, separation_arcsec: float, half_width_lambda_d: float) -> NDArray[np.bool_]:
         """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one."""

@@ -48,6 +48,17 @@ class HalfWaves:
         """Cosine and sine side by side, shape (k, 2 h): one product where no side needs them apart."""
         return np.concatenate([self.cosine, self.sine], axis=1)
 
+    def full(self, samples: int) -> ComplexArray:
+        """Waves at all nodes and pupil samples, shape (n_nodes, samples): the whole transform of this axis."""
+        upper, odd = self.cosine - 1j * self.sine, samples % 2
+        if odd:
+            upper[:, 0] *= 2.0  # half of the middle sample stands in either half
+        lower = upper.conj()[:, :0:-1] if odd else upper.conj()[:, ::-1]
+        waves = np.concatenate([lower, upper], axis=1)
+        if not self.mirrored:
+            return waves
+        return np.concatenate([waves[self.n_nodes % 2 :].conj()[::-1], waves])
+
     @property
     def sides(self) -> list[tuple[slice, slice]]:
         """Where the values of each side go among all nodes, and which of them."""

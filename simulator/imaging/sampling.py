@@ -45,6 +45,11 @@ class PixelAxis:
     n_pixels: int
 
     @property
+    def owners(self) -> NDArray[np.intp]:
+        """Pixel of every node, ascending, shape (k,)."""
+        return np.repeat(self.pixels, np.diff(self.starts, append=self.nodes_arcsec.size))
+
+    @property
     def open_fraction(self) -> FloatArray:
         """Open part of every pixel, shape (n_pixels,)."""
         fraction = np.zeros(self.n_pixels)

@@ -33,7 +33,6 @@ from simulator.signal.speckles import (
     SpeckleLaw as SpeckleLaw,
     drift_halo as drift_halo,
     error_light_share as error_light_share,
-    floor_law as floor_law,
     programme_law as programme_law,
     programme_parts as programme_parts,
     speckle_law as speckle_law,

@@ -14,7 +14,6 @@ from simulator.config import Drift, Timing
 from simulator.imaging import PsfMetrics
 
 _N_ANNULUS, _N_TABLE = 25, 500
-_NOTHING = 1e-290
 # Mean light of a wavefront error of 1 nm rms at 662 nm that falls as f^-2.5, relative to the peak, times u^2.5 with u
 # in lambda/D: at most 1.7 times too large in the dark holes of the visible bands (60 screens each).
 _DRIFT_AT_1_NM = 2.4e-5
@@ -152,24 +151,6 @@ def _summed(*laws: SpeckleLaw) -> SpeckleLaw:
     return SpeckleLaw(*(functools.reduce(np.add, part) for part in zip(*laws, strict=True)))
 
 
-@functools.lru_cache(maxsize=64)
-def floor_law(metrics: PsfMetrics) -> tuple[FloatArray, FloatArray]:
-    """Coefficients ``a`` and ``b`` of the measured floor, ``sigma^2 = a o^2 + b o^4``, per bin of separation.
-
-    Two visits with independent wavefront offsets differ by ``2 Re(E0* dE)``, of variance proportional to ``o^2``, and
-    by the light of the errors themselves, ``|dE|^2``, of variance proportional to ``o^4``; Gaussian offsets leave no
-    term between them. The fit weighs relative errors; it meets the measured table to about 2 %.
-    """
-    offset = metrics.floor_visit_nm
-    a, b = [], []
-    for sigma in metrics.floor_sigma[1:]:
-        terms = np.stack([offset**2, offset**4], axis=1) / sigma[:, None] ** 2
-        found, *_ = np.linalg.lstsq(terms, np.ones(offset.size), rcond=None)
-        a.append(max(float(found[0]), 0.0))
-        b.append(max(float(found[1]), 0.0))
-    return np.array(a), np.array(b)
-
-
 def speckle_law(
     metrics: PsfMetrics,
     drift: Drift,
@@ -214,11 +195,12 @@ def programme_law(
 
     Notes
     -----
-    Half the variance of a pair of visits, ``a o^2 + b o^4`` (`floor_law`), belongs to each. The mean of a walk of
-    variance ``w s`` over ``0 < s < v`` has the variance ``w v / 3``; the mean of its square, which makes the light of
-    the errors, has ``2 <min(s, s')^2> = w^2 v^2 / 3`` instead of the ``2 (w v / 3)^2`` of a frozen offset of that
-    size, 3/2 times as much. The common screen of rms ``f o`` leaves ``[a (f o)^2 + b (f o)^4] / 2``; its light crossed
-    with a visit's own, ``b (f o)^2 (o^2 + w v / 3)``, averages over the science visits.
+    Half the variance of a pair of visits, ``a o^2 + b o^4`` (`PsfMetrics.floor_linear`, `PsfMetrics.floor_square`),
+    belongs to each. The mean of a walk of variance ``w s`` over ``0 < s < v`` has the variance ``w v / 3``; the mean of
+    its square, which makes the light of the errors, has ``2 <min(s, s')^2> = w^2 v^2 / 3`` instead of the
+    ``2 (w v / 3)^2`` of a frozen offset of that size, 3/2 times as much. The common screen of rms ``f o`` leaves
+    ``[a (f o)^2 + b (f o)^4] / 2``; its light crossed with a visit's own, ``b (f o)^2 (o^2 + w v / 3)``, averages over
+    the science visits.
 
     The orbital term of rms p swings as ``2^(1/2) sin`` with a phase that nobody knows. With m the mean of
     ``exp(2 pi i t)`` over the windows of science or of references, t in orbits, d the difference of the two and d2 that
@@ -356,10 +338,10 @@ def _annulus_table(metrics: PsfMetrics, annulus_lambda_d: float) -> tuple[FloatA
     # Where no whole aperture fits, the residual at the separation itself.
     alone = np.broadcast_to(np.arange(_N_ANNULUS) == _N_ANNULUS // 2, weight.shape)
     weight = np.where(total > 0.0, weight / np.where(total > 0.0, total, 1.0), alone)
-    # Interpolated in logarithms; a coefficient of 0 (a perfect hole has no cross term) stays next to 0.
-    logs = [np.log(np.maximum(part, _NOTHING)) for part in floor_law(metrics)]
     bins = metrics.floor_separation_arcsec
-    linear, square = (np.log((weight * np.exp(_followed(around, bins, part))).sum(axis=1)) for part in logs)
+    linear, square = (
+        np.log((weight * np.exp(_followed(around, bins, part))).sum(axis=1)) for part in metrics.floor_logs()
+    )
     return place, linear, square
 
 

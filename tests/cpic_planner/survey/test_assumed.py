@@ -13,7 +13,7 @@ from cpic_planner.validation import Frames, confirm_task, expected_of, star_scen
 from simulator import load_instrument
 from simulator.config import ConstantAlbedo, Planet
 from simulator.imaging import single_band_psf
-from simulator.signal import floor_law, speckle_law
+from simulator.signal import speckle_law
 from simulator.target import contrast_at, sky_to_detector
 
 BRIGHT = 1e-8
@@ -46,7 +46,7 @@ def test_nothing_assumed_is_the_instrument(instrument):
 
 def test_the_nominal_contrast_changes_nothing(instrument, metrics):
     same = with_contrast(metrics, raw_contrast_median(metrics))
-    for name in ("halo_map", "raw_contrast", "floor_sigma", "core_table", "column_light"):
+    for name in ("halo_map", "raw_contrast", "floor_linear", "floor_square", "core_table", "column_light"):
         np.testing.assert_allclose(getattr(same, name), getattr(metrics, name), rtol=1e-12)
     assert same.peak_on_axis_hole == pytest.approx(metrics.peak_on_axis_hole, rel=1e-14)
     one, other = rates(assuming(instrument)), rates(assuming(instrument, contrast=raw_contrast_median(metrics)))
@@ -64,49 +64,32 @@ def test_light_scales_inside_the_hole_and_nowhere_else(metrics, contrast):
     assert other.peak_on_axis_hole == pytest.approx(factor * metrics.peak_on_axis_hole, rel=1e-12)
     assert other.peak_on_axis_columns == metrics.peak_on_axis_columns
     np.testing.assert_array_equal(other.core_table, metrics.core_table)
-    assert np.all(other.floor_sigma > 0.0)
-    assert np.isfinite(np.array(floor_law(other))).all()
-
-
-@pytest.mark.parametrize("contrast", [0.0, 1e-10, 3e-10, 1e-9, 1e-8])
-@pytest.mark.parametrize("band", ["F520", "F662", "F850"])
-def test_the_law_of_the_floor_is_that_of_the_scaled_light(instrument, band, contrast):
-    nominal = build_model(instrument, (band,)).metrics[band]
-    (a, b), factor = floor_law(nominal), contrast / raw_contrast_median(nominal)
-    scaled_a, scaled_b = floor_law(with_contrast(nominal, contrast))
-    # The fit of the scaled table weighs its points anew.
-    assert np.all(np.abs(scaled_a - factor * a) <= 0.02 * factor * a + 0.02 * b * 1e-3)
-    np.testing.assert_allclose(scaled_b, b, rtol=0.02)
+    np.testing.assert_allclose(other.floor_linear, factor * metrics.floor_linear, rtol=1e-12)
+    np.testing.assert_array_equal(other.floor_square, metrics.floor_square)
+    assert np.isfinite(np.array(other.floor_logs())).all()
 
 
 def test_the_floor_of_random_fields(metrics):
     """Fields of a static hole and of random errors, added and subtracted as two visits are."""
     rng, n_pixels, draws = np.random.default_rng(2), 40, 4000
     static = (rng.standard_normal(n_pixels) + 1j * rng.standard_normal(n_pixels)) * 1e-5
-    offsets = np.array([0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0])
+    error_1_nm = 3e-5  # rms of the real and of the imaginary part in a pixel
 
-    def floor(light):
-        table = []
-        for offset in offsets:
-            error = (
-                (rng.standard_normal((2, draws, n_pixels)) + 1j * rng.standard_normal((2, draws, n_pixels)))
-                * 3e-5
-                * offset
-            )
-            visits = np.abs(np.sqrt(light) * static + error) ** 2
-            table.append((visits[0] - visits[1]).sum(axis=-1).std())
-        return np.array(table)
+    def floor(light, offset):
+        error = rng.standard_normal((2, draws, n_pixels)) + 1j * rng.standard_normal((2, draws, n_pixels))
+        visits = np.abs(np.sqrt(light) * static + error_1_nm * offset * error) ** 2
+        return (visits[0] - visits[1]).sum(axis=-1).std()
 
-    bins = len(metrics.floor_sigma)
-    sampled = replace(metrics, floor_visit_nm=offsets, floor_sigma=np.tile(floor(1.0), (bins, 1)))
-    for light in (0.03, 0.3, 4.0, 50.0):
-        predicted = with_contrast(sampled, light * raw_contrast_median(metrics)).floor_sigma
-        # Each standard deviation is known to 1 / sqrt(2 draws), twice, and the fit to less.
-        np.testing.assert_allclose(
-            predicted, np.tile(floor(light), (bins, 1)), rtol=4.0 * np.sqrt(2.0 / (2.0 * draws)) + 0.02
-        )
-    dark = with_contrast(sampled, 0.0).floor_sigma[1]
-    np.testing.assert_allclose(dark, floor(0.0), rtol=0.08)
+    bins = len(metrics.floor_linear)
+    linear = 8.0 * error_1_nm**2 * (np.abs(static) ** 2).sum()  # of 2 Re(E0* dE), twice
+    square = 8.0 * n_pixels * error_1_nm**4  # of |dE|^2, of variance 4 s^4 a pixel, twice
+    known = replace(metrics, floor_linear=np.full(bins, linear), floor_square=np.full(bins, square))
+    for light in (0.0, 0.03, 0.3, 4.0, 50.0):
+        other = with_contrast(known, light * raw_contrast_median(metrics))
+        for offset in (0.005, 0.05, 0.2, 2.0):
+            # A standard deviation is known to 1 / sqrt(2 draws).
+            tolerance = 4.0 / np.sqrt(2.0 * draws)
+            np.testing.assert_allclose(other.rdi_floor(offset, separation_arcsec=0.6), floor(light, offset), tolerance)
 
 
 def test_more_light_is_more_noise_and_less_is_less(instrument):
