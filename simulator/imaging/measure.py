@@ -99,7 +99,6 @@ def measure_floor(imager: Imager, psd_slope: float, n_visits: int = N_VISITS, se
 
     edges = np.geomspace(separation.min(), separation.max(), N_BINS + 1)
     _, bins = np.unique(np.searchsorted(edges[1:-1], separation), return_inverse=True)  # empty bins drop out
-
     counts = np.bincount(bins)
 
     def binned(values: FloatArray) -> FloatArray:
