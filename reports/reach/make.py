@@ -176,6 +176,8 @@ def figure_of(every: list[Cell]) -> Figure:
         panel.minorticks_off()
         panel.grid()
     panels[0].set_ylabel("stars with a planet like Jupiter detected blind")
+    for name, look in zip(instruments(), ("-", "--"), strict=False):
+        panels[0].plot([], [], look, color="black", label=name)
     panels[0].legend(fontsize=7)
     return figure
 
