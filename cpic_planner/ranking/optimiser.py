@@ -143,10 +143,10 @@ def _least_in_band(
     visits, visit = outlook.for_level()[1:]
     if model.strategy.visits is None:
         visits, visit = outlook.for_level(nearby(visits))[1:]
-    programme, choice = _least_frames(chosen, visits, visit, snr)
+    programme, choice = _least_frames(chosen, outlook, visits, visit, snr)
     if model.strategy.visits is None:
         # Where visits are of few frames, those of one visit alone can be quicker.
-        alone, single = _least_frames(chosen, np.ones_like(visits), visit, snr)
+        alone, single = _least_frames(chosen, outlook, np.ones_like(visits), visit, snr)
         time_s, single_s = (
             np.where(item.n_frames > 0, of.visits * model.time_s(item.visit_s), np.inf)
             for of, item in ((programme, choice), (alone, single))
@@ -157,22 +157,20 @@ def _least_in_band(
 
 
 def _least_frames(
-    chosen: "_Places", visits: FloatArray, visit_s: FloatArray, snr: float | None
+    chosen: "_Places", outlook: Outlook, visits: FloatArray, visit_s: FloatArray, snr: float | None
 ) -> tuple[etc.Programme, etc.FrameChoice]:
-    """Least frames of so many visits for an SNR, or a detection; ``visit_s`` is about the length of the visits.
+    """Least frames of so many visits for an SNR, or a detection; they need at least ``visit_s``.
 
-    The level of a detection grows with the share of the errors' light in the frames: it is reached from below, so that
-    the first answer is the least.
+    The level of a detection grows with the share of the errors' light in the frames, and that with the length of the
+    visits: it is reached from below, so that the first answer is the least.
     """
     spaced_s = np.where(np.isfinite(visit_s), visit_s, 1.0)
     programme = programme_of(chosen.model, visits, spaced_s)
     problem = chosen.problem("significance" if snr is None else "snr", programme)
     if snr is not None:
         return programme, etc.least_time(problem, np.full(visits.shape, snr))
-    model, band = chosen.model, chosen.band
-    inward, visits = chosen.inward, etc.effective_of(programme, chosen.rates.speckle)
-    least = etc.needed_margin(model, band, np.zeros(chosen.threshold.shape), inward, visits)
-    choice = etc.least_time(problem, np.where(np.isfinite(visit_s), least * chosen.threshold, np.inf))
+    least = outlook.wanted(visits[..., None], spaced_s[..., None])[..., 0] * (1.0 - _ROUNDING)
+    choice = etc.least_time(problem, np.where(np.isfinite(visit_s), least, np.inf))
     for _ in range(_ROUNDS):
         level = chosen.needed(choice, programme) * chosen.threshold
         with np.errstate(divide="ignore"):

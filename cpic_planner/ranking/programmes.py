@@ -150,12 +150,22 @@ class Outlook:
         visits, visit_s : ndarray
             Number and length of the science visits; broadcast, programmes along the last axis.
         """
+        noise, level = self._noise(visits, visit_s)
+        with np.errstate(invalid="ignore"):
+            value = np.sqrt(noise) * level
+        return np.where(np.isfinite(value) & (visit_s > 0.0), value, np.inf)
+
+    def wanted(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
+        """Return the level that a search asks for of programmes; parameters as of `cost`."""
+        return self._noise(visits, visit_s)[1]
+
+    def _noise(self, visits: FloatArray, visit_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """``1 / SNR^2`` of programmes, and the level that they have to reach."""
         programme = programme_of(self.model, visits, visit_s)
         whole, light = self._laws(programme)
         with np.errstate(divide="ignore", invalid="ignore"):
             noise = self.white / (visits * visit_s) + whole.variance(visit_s) + self.wings
-            value = np.sqrt(noise) * self._wanted(programme, light.variance(visit_s) / noise)
-        return np.where(np.isfinite(value) & (visit_s > 0.0), value, np.inf)
+            return noise, self._wanted(programme, light.variance(visit_s) / noise)
 
     def _wanted(self, programme: etc.Programme, light_share: FloatArray) -> FloatArray:
         """Level that a search asks for where that share of the variance is light of the errors."""
