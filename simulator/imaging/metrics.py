@@ -352,8 +352,8 @@ class PsfMetrics(StampMetrics):
         if separation_arcsec is None:
             linear, square = self.floor_linear[0], self.floor_square[0]
         else:
-            bins = self.floor_separation_arcsec
-            linear, square = (np.exp(np.interp(separation_arcsec, bins, logs)) for logs in self.floor_logs())
+            bins, place = self.floor_separation_arcsec, np.asarray(separation_arcsec, dtype=np.float64)
+            linear, square = (np.exp(np.interp(place, bins, logs)) for logs in self.floor_logs())
         return np.asarray(np.sqrt(linear * variance + square * variance**2))
 
     def floor_logs(self) -> tuple[FloatArray, FloatArray]:
