@@ -73,7 +73,7 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
     cells = row_cells(
         EtcAnswer,
         "band value separation_arcsec/1 contrast/4 visits/2 frames/5 em_gain/9 time_s/7 snr/4 significance/5 "
-        "threshold/6 held/8 status",
+        "detection_probability/6 held/8 status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
         value=Cells("answer", _answer),
         held=Cells("held by", _limits_cell, right=False),
@@ -93,8 +93,11 @@ def _print_verdicts(result: EtcResult, console: Console, best: EtcAnswer | None,
         return
     many = len({row.band for row in rated}) < len(rated)
     if best is not None and best.verdict == "measured_not_detected":
-        levels = f"{significant(best.significance)} and the threshold {significant(best.threshold)}"
-        text = f"The answer in {_answer_name(best, many)} is not a detection: the significance is {levels}."
+        blind = best.verdict_mode == "blind"
+        chance = best.detection_probability if blind else best.detection_probability_known_place
+        levels = f"the significance is {significant(best.significance)} and the threshold {significant(best.threshold)}"
+        why = levels if chance is None else f"{share_text(chance)} % of such programmes show the planet"
+        text = f"The answer in {_answer_name(best, many)} is not a detection: {why}."
         if best.question == "exposure_time" and not placed:
             text += (
                 " The planet was put where the level takes the least time, often at the inner edge of the dark "

@@ -123,7 +123,7 @@ class ProgrammeLaw(NamedTuple):
         ``science(v) / V + reference(v V / R) / R + common + turned / V^2``, with the numbers of independent wavefronts
         for V and R as divisors of the first two; the last is the bound that odd V reach. Simulated images agree (0.99
         to 1.02 for V to 16 and R to 400); the modes that a subtraction projects out beside the mean are not in it.
-        Their light forgets twice as fast as the wavefronts do, so that correlated visits leave up to a tenth less.
+        Their light forgets twice as fast as the wavefronts do, so that correlated visits leave up to 13 % less.
         """
         many = np.asarray(visits, float)
         others = many if reference_visits is None else np.asarray(reference_visits, float)
