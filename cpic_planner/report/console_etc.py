@@ -93,8 +93,8 @@ def _print_verdicts(result: EtcResult, console: Console, best: EtcAnswer | None,
         return
     many = len({row.band for row in rated}) < len(rated)
     if best is not None and best.verdict == "measured_not_detected":
-        blind = best.verdict_mode == "blind"
-        chance = best.detection_probability if blind else best.detection_probability_known_place
+        searched = best.verdict_mode == "blind"
+        chance = best.detection_probability if searched else best.detection_probability_known_place
         levels = f"the significance is {significant(best.significance)} and the threshold {significant(best.threshold)}"
         why = levels if chance is None else f"{share_text(chance)} % of such programmes show the planet"
         text = f"The answer in {_answer_name(best, many)} is not a detection: {why}."
