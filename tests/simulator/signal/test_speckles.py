@@ -229,6 +229,22 @@ def test_what_all_visits_share_is_half_of_a_pair_that_is_off_by_it(fraction):
     assert shared.variance(7200.0) == pytest.approx(alone.variance(7200.0) / 2.0, rel=1e-12)
 
 
+@pytest.mark.parametrize("visit_s", [0.0, 3600.0, 40000.0])
+def test_light_of_what_is_common_crosses_with_offset_and_walk_of_a_visit(visit_s):
+    """Of errors c and e that know nothing of each other ``2 <|c|^2> <|e|^2>`` stands beside the squares of both.
+
+    The mean of the walk's variance over the visit is a third of that at its end.
+    """
+    metrics, offset, walk, fraction = MODEL.metrics["F520"], 0.1, 0.3, 0.4
+    square = float(programme_law(metrics, drift(1e6), 0.6, 1.5).science.k0) / 1e24
+    with_it, without = (
+        programme_law(metrics, drift(offset, walk, common_fraction=part), 0.6, 1.5).science for part in (fraction, 0.0)
+    )
+    own = offset**2 + walk**2 * visit_s / 3600.0 / 3.0
+    more = float(with_it.variance(visit_s) - without.variance(visit_s))
+    assert more == pytest.approx(2.0 * square * (fraction * offset) ** 2 * own, rel=1e-5)
+
+
 def test_a_law_scales():
     law = SpeckleLaw(np.array([1.0]), np.array([2.0]), np.array([3.0]))
     np.testing.assert_array_equal(law.variance([0.0, 1.0, 10.0]), [1.0, 6.0, 321.0])
