@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, IntArray, NDArray, announce
-from cpic_planner.etc import EtcModel, check_range
+from cpic_planner.etc import EtcModel, build_model, check_range
 from cpic_planner.planets import PopulationChoice
-from cpic_planner.queries import Change, ReferencePlanet, changed
+from cpic_planner.queries import Change, ReferencePlanet, changed, default_instrument
 from cpic_planner.ranking.known_completeness import KnownChoice
 from cpic_planner.ranking.order import RankSetting, ranked, ranked_order
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 from cpic_planner.results import SensitivityResult, SensitivityRow
 from cpic_planner.targets import Targets
-from simulator.config import ParametricAlbedo, content_hash
+from simulator.config import ParametricAlbedo, content_hash, load_instrument
+from simulator.imaging import metrics_key
 from simulator.passbands import Passbands
 
 N_TOP = 50
@@ -43,11 +44,12 @@ class Order:
 
 @dataclass(frozen=True)
 class Assumption:
-    """Another assumption: its key, what it says, and how it changes a setting."""
+    """Another assumption: its key, what it says, how it changes a setting, and the settings that it can change."""
 
     key: str
     text: str
     change: Callable[[RankSetting], RankSetting]
+    applies: Callable[[RankSetting], bool] = lambda setting: True
 
 
 def _with(one: Change) -> Callable[[RankSetting], RankSetting]:
@@ -78,11 +80,32 @@ def _at_two_au(setting: RankSetting) -> RankSetting:
     return replace(setting, planet=planet, population=population)
 
 
+def _with_published_hole(setting: RankSetting) -> RankSetting:
+    """The dark hole of the instrument `as_published`: the mirror is set from a field sensed with errors."""
+    model, hole = setting.model, load_instrument(_PUBLISHED).dark_hole.model_dump(mode="json")
+    return replace(
+        setting, model=build_model(model.instrument.changed({"dark_hole": hole}), model.bands, model.strategy)
+    )
+
+
+def _has_default_optics(setting: RankSetting) -> bool:
+    """Whether the optics of all bands are the default instrument's: those of the published hole are shipped then."""
+    instrument, default = setting.model.instrument, default_instrument()
+    return all(
+        band in default.bands and metrics_key(instrument, band) == metrics_key(default, band)
+        for band in setting.model.bands
+    )
+
+
+_PUBLISHED = "as_published"
 _WIDER, _NARROWER = (_with(Change.scaling("bands.*.width_nm", factor)) for factor in (1.5, 0.5))
 ASSUMPTIONS: tuple[Assumption, ...] = (
     Assumption("drift_x2", "wavefront drift twice as large", _with(Change.scaling("drift", 2.0))),
     Assumption("drift_x0.5", "wavefront drift half as large", _with(Change.scaling("drift", 0.5))),
     Assumption("drift_x0.1", "wavefront drift a tenth as large", _with(Change.scaling("drift", 0.1))),
+    Assumption(
+        "hole_1e-8", "a dark hole of the published mean contrast, 1e-8", _with_published_hole, _has_default_optics
+    ),
     Assumption("albedo_2au", "albedo of cloudy giants at 2 au from the Sun, whatever the insolation", _at_two_au),
     Assumption("t_opt_0.46", "optical throughput 0.46 in every band", _with(Change(key="bands.*.t_opt", value=0.46))),
     Assumption("width_+50%", "bands half as wide again, with the optics of the nominal width", _WIDER),
@@ -90,8 +113,15 @@ ASSUMPTIONS: tuple[Assumption, ...] = (
 )
 
 
-def in_turn(assumptions: Sequence[Assumption]) -> Iterator[Assumption]:
-    """Yield assumptions, each announced before the work under it begins."""
+def in_turn(setting: RankSetting, assumptions: Sequence[Assumption] = ASSUMPTIONS) -> Iterator[Assumption]:
+    """Yield the assumptions that apply to a setting, each announced before the work under it begins.
+
+    Parameters
+    ----------
+    setting : RankSetting
+    assumptions : sequence of Assumption
+    """
+    assumptions = [item for item in assumptions if item.applies(setting)]
     for done, assumption in enumerate(assumptions, 1):
         announce(f"ranking under other assumptions, {done} of {len(assumptions)}: {assumption.text}")
         yield assumption
@@ -153,7 +183,7 @@ def sensitivity(
         Stars of the nominal ranking that are compared (all, if there are fewer); those that may come near them are
         ranked again (`near_top`).
     assumptions : sequence of Assumption
-        One at a time; `ASSUMPTIONS` by default.
+        One at a time, those that apply to the model; `ASSUMPTIONS` by default.
 
     Returns
     -------
@@ -173,11 +203,11 @@ def sensitivity(
     pool = near_top(nominal.rank, nominal.margin, top)
     targets, nominal = targets.select(pool), nominal.select(pool)
     rows = []
-    for assumption in in_turn(assumptions):
+    for assumption in in_turn(setting, assumptions):
         other = in_order(assumption.change(setting), targets)
         rows.append(_compared(assumption, nominal, other, targets.name, n_top))
     decides = [row.assumption for row in rows if _decides(row, n_ok)]
-    asked = {"kind": "sensitivity", "rank": digest, "top": top, "assumptions": [item.key for item in assumptions]}
+    asked = {"kind": "sensitivity", "rank": digest, "top": top, "assumptions": [row.assumption for row in rows]}
     return SensitivityResult(
         config_hash=content_hash(asked),
         top=n_top,

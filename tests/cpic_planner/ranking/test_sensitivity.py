@@ -176,8 +176,25 @@ def test_assumptions_change_what_they_say(item):
     assert (drift, width) == pytest.approx(expected)
     assert (bands["F520"].t_opt == 0.46) == (item.key == "t_opt_0.46")
     assert (after.planet != before.planet) == (item.key == "albedo_2au")
-    assert after.model.metrics is MODEL.metrics
+    assert (after.model.metrics is MODEL.metrics) == (item.key != "hole_1e-8")
     assert after.model.bands == MODEL.bands
+
+
+def test_the_published_hole_stands_beside_the_default_one():
+    """Its speckles and its light are those of the instrument `as_published`; other optics have no such neighbour."""
+    setting = RankSetting.of(MODEL, time_s=7200.0, population=SMALL)
+    item = next(item for item in ASSUMPTIONS if item.key == "hole_1e-8")
+    found = in_order(item.change(setting), STARS)
+    published = build_model(load_instrument("as_published"), MODEL.bands)
+    alone = in_order(replace(setting, model=published), STARS)
+    np.testing.assert_array_equal(found.rank, alone.rank)
+    np.testing.assert_allclose(found.margin, alone.margin, rtol=1e-12)
+    assert np.count_nonzero(found.detected) < np.count_nonzero(in_order(setting, STARS).detected)
+    assert item.applies(setting)
+    assert not item.applies(replace(setting, model=published))
+    for other in ("as_published", "cpic_2q"):
+        rows = sensitivity(build_model(load_instrument(other), ["F520"]), STARS, assumptions=[item], **ASKED).rows
+        assert rows == []
 
 
 def test_few_stars_and_odd_questions(refused):
