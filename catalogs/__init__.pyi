@@ -82,7 +82,10 @@ from catalogs.stellar_grid import (
     StellarGrid as StellarGrid,
     bracket as bracket,
 )
-from catalogs.stellar_physics import luminosity_from_v as luminosity_from_v
+from catalogs.stellar_physics import (
+    luminosity_from_v as luminosity_from_v,
+    radius_from_luminosity as radius_from_luminosity,
+)
 from catalogs.table_cells import Column as Column, Columns as Columns, read_rows as read_rows
 from catalogs.table_files import (
     TableBytes as TableBytes,

@@ -227,6 +227,9 @@ class Drift(FrozenModel):
         screen of the spectrum above.
     orbital_period_s : float
         Period of the orbit, s; above 0 where ``orbital_nm`` is.
+    pointing_mas : float
+        Error of the pointing of each visit, mas rms per axis: images leave it out, the effect ledger says what it would
+        change.
     """
 
     visit_nm: Annotated[float, Field(ge=0, le=100)]
@@ -237,6 +240,7 @@ class Drift(FrozenModel):
     orbital_nm: Annotated[float, Field(ge=0, le=100)] = 0.0
     orbital_orders: Literal["low", "all"] = "low"
     orbital_period_s: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    pointing_mas: Annotated[float, Field(ge=0, le=100)] = 0.0
 
     def _check_values(self) -> None:
         if self.orbital_nm > 0 and self.orbital_period_s == 0:

@@ -55,6 +55,12 @@ _KEPT = (
     (_STATIC, "one dark hole per band, its field known perfectly", "static"),
     ("pointing jitter", "incoherent sum over a Gaussian", "jitter"),
 )
+LEFT_OUT = {
+    "pointing": ("pointing of each visit", "visits stand on the centre of the mask"),
+    "stellar_disc": ("disc of the star", "the star is a point"),
+}
+"""What no image has: the name of each effect and what is done instead, by the key of its size."""
+_LACKING = tuple(EffectRow(effect, "skipped", reason, key) for key, (effect, reason) in LEFT_OUT.items())
 _ZODIACAL = "position-dependent zodiacal light"
 
 
@@ -92,7 +98,7 @@ def _row(effect: Effect, law: str, why_not: str) -> EffectRow:
 
 def not_modelled(instrument: Instrument) -> list[str]:
     """Effects that the images of a visible instrument lack, one sentence each."""
-    rows = (*camera_ledger(instrument), *sky_ledger(instrument), _dust(instrument, None))
+    rows = (*_LACKING, *camera_ledger(instrument), *sky_ledger(instrument), _dust(instrument, None))
     return [f"{row.effect}: {row.reason}" for row in rows if row.decision == "skipped"]
 
 
@@ -240,5 +246,5 @@ def effect_ledger(
         how = "a grid of half pixels through the PSF"
         rows["extended sources"] = EffectRow("extended sources", "kept", how, "extended")
     camera = instrument.band(band).camera if band else "VIS"
-    front = (*sky_ledger(instrument, band=band, sky=sky, stray=stray), _dust(instrument, scene))
+    front = (*_LACKING, *sky_ledger(instrument, band=band, sky=sky, stray=stray), _dust(instrument, scene))
     return (*rows.values(), *front, *camera_ledger(instrument, camera, start_utc=start_utc))

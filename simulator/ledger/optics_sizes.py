@@ -75,6 +75,8 @@ class OpticsCase:
         Of every measured planet, what speckles of a programme have besides those of its visits alone.
     moved : bool
         Whether the star stands off the mask.
+    star_radius_mas : float
+        Angular radius of the central star.
     """
 
     camera: CameraCase
@@ -89,6 +91,7 @@ class OpticsCase:
     walk_share: tuple[float, ...]
     lasting: tuple["Lasting", ...]
     moved: bool
+    star_radius_mas: float = 0.0
 
     @functools.cached_property
     def _around_mean(self) -> FloatArray:

@@ -4,17 +4,20 @@ Predicted sizes of everything that an observation may leave out, from closed for
 """
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from cpic_core import Outcome
 from simulator.config import Instrument, Scene, Timing
 from simulator.detectors import VISIBLE, Sizes, rows_of, sizes as sizes_of
-from simulator.imaging import PsfMetrics
+from simulator.imaging import PsfMetrics, aperture_sums, centred_axis, overlap_weights
 from simulator.knobs import Knobs
 from simulator.ledger.case import CameraCase, sums_possible
-from simulator.ledger.inventory import EffectRow, effect_ledger
+from simulator.ledger.inventory import LEFT_OUT, EffectRow, effect_ledger
 from simulator.ledger.light import SceneLight
 from simulator.ledger.optics_sizes import OpticsCase
 from simulator.ledger.visit import MAX_EPOCHS, visit_of
@@ -36,6 +39,7 @@ def camera_sizes(case: CameraCase) -> dict[str, Sizes]:
 
 WAVELENGTHS, PIXEL_NODES = (1, 2, 3, 4, 5, 6, 7), (1, 2, 3, 4, 5)
 EPOCHS = (1, 2, 3, 4, 6, 8, 12)
+_ANNULUS_LAMBDA_D = 1.5
 
 
 @dataclass(frozen=True)
@@ -167,6 +171,7 @@ def forecast(
         "orbital_drift": optics.no_orbit(),
         "pupil_samples": sizes_of(0.0),
     }
+    sizes |= _left_out(optics)
     sizes |= {name: knobs[name][getattr(Knobs(), name)] for name in ("wavelength_nodes", "pixel_nodes")}
     sizes |= {"precision": knobs["precision"]["single"], "drift_epochs": knobs["drift_epochs"][1]}
     sizes["hole_region"] = _hole_region(case)
@@ -181,7 +186,7 @@ def forecast(
         start_utc=visit.start_utc,
     )
     for row in rows:  # what does not exist has no size
-        if row.decision == "skipped" and row.key in sizes and row.key != "source_positions":
+        if row.decision == "skipped" and row.key in sizes and row.key not in ("source_positions", *LEFT_OUT):
             sizes[row.key] = sizes_of(0.0)
     if max(sizes.get(key, sizes_of(0.0))["planet_flux"] for key in ("blooming", "register_full_well")) >= 1.0:
         _forbid(sizes, knobs)
@@ -238,6 +243,35 @@ def _off_mask(light: SceneLight) -> Sizes:
     """
     flux = max((1.0 / max(planet.core, 1e-3) - 1.0 + 0.0055 for planet in light.planets), default=0.0)
     return sizes_of(0.0, flux)
+
+
+def _left_out(optics: OpticsCase) -> dict[str, Sizes]:
+    """Of what no image has: an error of the pointing of each visit, and the disc of the star.
+
+    The light in the hole goes with the star, so that an error of the pointing changes aperture sums by their gradient,
+    in science and in reference visits by other amounts, which visits average as they do speckles. A disc of radius r
+    blurs the light by a variance of ``r^2 / 4`` an axis, which changes aperture sums by ``r^2 / 8`` of their Laplacian,
+    at most ``2 pi / (lambda/D)`` times their gradient, as no wave of the image is shorter than lambda/D; by the same in
+    all visits, as if no reference showed it. Both are upper bounds, within a factor of 1.5 and 3 of the rms that moved
+    and wide stars leave: differences of pixels see the light beyond the hole.
+    """
+    case, metrics = optics.camera, optics.metrics
+    sums = aperture_sums(case.light.star_e_s, overlap_weights(case.radius_pixels))
+    square = np.sum(np.square(np.gradient(sums)), axis=0) * (case.n_frames * case.exposure_s) ** 2
+    axis = centred_axis(len(sums), case.pixel_arcsec)
+    inside = metrics.zone.covers(axis, axis, -metrics.aperture_radius_arcsec)
+    separation = np.hypot(axis[:, None], axis)
+    near = []
+    for planet in case.light.planets:
+        away = np.abs(separation - math.hypot(planet.x_arcsec, planet.y_arcsec))
+        around = inside & (away <= _ANNULUS_LAMBDA_D * metrics.lambda_d_arcsec) & (not optics.moved)
+        near.append(float(square[around].mean()) if around.any() else 0.0)
+    step, radius = (1e-3 * part / case.pixel_arcsec for part in (optics.drift.pointing_mas, optics.star_radius_mas))
+    factors = {
+        "pointing": 2.0 * step**2,
+        "stellar_disc": case.visits * (2.0 * math.pi / case.lambda_d_pixels * radius**2 / 8.0) ** 2,
+    }
+    return {key: sizes_of(0.0, snr=case.snr_added(factor * part for part in near)) for key, factor in factors.items()}
 
 
 def _hole_region(case: CameraCase) -> Sizes:

@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from catalogs import luminosity_from_v, radius_from_luminosity, stellar_parameters
 from cpic_core import InputError, NDArray
 from simulator.camera import FrameNoise, aperture_loss_per_s
-from simulator.config import Detector, Drift, Instrument, Scene, Timing
+from simulator.config import Detector, Drift, Instrument, Scene, SceneStar, Timing
 from simulator.detectors import FrameTerm
 from simulator.effects import SkyLevel, cosmic_ray_rate, sky_rate_e_s_arcsec2, stray_light_parts
 from simulator.imaging import PsfMetrics, psf_metrics
@@ -88,6 +89,7 @@ def visit_variance_e2(
 MAX_EPOCHS = 12
 """Epochs of a visit without a ledger."""
 _CM_PER_UM = 1e-4
+_SUN_AT_10_PC_MAS = 0.46505  # angular radius: 695 700 km (IAU 2015) at 10 pc
 # A single place in the hole against the rms of its separation.
 _FLOOR_LEAST, _FLOOR_MOST = 0.5, 2.0
 _BEAT = 1.4
@@ -244,6 +246,7 @@ def visit_of(
         walk_share=tuple(walk_shares),
         lasting=tuple(lasting),
         moved=moved,
+        star_radius_mas=_radius_mas(star),
     )
     return Visit(
         sources=tuple(sources),
@@ -256,6 +259,16 @@ def visit_of(
         camera=case,
         optics=optics,
     )
+
+
+def _radius_mas(star: SceneStar) -> float:
+    """Angular radius of a star by its V magnitude and temperature, at any distance; 0 where no temperature is known."""
+    teff_k = star.teff_k
+    if teff_k is None and star.spectral_type is not None:
+        teff_k = stellar_parameters(star.spectral_type).teff_k
+    if teff_k is None:
+        return 0.0
+    return radius_from_luminosity(luminosity_from_v(star.v_mag, 10.0, teff_k), teff_k) * _SUN_AT_10_PC_MAS
 
 
 def _mean_stray(stray: Mapping[str, NDArray[Any]]) -> float:
