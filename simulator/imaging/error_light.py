@@ -5,8 +5,8 @@ the waves' amplitudes, which are independent normal numbers a: ``Q = |R a|^2``, 
 the field in the aperture sees of the waves. Its variance is ``2 tr (R R^T)^2``, the covariance of two such forms
 ``2 tr M M'`` with ``M = R^T R``.
 
-Apertures see the light less the mean of the hole, whose own variance is most of what is left far out: exact but for a
-small part, which is estimated to 1 % of it.
+Apertures see the light less the mean of the hole, whose own variance is up to two thirds of what is left in the corners:
+exact in the screens that matter most and estimated in the others, to some 1 %.
 
 A field behind a pupil has few modes in an aperture little larger than lambda/D: those that bring less than 1e-3 of the
 light of the brightest are left out, by which the variance is 1e-4 too small.
@@ -46,9 +46,8 @@ class ErrorLight:
         self.screens: ScreenModel = screen_model(samples, psd_slope)
         self.owners = [axis.owners for axis in axes]
         self.counted = axes[0].weights[:, None] * axes[1].weights
-        self.waves = [
-            (y.full(samples), x.full(samples)) for y, x in zip(self.grid.rows, self.grid.columns, strict=True)
-        ]
+        waves = zip(self.grid.rows, self.grid.columns, strict=True)
+        self.waves = [[np.asarray(part.full(samples), np.complex128) for part in pair] for pair in waves]
         per_nm = 2.0 * np.pi / (imager.wavelengths_m * 1e9) * np.sqrt(imager.weights * imager.pixel_solid_angle_sr)
         self.pupils = [float(scale) * imager.pupil(index) for index, scale in enumerate(per_nm)]
 
@@ -78,7 +77,6 @@ class ErrorLight:
             found.append(pupil * (basis_y.T @ kept @ basis_x))
         maps = np.concatenate(found)
         return np.concatenate([maps.real, maps.imag])
-
 
     def light(self, screens: FloatArray, weights: FloatArray) -> FloatArray:
         """Weighted light of screens, shape (k,).
@@ -129,9 +127,7 @@ def _pairs(values: ComplexArray) -> ComplexArray:
     return (values.conj()[:, :, None] * values[:, None, :]).reshape(len(values), -1)
 
 
-def light_variance(
-    fine: ErrorLight, coarse: ErrorLight, mean: FloatArray, apertures: Sequence[Aperture]
-) -> FloatArray:
+def light_variance(fine: ErrorLight, coarse: ErrorLight, mean: FloatArray, apertures: Sequence[Aperture]) -> FloatArray:
     """Variance of the light of screens of 1 nm, summed in apertures less the sum by ``mean``, one for each.
 
     Parameters

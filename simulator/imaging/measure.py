@@ -121,16 +121,16 @@ def _spread(offsets: FloatArray) -> FloatArray:
     """A few of the distinct values, in equal steps of their logarithms as far as they can."""
     values = np.unique(offsets)
     wanted = np.geomspace(values[0], values[-1], SAMPLED)
-    return values[np.unique(np.abs(values[:, None] - wanted).argmin(axis=0))]
+    return np.asarray(values[np.unique(np.abs(values[:, None] - wanted).argmin(axis=0))])
 
 
 def _everywhere(y: FloatArray, x: FloatArray, chosen: NDArray[np.intp], values: FloatArray) -> FloatArray:
     """Values at all apertures from some: their logarithms by a polynomial in those of the distances from both axes."""
     if len(chosen) == len(y):
         return values
-    scaled = [2.0 * np.log(at / at.min()) / np.log(at.max() / at.min()) - 1.0 for at in (y, x)]
+    u, v = (2.0 * np.log(at / at.min()) / np.log(at.max() / at.min()) - 1.0 for at in (y, x))
     order = np.add.outer(np.arange(DEGREE + 1), np.arange(DEGREE + 1)).ravel()
-    terms = np.polynomial.chebyshev.chebvander2d(*scaled, [DEGREE, DEGREE])[:, order <= DEGREE]
+    terms = np.polynomial.chebyshev.chebvander2d(u, v, [DEGREE, DEGREE])[:, order <= DEGREE]
     fitted = np.linalg.lstsq(terms[chosen], np.log(values), rcond=None)[0]
     return np.asarray(np.exp(terms @ fitted))
 
