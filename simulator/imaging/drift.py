@@ -115,8 +115,38 @@ class ScreenModel:
         readings : ndarray, shape (..., n, n)
             Maps; a reading is the sum over the pupil of the screen times a map.
         """
+        return np.asarray((self.coefficients(readings) ** 2).sum(axis=(-2, -1)))
+
+    def coefficients(self, readings: FloatArray) -> FloatArray:
+        """What linear readings see of each wave of a screen of 1 nm, shape (..., 128, 128).
+
+        A reading of a random screen is the sum of these times independent standard normal numbers.
+
+        Parameters
+        ----------
+        readings : ndarray, shape (..., n, n)
+            Maps; a reading is the sum over the pupil of the screen times a map.
+        """
         content = np.einsum("...yx,kyx->...k", readings, self.planes)
         readings = readings - np.einsum("...k,kyx->...yx", content, self.removed)
+        waves, rms = self._real_waves()
+        return np.asarray(rms * (waves @ readings @ waves.T))
+
+    def screens(self, coefficients: FloatArray) -> FloatArray:
+        """Screens of 1 nm in which each wave has been drawn so, in nm, shape (..., n, n).
+
+        Parameters
+        ----------
+        coefficients : ndarray, shape (..., 128, 128)
+            In the order of `coefficients`; independent standard normal numbers give a random screen.
+        """
+        waves, rms = self._real_waves()
+        screens = waves.T @ (rms * coefficients) @ waves
+        content = np.einsum("...yx,kyx->...k", screens, self.removed)
+        return np.asarray(screens - np.einsum("...k,kyx->...yx", content, self.planes))
+
+    def _real_waves(self) -> tuple[FloatArray, FloatArray]:
+        """Cosines, then sines at the samples of an axis, shape (128, n), and the rms of each product of two of them."""
         lower = self.planes.shape[-1] - self.cosine.shape[1]
         waves = np.concatenate(
             [
@@ -124,13 +154,10 @@ class ScreenModel:
                 for sign, half in ((1.0, self.cosine), (-1.0, self.sine))
             ]
         )
-        count = LAST_INDEX + 1
-        found = (waves @ readings @ waves.T) ** 2
-        power = sum(found[..., y : y + count, x : x + count] for y in (0, count) for x in (0, count))
         # Frequencies f_x and -f_x together: half of each product of cosines and sines belongs to either.
-        several = np.full((count, count), 2.0)
+        several = np.full((LAST_INDEX + 1, LAST_INDEX + 1), 2.0)
         several[0], several[:, 0] = 1.0, 1.0
-        return np.asarray((several * self.amplitude[:, LAST_INDEX:] ** 2 * power).sum(axis=(-2, -1)))
+        return waves, np.tile(np.sqrt(several) * self.amplitude[:, LAST_INDEX:], (2, 2))
 
     def _series(self, real: FloatArray, imaginary: FloatArray) -> FloatArray:
         """Real part of the Fourier series with the given coefficients, shape (n, n)."""

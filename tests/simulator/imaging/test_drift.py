@@ -54,6 +54,16 @@ def test_screen_is_the_fourier_series_of_its_coefficients(samples):
     assert not model.planes.flags.writeable
 
 
+@pytest.mark.parametrize("samples", [64, 65])
+def test_a_reading_of_a_screen_is_the_sum_of_what_it_sees_of_each_wave(samples):
+    screens, rng = screen_model(samples, 2.5), np.random.default_rng(6)
+    readings, waves = rng.standard_normal((3, samples, samples)), rng.standard_normal((4, 128, 128))
+    drawn = np.einsum("ryx,syx->rs", readings, screens.screens(waves))
+    np.testing.assert_allclose(np.einsum("ryx,syx->rs", screens.coefficients(readings), waves), drawn, rtol=1e-9)
+    content = np.einsum("kyx,syx->sk", screens.removed, screens.screens(waves))
+    np.testing.assert_allclose(content, 0.0, atol=1e-12)
+
+
 def test_power_falls_with_the_slope():
     for slope in (2.0, 3.0):
         model = screen_model(64, slope)

@@ -199,7 +199,7 @@ def test_the_cross_term_is_the_sum_over_all_waves(monkeypatch):
     waves = 2 * int((few.amplitude > 0).sum())
     object.__setattr__(few, "drawn", [*range(waves), 0, 0])
     monkeypatch.setattr(measure, "screen_model", lambda samples, slope: few)
-    sums, floor = cross_terms(imager, waves), measure_floor(imager, 2.5, n_visits=2)
+    sums, floor = cross_terms(imager, waves), measure_floor(imager, 2.5)
     assert floor.linear[0] == pytest.approx(2.0 * (sums**2).sum(axis=0).mean(), rel=1e-9)
     assert floor.linear.shape == floor.square.shape == (1 + floor.separation_arcsec.size,)
     assert (np.diff(floor.separation_arcsec) > 0).all()
@@ -209,7 +209,24 @@ def test_the_cross_term_of_visits_that_are_drawn():
     imager = small_hole("F520")
     squares = (cross_terms(imager, 100) ** 2).mean(axis=-1)
     error = squares.std() / squares.mean() / 10.0
-    assert measure_floor(imager, 2.5, n_visits=2).linear[0] == pytest.approx(2.0 * squares.mean(), rel=4.0 * error)
+    assert measure_floor(imager, 2.5).linear[0] == pytest.approx(2.0 * squares.mean(), rel=4.0 * error)
+
+
+def test_the_light_between_the_apertures_that_are_measured():
+    """A power of the separation times one of the azimuth, on a whole quadrant and on few apertures."""
+    axis = np.arange(13.0, 42.0) * 0.0162
+
+    def light(y, x):
+        return np.hypot(y, x) ** -5.0 * (y * x / (y**2 + x**2)) ** -0.3
+
+    for size, measured in ((29, 36), (6, 36), (3, 36)):
+        y, x = (part.ravel() for part in np.meshgrid(axis[:size], axis[:size], indexing="ij"))
+        y, x = np.tile(y, 4), np.tile(x, 4)
+        chosen = measure._sampled(y, x)
+        assert len(set(chosen)) == measured
+        assert len(set(chosen // size**2)) == 4
+        found = measure._everywhere(y, x, chosen, light(y[chosen], x[chosen]))
+        np.testing.assert_allclose(found, light(y, x), rtol=5e-3)
 
 
 def test_narrow_and_empty_holes(refused):
@@ -218,11 +235,11 @@ def test_narrow_and_empty_holes(refused):
         narrow = INSTRUMENT.coronagraph.model_copy(update={"outer_half_side_arcsec": outer})
         instrument = INSTRUMENT.model_copy(update={"coronagraph": narrow})
         knobs = Knobs(pupil_samples=64, wavelength_nodes=1, pixel_nodes=1)
-        return measure_floor(build_imager(instrument, "F520", knobs), 2.5, n_visits=4)
+        return measure_floor(build_imager(instrument, "F520", knobs), 2.5)
 
     narrow = floor_of(0.2)  # narrower than the aperture
-    assert np.isfinite(narrow.linear).all()
-    assert (narrow.linear > 0).all()
+    for part in (narrow.linear, narrow.square):
+        assert np.all(np.isfinite(part) & (part > 0))
     with pytest.raises(InputError, match="inner_lambda_d"):
         floor_of(0.1655)  # between two pixel centres
     refused("hole edges", floor_of, 0.1)

@@ -20,7 +20,7 @@ from simulator.imaging import (
 from simulator.imaging.build import bare_imager, dark_hole_of, hole_state_of
 from simulator.imaging.conjugation import Search
 from simulator.imaging.dark_hole import DarkHole, HoleScore, UnreachedHole
-from simulator.imaging.measure import measure_floor, stamp_figures
+from simulator.imaging.measure import stamp_figures
 from simulator.imaging.store import configured_apodizer, from_arrays, hole_key, shipped_file, to_arrays
 from simulator.knobs import Knobs
 
@@ -163,7 +163,6 @@ def test_key_is_of_the_surface_and_not_of_its_file(tmp_path):
 
 def test_other_instrument_end_to_end(tmp_path, monkeypatch):
     monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(measure, "measure_floor", lambda imager, slope: measure_floor(imager, slope, n_visits=8))
     flat = {"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0, "jitter_mas": 0}, "dark_hole": {"control": "off"}}
     metrics = psf_metrics(load_instrument(flat | {"coronagraph": {"mask_half_width_arcsec": 0.134}}), "F850")
     assert metrics.iwa_arcsec < psf_metrics(INSTRUMENT, "F850").iwa_arcsec
