@@ -100,7 +100,7 @@ def _of_star(name: str, default: Any, text: str, low: float, high: float) -> Any
 MAX_VISITS = 1000
 """Most visits of a programme."""
 SearchMode = Literal["blind", "known_place"]
-FluxFilter = Literal["aperture", "matched", "mirror"]
+FluxFilter = Literal["aperture", "matched", "mirror", "whitened"]
 _OF_ROLL, _COUNTED = ("library", "roll"), ("mode", "photon_counting")
 
 

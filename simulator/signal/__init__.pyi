@@ -22,10 +22,13 @@ from simulator.signal.saturation import (
     pixel_saturated as pixel_saturated,
 )
 from simulator.signal.speckle_modes import (
+    REGION_LAMBDA_D as REGION_LAMBDA_D,
     ModeFactors as ModeFactors,
     SpeckleModes as SpeckleModes,
     mode_factors as mode_factors,
     modes_around as modes_around,
+    placed as placed,
+    visit_changes as visit_changes,
 )
 from simulator.signal.speckles import (
     INTERLEAVED as INTERLEAVED,
@@ -36,4 +39,11 @@ from simulator.signal.speckles import (
     programme_law as programme_law,
     programme_parts as programme_parts,
     speckle_law as speckle_law,
+    unit_parts as unit_parts,
+)
+from simulator.signal.whitening import (
+    Whitening as Whitening,
+    speckle_covariance as speckle_covariance,
+    whitened_gain as whitened_gain,
+    with_noise as with_noise,
 )

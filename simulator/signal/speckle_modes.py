@@ -24,7 +24,15 @@ from cpic_core import (
     stream,
 )
 from simulator.config import Instrument, content_hash
-from simulator.imaging import centred_axis, metrics_key, overlap_weights, psf_metrics, single_band_psf, visit_responses
+from simulator.imaging import (
+    Psf,
+    centred_axis,
+    metrics_key,
+    overlap_weights,
+    psf_metrics,
+    single_band_psf,
+    visit_responses,
+)
 
 REGION_LAMBDA_D = 2.4
 """Half width of the annulus whose modes are projected out: those of the whole hole are its inner corner's."""
@@ -211,7 +219,7 @@ def modes_around(instrument: Instrument, band: str, separation_arcsec: float, of
     if offset <= 0.0:
         raise InputError("offset_nm", offset, unit="nm", allowed="above 0")
     separation = float(check_finite("separation_arcsec", separation_arcsec, "arcsec"))
-    return _made(_Optics.of(instrument, band), separation, offset)
+    return _made(OpticalBand.of(instrument, band), separation, offset)
 
 
 def mode_factors(
@@ -260,7 +268,7 @@ def mode_factors(
 
 
 @dataclass(frozen=True)
-class _Optics:
+class OpticalBand:
     """A band that counts as equal to any other of its key."""
 
     instrument: Instrument = field(compare=False)
@@ -281,8 +289,33 @@ class _Optics:
         return cls(instrument, band, content_hash(parts))
 
 
+def visit_changes(instrument: Instrument, band: str) -> tuple[FloatArray, FloatArray]:
+    """Return how the star's image in the dark hole changes with visits whose wavefronts are off by 1 nm.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+
+    Returns
+    -------
+    linear, square : ndarray, shape (n, p)
+        ``2 Re(E0* dE)`` and ``|dE|^2`` of n visits in the p pixels of the hole, in the order of the stamp, single
+        precision, as part of the star's light on the clear disc: an offset of ``o`` nm changes the image by
+        ``o linear + o^2 square``. Measured once, some ten seconds for a band, and kept in the cache.
+
+    Raises
+    ------
+    InputError
+        If the band has no optical model.
+    """
+    found = _visits(OpticalBand.of(instrument, band))
+    return found["linear"], found["square"]
+
+
 @functools.lru_cache(maxsize=4)
-def _visits(wanted: _Optics) -> dict[str, FloatArray]:
+def _visits(wanted: OpticalBand) -> dict[str, FloatArray]:
     """Change of the hole's pixels by 1 nm in each visit: the part linear in the error, and its light."""
 
     def measured() -> dict[str, FloatArray]:
@@ -301,8 +334,48 @@ def _visits(wanted: _Optics) -> dict[str, FloatArray]:
 
 
 @functools.lru_cache(maxsize=16)
-def _made(wanted: _Optics, separation_arcsec: float, offset: float) -> SpeckleModes:
-    psf = single_band_psf(wanted.band, instrument=wanted.instrument)
+def _made(wanted: OpticalBand, separation_arcsec: float, offset: float) -> SpeckleModes:
+    around = stamps_around(single_band_psf(wanted.band, instrument=wanted.instrument), separation_arcsec)
+    linear, square = (_visits(wanted)[name][:, around.inside].astype(float) for name in ("linear", "square"))
+    images = offset * linear + offset**2 * square
+    return SpeckleModes(images - images.mean(axis=0), around.apertures, around.own, around.planets)
+
+
+class Stamps(NamedTuple):
+    """Sums and planets around a separation, as rows of the p pixels of its annulus.
+
+    Attributes
+    ----------
+    inside : ndarray of bool
+        Which pixels of the hole are those of the annulus.
+    apertures : ndarray, shape (a, p)
+        Weights of apertures within 1.5 lambda/D of the separation, the mean of them all taken off.
+    own, planets : ndarray, shape (m, p)
+        Weights of the apertures nearest to it, and the images of planets in their middles.
+    mean : ndarray, shape (p,)
+        What was taken off.
+    """
+
+    inside: BoolArray
+    apertures: FloatArray
+    own: FloatArray
+    planets: FloatArray
+    mean: FloatArray
+
+
+def stamps_around(psf: Psf, separation_arcsec: float) -> Stamps:
+    """Return sums and planets around a separation.
+
+    Parameters
+    ----------
+    psf : Psf
+    separation_arcsec : float
+
+    Raises
+    ------
+    InputError
+        If fewer than two whole apertures fit there.
+    """
     geometry = psf.geometry
     region = geometry.annulus(separation_arcsec, REGION_LAMBDA_D)
     weights, planet = overlap_weights(geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec), psf.off_axis
@@ -318,18 +391,16 @@ def _made(wanted: _Optics, separation_arcsec: float, offset: float) -> SpeckleMo
     nearest = np.argsort(distance, kind="stable")[:_N_PLANETS]
 
     def stamped(index: IntArray, stamp: FloatArray) -> FloatArray:
-        return np.array([_placed(region.shape, stamp, rows[i], columns[i])[region] for i in index])
+        return np.array([placed(region.shape, stamp, rows[i], columns[i])[region] for i in index])
 
     every = stamped(near, weights)
-    apertures = np.unique(np.linspace(0, len(every) - 1, _N_APERTURES).astype(int))
-    inside = region[geometry.hole]
-    linear, square = (_visits(wanted)[name][:, inside].astype(float) for name in ("linear", "square"))
-    images = offset * linear + offset**2 * square
-    return SpeckleModes(
-        images - images.mean(axis=0),
-        every[apertures] - every.mean(axis=0),
-        stamped(nearest, weights),
-        stamped(nearest, planet),
+    chosen, mean = np.unique(np.linspace(0, len(every) - 1, _N_APERTURES).astype(int)), every.mean(axis=0)
+    return Stamps(
+        inside=region[geometry.hole],
+        apertures=every[chosen] - mean,
+        own=stamped(nearest, weights),
+        planets=stamped(nearest, planet),
+        mean=mean,
     )
 
 
@@ -344,8 +415,18 @@ def _whole(region: BoolArray, weights: FloatArray) -> tuple[IntArray, IntArray]:
     return rows, columns
 
 
-def _placed(shape: tuple[int, int], stamp: FloatArray, row: int, column: int) -> FloatArray:
-    """Stamp with its middle pixel at a place, 0 where it does not reach."""
+def placed(shape: tuple[int, int], stamp: FloatArray, row: int, column: int) -> FloatArray:
+    """Return an image with the middle pixel of a stamp at a place, 0 where it does not reach.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape (y, x) of the image.
+    stamp : ndarray
+        Odd sides.
+    row, column : int
+        Place of its middle pixel, in the image.
+    """
     image, half = np.zeros(shape), len(stamp) // 2
     low = [max(place - half, 0) for place in (row, column)]
     high = [min(place - half + size, side) for place, size, side in zip((row, column), stamp.shape, shape, strict=True)]
