@@ -114,7 +114,17 @@ class ReferenceStar(FrozenModel):
 
 
 class Reduction(FrozenModel):
-    """How images are reduced: what a simulated observation can honour of a `Strategy`."""
+    """How images are reduced: what a simulated observation can honour of a `Strategy`.
+
+    Notes
+    -----
+    What the two filters that take something for granted buy, in pairs of simulated visits without white noise or with
+    it, in F520 at 0.4, 0.6, 0.85 and F850 at 0.52, 0.6, 0.8 arcsec:
+
+    ``mirror`` leaves of the residual's rms, at an offset of 0.05 nm, 0.87, 0.97, 0.85 and 0.89, 0.92, 0.85; at 0.1 nm
+    0.62, 0.90, 0.95 and 0.80, 0.74, 0.64; at 0.3 nm 0.30, 0.49, 0.70 and 0.45, 0.41, 0.46. It adds the white noise of
+    the opposite place, and pays from about 0.1 nm where white noise is weaker than speckles.
+    """
 
     n_modes: int = asked(
         0, "Modes of the reference library that the subtraction projects out beside its mean.", ge=0, le=1000
@@ -126,9 +136,12 @@ class Reduction(FrozenModel):
     )
     filter: FluxFilter = asked(
         "aperture",
-        "How images measure a planet at its place: aperture sums; matched, weighing by the planet's image; or mirror, "
+        "How images measure a planet at its place: aperture sums; matched, weighing by the planet's image; mirror, "
         "aperture sums after what the opposite place explains is taken off, which takes for granted that wavefront "
-        "errors are of phase and no source stands there. Predictions are those of aperture sums.",
+        "errors are of phase and no source stands there; or whitened, weighing by the inverse covariance of noise and "
+        "speckles, which takes for granted that the optical model is that of this very instrument: the star's field in "
+        "the dark hole, the state of the mirror, and errors of phase with the spectrum of the drift. Predictions are "
+        "those of aperture sums.",
     )
     reference_ratio: float = asked(
         1.0, "Reference frames per science frame; their time and noise are counted.", gt=0, le=1000
@@ -182,9 +195,12 @@ class Reduction(FrozenModel):
     @model_validator(mode="after")
     def _consistent(self) -> Reduction:
         self.reference_library.check(self, f"{called('library')} {self.library}")
-        if self.filter == "mirror" and len(self.rolls_deg) > 1:
-            hint = "rolls show the planet's negative at a second place, whose opposite is not free of it"
+        if self.filter in ("mirror", "whitened") and len(self.rolls_deg) > 1:
+            hint = "rolls show the planet's negative at a second place"
             raise InputError("filter", self.filter, allowed=f"aperture or matched with {self.library}", hint=hint)
+        if self.filter == "whitened" and self.choose_modes:
+            hint = "the covariance of the speckles stands for their modes; a number of modes is taken"
+            raise InputError("choose_modes", True, allowed="false with filter whitened", hint=hint)
         return self
 
     @property
