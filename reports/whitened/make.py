@@ -29,7 +29,7 @@ from simulator.config import Instrument, load_instrument
 from simulator.imaging import Psf, centred_axis, single_band_psf, visit_responses
 from simulator.knobs import FIDELITIES
 from simulator.signal import Whitening, speckle_covariance, with_noise
-from simulator.signal.speckle_modes import Stamps, stamps_around
+from simulator.signal.speckle_visits import Stamps, stamps_around
 
 HERE = Path(__file__).resolve().parent
 RESULTS, REPORT = HERE / "results.json", HERE / "report.md"
@@ -212,15 +212,16 @@ def text_of(results: dict[str, Any]) -> str:
     lines = [
         "# The filter whitened by the optical model",
         "",
-        "`python reports/whitened/make.py` writes this report. `filter: whitened` weighs pixels by the inverse covariance "
-        "of speckles and noise that the optical model foresees. It takes for granted that the model is that of this very "
-        "instrument. Gains are ratios of SNR over aperture sums with the mean of the annulus taken off, drift "
-        f"{OFFSET_NM} nm.",
+        "`python reports/whitened/make.py` writes this report. `filter: whitened` weighs pixels by the inverse "
+        "covariance of speckles and noise that the optical model foresees. It takes for granted that the model is that "
+        "of this very instrument. Gains are ratios of SNR over aperture sums with the mean of the annulus taken off, "
+        f"at a drift of {OFFSET_NM} nm.",
         "",
         f"## On {HELD_OUT} visits that it has not seen",
         "",
         "Noise: rms of white noise in aperture sums over that of the speckles of a visit at 0.6 arcsec; local: at the "
-        "place. Honest: scatter over the error that the covariance foresees. Asked: the study that proposed the filter.",
+        "place. Honest: scatter over the error that the covariance foresees. Asked: what the study found that proposed "
+        "the filter.",
         "",
         "| band | arcsec | noise | local | gain asked | gain | honest |",
         "|---|---|---|---|---|---|---|",
@@ -252,10 +253,10 @@ def text_of(results: dict[str, Any]) -> str:
         "## On images",
         "",
         f"One visit of {VISIT_S / 60:.0f} min and as long a reference, drift and walk as in `cpic_default`, drawn "
-        f"{REALISATIONS} times with the noise of the camera; planets of SNR {SNR:.0f} before their own noise on the four "
-        "diagonals; the filter of the white noise of one more realisation. Reported over true: rms of the reported "
-        "errors over the scatter of the fluxes. Gain: of significance, by the reported errors without the planet's own "
-        "noise.",
+        f"{REALISATIONS} times with the noise of the camera; planets of SNR {SNR:.0f} before their own noise on the "
+        "four diagonals; the filter of the white noise of one more realisation. Reported over true: rms of the "
+        "reported errors over the scatter of the fluxes. Gain: of significance, by the reported errors without the "
+        "planet's own noise.",
         "",
         "| band | arcsec | noise | local | gain | aperture: flux | reported over true | whitened: flux | "
         "reported over true | SNR, true |",
@@ -269,7 +270,7 @@ def text_of(results: dict[str, Any]) -> str:
         ]
         lines.append(
             f"| {row['band']} | {row['arcsec']} | {row['noise']} | {row['local']:.2f} | "
-            f"{plain['sigma'] / white['sigma']:.2f} | {parts[0]} | {parts[1]} | {plain['snr']:.1f}, {white['snr']:.1f} |"
+            f"{plain['sigma'] / white['sigma']:.2f} | {' | '.join(parts)} | {plain['snr']:.1f}, {white['snr']:.1f} |"
         )
     return "\n".join(lines) + "\n"
 

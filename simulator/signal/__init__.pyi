@@ -22,11 +22,14 @@ from simulator.signal.saturation import (
     pixel_saturated as pixel_saturated,
 )
 from simulator.signal.speckle_modes import (
-    REGION_LAMBDA_D as REGION_LAMBDA_D,
     ModeFactors as ModeFactors,
     SpeckleModes as SpeckleModes,
     mode_factors as mode_factors,
     modes_around as modes_around,
+)
+from simulator.signal.speckle_visits import (
+    REGION_LAMBDA_D as REGION_LAMBDA_D,
+    OpticalBand as OpticalBand,
     placed as placed,
     visit_changes as visit_changes,
 )

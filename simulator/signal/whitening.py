@@ -12,7 +12,7 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, InputError, check_finite
 from simulator.config import Instrument
 from simulator.imaging import single_band_psf
-from simulator.signal.speckle_modes import REGION_LAMBDA_D, OpticalBand, stamps_around, visit_changes
+from simulator.signal.speckle_visits import REGION_LAMBDA_D, OpticalBand, stamps_around, visit_changes
 
 LEAST_NOISE = 0.01
 """White noise of a pixel over the rms of its speckles, at least: below, chance in the visits would pass for order."""
@@ -123,7 +123,7 @@ def _covariance(wanted: OpticalBand, separation_arcsec: float, linear_nm2: float
     inside = geometry.annulus(separation_arcsec, REGION_LAMBDA_D)[geometry.hole]
     found = np.zeros((np.count_nonzero(inside),) * 2)
     if linear_nm2 > 0.0 or square_nm4 > 0.0:
-        changes = visit_changes(wanted.instrument, wanted.band)
+        changes = visit_changes(wanted)
         for factor, part in zip((linear_nm2, square_nm4), changes, strict=True):
             images = part[:, inside].astype(float)
             images -= images.mean(axis=0)

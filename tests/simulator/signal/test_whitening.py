@@ -6,8 +6,8 @@ import pytest
 from cpic_core import InputError
 from simulator.config import load_instrument
 from simulator.imaging import centred_axis, single_band_psf, visit_responses
-from simulator.signal import Whitening, speckle_covariance, visit_changes, whitened_gain, with_noise
-from simulator.signal.speckle_modes import Stamps, stamps_around
+from simulator.signal import OpticalBand, Whitening, speckle_covariance, visit_changes, whitened_gain, with_noise
+from simulator.signal.speckle_visits import Stamps, stamps_around
 
 P = 80
 
@@ -144,7 +144,7 @@ def test_gain_and_error_hold_on_visits_that_it_has_not_seen(band, places, record
     _, linear, square = visit_responses(imager, *axes, instrument.drift.psd_slope, n, 7)
     images = (offset_nm * linear + offset_nm**2 * square)[:, hole[np.ix_(rows, columns)]]
     images -= images.mean(axis=0)
-    assert visit_changes(instrument, band)[0].shape[1] == images.shape[1]
+    assert visit_changes(OpticalBand.of(instrument, band))[0].shape[1] == images.shape[1]
     for separation in places:
         around = stamps_around(psf, separation)
         speckles = speckle_covariance(instrument, band, separation, offset_nm**2, offset_nm**4)
