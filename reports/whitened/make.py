@@ -28,7 +28,7 @@ from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
 from simulator.config import Instrument, load_instrument
 from simulator.imaging import Psf, centred_axis, single_band_psf, visit_responses
 from simulator.knobs import FIDELITIES
-from simulator.signal import Whitening, speckle_covariance, with_noise
+from simulator.signal import REGION_LAMBDA_D, Whitening, speckle_covariance, with_noise
 from simulator.signal.speckle_visits import Stamps, stamps_around
 
 HERE = Path(__file__).resolve().parent
@@ -46,7 +46,8 @@ OTHERS: dict[str, Any] = {
     "the mirror of cpic_single_jacobian": "cpic_single_jacobian",
     "the mirror of as_published": "as_published",
 }
-IMAGES = (("F520", 0.4, 0.3), ("F520", 0.6, 0.3), ("F520", 0.6, 1.0), ("F850", 0.6, 0.3))
+# The last: planets at once; the inner corner has room for one.
+IMAGES = (("F520", 0.6, 0.3, 4), ("F520", 0.6, 1.0, 4), ("F850", 0.6, 0.3, 4), ("F520", 0.4, 0.3, 1))
 STAR, VISIT_S, REALISATIONS, SNR = "bet Hyi", 1800.0, 60, 10.0
 Row = dict[str, Any]
 
@@ -106,13 +107,39 @@ def visits_rows(band: str) -> list[Row]:
     return rows
 
 
-def image_row(band: str, place_arcsec: float, noise: float) -> Row:
-    """Images of one visit with its references: planets on the four diagonals, flux and errors of both filters."""
+def share_rows(band: str) -> list[Row]:
+    """Share of the light of the errors in the variance of the pixels, which needs no static field, by instrument."""
+    rows = []
+    for place in PLACES[band]:
+        row: Row = {"band": band, "arcsec": place}
+        for name, other in ({"its own": None} | OTHERS).items():
+            row[f"likeness, {name}"] = likeness(band, place, load_instrument(other))
+            linear, square = (
+                float(np.trace(speckle_covariance(load_instrument(other), band, place, *factors)))
+                for factors in ((OFFSET_NM**2, 0.0), (0.0, OFFSET_NM**4))
+            )
+            row[name] = square / (linear + square)
+        rows.append(row)
+        print(row, flush=True)
+    return rows
+
+
+def likeness(band: str, place_arcsec: float, other: Instrument) -> float:
+    """Correlation of the star's image around a place with that of another instrument."""
+    images = []
+    for instrument in (load_instrument(), other):
+        psf = single_band_psf(band, instrument=instrument)
+        images.append(psf.on_axis[psf.geometry.annulus(place_arcsec, REGION_LAMBDA_D)])
+    return float(np.corrcoef(images)[0, 1])
+
+
+def image_row(band: str, place_arcsec: float, noise: float, planets: int) -> Row:
+    """Images of one visit with its references: planets on the diagonals, flux and errors of both filters."""
     visits = star_visits(band, place_arcsec, noise)
     geometry, rate = visits.geometry, visits.science.truth.sources[0].rate_e_s
     pixel, middle, side = geometry.pixel_scale_arcsec, geometry.stamp_pixels // 2, geometry.stamp_pixels
     radius, away = geometry.aperture_radius_arcsec / pixel, place_arcsec / np.sqrt(2.0)
-    offsets = [(x * away, y * away) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    offsets = [(x * away, y * away) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))[:planets]]
     places = [(middle + x / pixel, middle + y / pixel) for x, y in offsets]
     templates = [visits.optics.at(*offset) for offset in offsets]
     weights = [aperture_weights((side, side), *place, radius) for place in places]
@@ -157,7 +184,7 @@ def image_row(band: str, place_arcsec: float, noise: float) -> Row:
                 ]
             )
     white = float(np.mean([np.sum(w**2 * first.white_variance_e2) for w in weights]))
-    row: Row = {"band": band, "arcsec": place_arcsec, "noise": noise}
+    row: Row = {"band": band, "arcsec": place_arcsec, "noise": noise, "planets": planets}
     for name, runs in found.items():
         flux, error, sigma = np.moveaxis(np.array(runs), -1, 0)
         scatter = np.sqrt(flux.var(axis=0, ddof=1).mean())
@@ -250,17 +277,29 @@ def text_of(results: dict[str, Any]) -> str:
         lines.append(f"| {row['band']} | {row['arcsec']} | {row['noise']} | {cells} |")
     lines += [
         "",
+        "The light of the errors, `|dE|^2`, is the same whatever the static field is; the rest of the covariance, "
+        "`2 Re(E0* dE)`, lives on it. Share of the light in the variance of the pixels, and in brackets the correlation of "
+        "the star's image there with that of the default instrument:",
+        "",
+        "| band | arcsec | its own | " + " | ".join(OTHERS) + " |",
+        "|---" * (3 + len(OTHERS)) + "|",
+    ]
+    for row in results.get("shares", []):
+        cells = " | ".join(f"{row[name]:.2f} ({row[f'likeness, {name}']:.2f})" for name in ("its own", *OTHERS))
+        lines.append(f"| {row['band']} | {row['arcsec']} | {cells} |")
+    lines += [
+        "",
         "## On images",
         "",
         f"One visit of {VISIT_S / 60:.0f} min and as long a reference, drift and walk as in `cpic_default`, drawn "
         f"{REALISATIONS} times with the noise of the camera; planets of SNR {SNR:.0f} before their own noise on the "
-        "four diagonals; the filter of the white noise of one more realisation. Reported over true: rms of the "
+        "diagonals; the filter of the white noise of one more realisation. Reported over true: rms of the "
         "reported errors over the scatter of the fluxes. Gain: of significance, by the reported errors without the "
         "planet's own noise.",
         "",
-        "| band | arcsec | noise | local | gain | aperture: flux | reported over true | whitened: flux | "
+        "| band | arcsec | noise | planets | local | gain | aperture: flux | reported over true | whitened: flux | "
         "reported over true | SNR, true |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in results.get("images", []):
         plain, white = row["aperture"], row["whitened"]
@@ -269,7 +308,7 @@ def text_of(results: dict[str, Any]) -> str:
             for one in (plain, white)
         ]
         lines.append(
-            f"| {row['band']} | {row['arcsec']} | {row['noise']} | {row['local']:.2f} | "
+            f"| {row['band']} | {row['arcsec']} | {row['noise']} | {row['planets']} | {row['local']:.2f} | "
             f"{plain['sigma'] / white['sigma']:.2f} | {' | '.join(parts)} | {plain['snr']:.1f}, {white['snr']:.1f} |"
         )
     return "\n".join(lines) + "\n"
@@ -284,6 +323,7 @@ def main() -> None:
     results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() and not asked.new else {}
     work: dict[str, list[tuple[Callable[..., Any], tuple[Any, ...]]]] = {
         "visits": [(visits_rows, (band,)) for band in PLACES],
+        "shares": [(share_rows, (band,)) for band in PLACES],
         "images": [(image_row, case) for case in IMAGES],
     }
     for name, parts in work.items():
