@@ -278,8 +278,8 @@ def text_of(results: dict[str, Any]) -> str:
     lines += [
         "",
         "The light of the errors, `|dE|^2`, is the same whatever the static field is; the rest of the covariance, "
-        "`2 Re(E0* dE)`, lives on it. Share of the light in the variance of the pixels, and in brackets the correlation of "
-        "the star's image there with that of the default instrument:",
+        "`2 Re(E0* dE)`, lives on it. Share of the light in the variance of the pixels, and in brackets the "
+        "correlation of the star's image there with that of the default instrument:",
         "",
         "| band | arcsec | its own | " + " | ".join(OTHERS) + " |",
         "|---" * (3 + len(OTHERS)) + "|",
