@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/whitened/make.py`` (some five minutes on a quiet core, without caches).
+"""Regenerate this report: ``python reports/whitened/make.py`` (some minutes on a quiet core, most to fill the cache).
 
 What the filter ``whitened`` gains over aperture sums: on visits of the optical model that it has not seen, with the
 covariance of another instrument, and on images of the camera. ``--write`` writes the report of the results that exist.
@@ -48,7 +48,7 @@ OTHERS: dict[str, Any] = {
 }
 # The last: planets at once, not at opposite places; the inner corner has room for one.
 IMAGES = (("F520", 0.6, 0.3, 2), ("F520", 0.6, 1.0, 2), ("F850", 0.6, 1.0, 2), ("F520", 0.4, 0.3, 1))
-STAR, VISIT_S, REALISATIONS, SNR = "bet Hyi", 1800.0, 60, 10.0
+STAR, VISIT_S, REALISATIONS, SNR = "bet Hyi", 1800.0, 120, 10.0
 Row = dict[str, Any]
 
 
@@ -297,10 +297,10 @@ def text_of(results: dict[str, Any]) -> str:
         "",
         f"One visit of {VISIT_S / 60:.0f} min and as long a reference, drift and walk as in `cpic_default`, drawn "
         f"{REALISATIONS} times with the noise of the camera; planets of SNR {SNR:.0f} before their own noise on the "
-        "diagonals; the filter of the white noise of one more realisation. Reported over true: rms of the "
-        "reported errors over the scatter of the fluxes. Gain: of the "
-        "scatter, beside what the covariance foresees at these very places. A planet at the opposite place would cost "
-        "a tenth of it: the speckles there tell of those here.",
+        "diagonals; the filter of the white noise of one more realisation. Reported over true: rms of the reported "
+        "errors over the scatter of the fluxes. Gain: of the scatter, right to a tenth, beside what the covariance "
+        "foresees at these very places. A planet at the opposite place would cost a tenth of it: the speckles there "
+        "tell of those here.",
         "",
         "| band | arcsec | noise | planets | local | gain foreseen | gain | aperture: flux | reported over true | "
         "whitened: flux | reported over true | SNR, true |",
