@@ -100,7 +100,7 @@ def _of_star(name: str, default: Any, text: str, low: float, high: float) -> Any
 MAX_VISITS = 1000
 """Most visits of a programme."""
 SearchMode = Literal["blind", "known_place"]
-FluxFilter = Literal["aperture", "matched", "mirror"]
+FluxFilter = Literal["aperture", "matched", "mirror", "whitened"]
 _OF_ROLL, _COUNTED = ("library", "roll"), ("mode", "photon_counting")
 
 
@@ -114,7 +114,22 @@ class ReferenceStar(FrozenModel):
 
 
 class Reduction(FrozenModel):
-    """How images are reduced: what a simulated observation can honour of a `Strategy`."""
+    """How images are reduced: what a simulated observation can honour of a `Strategy`.
+
+    Notes
+    -----
+    What the two filters that take something for granted buy in simulated visits, in F520 at 0.4, 0.6, 0.85 and F850 at
+    0.52, 0.6, 0.8 arcsec:
+
+    ``mirror`` leaves of the residual's rms, without white noise, at an offset of 0.05 nm 0.87, 0.97, 0.85 and 0.89,
+    0.92, 0.85; at 0.1 nm 0.62, 0.90, 0.95 and 0.80, 0.74, 0.64; at 0.3 nm 0.30, 0.49, 0.70 and 0.45, 0.41, 0.46. It
+    adds the white noise of the opposite place, and pays from about 0.1 nm where that is weaker than the speckles.
+
+    ``whitened`` has at 0.05 nm 3.1, 1.9, 1.4 and 3.7, 2.4, 1.5 times the SNR of aperture sums with white noise of 0.3
+    of a visit's speckles at 0.6 arcsec, 1.6, 1.2, 1.2 and 1.8, 1.4, 1.2 times with as much as that. With the covariance
+    of an instrument of other aberrations it has 0.9 to 1.2 in F520; in F850, where the star's field in the dark hole is
+    the design's, nearly as much as with its own; with that of a mirror that leaves a brighter hole 0.5 to 0.9.
+    """
 
     n_modes: int = asked(
         0, "Modes of the reference library that the subtraction projects out beside its mean.", ge=0, le=1000
@@ -126,9 +141,12 @@ class Reduction(FrozenModel):
     )
     filter: FluxFilter = asked(
         "aperture",
-        "How images measure a planet at its place: aperture sums; matched, weighing by the planet's image; or mirror, "
+        "How images measure a planet at its place: aperture sums; matched, weighing by the planet's image; mirror, "
         "aperture sums after what the opposite place explains is taken off, which takes for granted that wavefront "
-        "errors are of phase and no source stands there. Predictions are those of aperture sums.",
+        "errors are of phase and no source stands there; or whitened, weighing by the inverse covariance of noise and "
+        "speckles, which takes for granted that the optical model is that of this very instrument: the star's field in "
+        "the dark hole, the state of the mirror, and errors of phase with the spectrum of the drift. Predictions are "
+        "those of aperture sums.",
     )
     reference_ratio: float = asked(
         1.0, "Reference frames per science frame; their time and noise are counted.", gt=0, le=1000
@@ -182,9 +200,12 @@ class Reduction(FrozenModel):
     @model_validator(mode="after")
     def _consistent(self) -> Reduction:
         self.reference_library.check(self, f"{called('library')} {self.library}")
-        if self.filter == "mirror" and len(self.rolls_deg) > 1:
-            hint = "rolls show the planet's negative at a second place, whose opposite is not free of it"
+        if self.filter in ("mirror", "whitened") and len(self.rolls_deg) > 1:
+            hint = "rolls show the planet's negative at a second place"
             raise InputError("filter", self.filter, allowed=f"aperture or matched with {self.library}", hint=hint)
+        if self.filter == "whitened" and self.choose_modes:
+            hint = "the covariance of the speckles stands for their modes; a number of modes is taken"
+            raise InputError("choose_modes", True, allowed="false with filter whitened", hint=hint)
         return self
 
     @property

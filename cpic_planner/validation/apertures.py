@@ -8,7 +8,17 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Reason, check_number, checked_array, load_quietly
+from cpic_core import (
+    ArrayLike,
+    BoolArray,
+    FloatArray,
+    InputError,
+    IntArray,
+    Reason,
+    check_number,
+    checked_array,
+    load_quietly,
+)
 from simulator.imaging import HoleZone
 
 
@@ -267,31 +277,60 @@ def sample_scatter(
     InputError
         If no grid holds 3 apertures.
     """
-    from scipy.ndimage import binary_erosion, correlate
+    from scipy.ndimage import correlate
 
     data = checked_image(image)
     allowed = check_mask("background_region", region, data.shape)
     require("radius_pixel", radius_pixel, math.isfinite(radius_pixel) and radius_pixel > 0, "px", "above 0")
     box = tuple(slice(int(i.min()), int(i.max()) + 1) for i in np.nonzero(allowed))
     half = math.ceil(radius_pixel + 0.5)
-    small = f"too small for apertures of radius {radius_pixel:g} px"
-    too_few = InputError("background_region", small, allowed=f"room for at least {MIN_BACKGROUND_APERTURES} of them")
-    if 2.0 * radius_pixel > min(data.shape):
-        raise too_few
-    side = 2 * half + 1
-    if kernel is None:
+    if kernel is None and 2.0 * radius_pixel <= min(data.shape):
+        side = 2 * half + 1
         kernel = aperture_weights((side, side), half + phase_pixel[0], half + phase_pixel[1], radius_pixel)
-    pitch = math.ceil(2.0 * radius_pixel)
-    y, x = np.nonzero(binary_erosion(allowed[box], structure=kernel > 0))
-    grid = (y % pitch) * pitch + x % pitch
-    count = np.bincount(grid, minlength=1)
-    n_apertures = int(count.max())
-    if n_apertures < MIN_BACKGROUND_APERTURES:
-        raise too_few
+    y, x, grid, n_apertures = sample_places(allowed[box], radius_pixel, kernel)
     sums = correlate(data[box] - data[allowed].mean(), kernel, mode="constant")[y, x]
-    held = np.maximum(count, 1)
+    held = np.maximum(np.bincount(grid, minlength=1), 1)
     deviation = sums - (np.bincount(grid, weights=sums) / held)[grid]
     return math.sqrt(float(deviation @ deviation) / int(np.sum(held - 1))), n_apertures
+
+
+def sample_places(
+    region: BoolArray, radius_pixel: float, kernel: FloatArray | None
+) -> tuple[IntArray, IntArray, IntArray, int]:
+    """Pixels around which a kernel lies wholly inside a region.
+
+    Parameters
+    ----------
+    region : ndarray of bool, shape (y, x)
+    radius_pixel : float
+        Radius of an aperture: the grids have a pitch of twice that, rounded up.
+    kernel : ndarray or None
+        Weights of a sum, odd sides; None for one that fits nowhere.
+
+    Returns
+    -------
+    y, x, grid : ndarray of int
+        Rows and columns, and the number of the square grid that each is part of.
+    n_apertures : int
+        Places of the fullest grid.
+
+    Raises
+    ------
+    InputError
+        If no grid holds 3 places.
+    """
+    from scipy.ndimage import binary_erosion
+
+    pitch = math.ceil(2.0 * radius_pixel)
+    inside = np.zeros_like(region) if kernel is None else binary_erosion(region, structure=kernel > 0)
+    y, x = np.nonzero(inside)
+    grid = (y % pitch) * pitch + x % pitch
+    n_apertures = int(np.bincount(grid, minlength=1).max())
+    if n_apertures < MIN_BACKGROUND_APERTURES:
+        small = f"too small for apertures of radius {radius_pixel:g} px"
+        allowed = f"room for at least {MIN_BACKGROUND_APERTURES} of them"
+        raise InputError("background_region", small, allowed=allowed)
+    return y, x, grid, n_apertures
 
 
 def checked_image(image: ArrayLike) -> FloatArray:

@@ -21,13 +21,13 @@ from cpic_planner.validation.realise import Realisation, VisitPair
 from cpic_planner.validation.roll import roll_photometry
 from cpic_planner.validation.speckle_maps import matched_sum, speckle_maps
 from cpic_planner.validation.star_flux import StarFlux
+from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
 from simulator.imaging import BandGeometry
+from simulator.signal import REGION_LAMBDA_D
 from simulator.target import scene_sources
 
 LEAST_COVERED = 0.9
 """Share of an aperture that must be left by limits and rejection."""
-MODES_LAMBDA_D = 2.4
-"""Half width of the annulus around a planet whose modes are projected out."""
 MATCH_LAMBDA_D = 0.5
 """A detection this close to the planet's place is the planet."""
 
@@ -51,6 +51,8 @@ class PlanetTemplate:
         Annulus that measures background and scatter; other sources are out of it.
     others : tuple
         Places of other sources, pixels (x, y).
+    neighbours : tuple of ndarray, shape (n, n)
+        Images of unit sources there.
     """
 
     name: str
@@ -60,6 +62,7 @@ class PlanetTemplate:
     cores: tuple[float, ...]
     background: BoolArray
     others: tuple[tuple[float, float], ...]
+    neighbours: tuple[FloatArray, ...] = ()
 
     @property
     def core(self) -> float:
@@ -74,7 +77,8 @@ class PlanetTemplate:
         Parameters
         ----------
         geometry : BandGeometry
-        filter_name : {"aperture", "matched", "mirror"}
+        filter_name : {"aperture", "matched", "mirror", "whitened"}
+            Of the last two the sums of apertures.
         """
         found = []
         for place, template, aperture in zip(self.places_arcsec, self.templates, self.apertures, strict=True):
@@ -144,12 +148,13 @@ def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
         if source.kind != "planet" or source.name not in task.planets:
             continue
         places = tuple((sources[index].x_arcsec, sources[index].y_arcsec) for sources in every)
-        others = tuple(
-            _pixels(geometry, (other.x_arcsec, other.y_arcsec))
+        beside = [
+            (other.x_arcsec, other.y_arcsec)
             for sources in every
             for number, other in enumerate(sources)
             if number != index and max(abs(other.x_arcsec), abs(other.y_arcsec)) < edge_arcsec
-        )
+        ]
+        others = tuple(_pixels(geometry, place) for place in beside)
         templates = tuple(visits.optics.at(*place) for place in places)
         apertures = tuple(aperture_weights((side, side), *_pixels(geometry, place), radius) for place in places)
         annulus = geometry.annulus(float(np.hypot(*places[0])), visits.strategy.annulus_lambda_d)
@@ -162,6 +167,7 @@ def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
             cores=tuple(float(np.sum(image * weights)) for image, weights in zip(templates, apertures, strict=True)),
             background=background,
             others=others,
+            neighbours=tuple(visits.optics.at(*place) for place in beside),
         )
         found.append(planet)
     return tuple(found)
@@ -245,6 +251,7 @@ def measure_planets(
             reference_visits=visits.plan.reference_visits,
             common_fraction=visits.instrument.drift.common_fraction,
         )
+    model = SpeckleModel.of(visits, star.rate_e_s) if visits.strategy.filter == "whitened" else None
     found: list[Measurement | None] = []
     for planet, expected in zip(planets, visits.task.predictions, strict=True):
         covered = all(_is_covered(stack.region, weights) for weights in planet.apertures)
@@ -252,7 +259,7 @@ def measure_planets(
             found.append(None)
             continue
         near = reduced_around(realisation, planet, visits)
-        measured = forced_photometry(near, planet, geometry, visits.strategy.filter)
+        measured = forced_photometry(near, planet, geometry, visits.strategy.filter, model)
         star_e = measured.throughput * planet.core * star.rate_e_s * stack.integration_s
         match = None if blind is None else match_of(blind, planet, geometry)
         seen = measured.significance >= expected["threshold"] if blind is None else bool(match and match.detected)
@@ -290,7 +297,7 @@ def reduced_around(realisation: Realisation, planet: PlanetTemplate, visits: Vis
     n_modes = strategy.n_modes
     if n_modes == 0:
         return realisation
-    annulus = stack.region & geometry.annulus(float(np.hypot(*planet.places_arcsec[0])), MODES_LAMBDA_D)
+    annulus = stack.region & geometry.annulus(float(np.hypot(*planet.places_arcsec[0])), REGION_LAMBDA_D)
     if strategy.choose_modes and stack.inputs is not None:
         kernel = planet.kernels(geometry, strategy.filter)[0]
         n_modes = paying_modes(
@@ -317,7 +324,11 @@ def _whole_kernels(region: BoolArray, kernel: FloatArray) -> BoolArray:
 
 
 def forced_photometry(
-    realisation: Realisation, planet: PlanetTemplate, geometry: BandGeometry, filter_name: FluxFilter = "aperture"
+    realisation: Realisation,
+    planet: PlanetTemplate,
+    geometry: BandGeometry,
+    filter_name: FluxFilter = "aperture",
+    model: SpeckleModel | None = None,
 ) -> Photometry:
     """Flux of a planet at its place, over the fraction that the subtraction leaves; of two rolls the mean.
 
@@ -326,8 +337,10 @@ def forced_photometry(
     realisation : Realisation
     planet : PlanetTemplate
     geometry : BandGeometry
-    filter_name : {"aperture", "matched", "mirror"}
+    filter_name : {"aperture", "matched", "mirror", "whitened"}
         How the sum weighs pixels, and what is taken off before: see `cpic_planner.queries.shared.Reduction`.
+    model : SpeckleModel, optional
+        Residual speckles that the filter ``whitened`` takes for granted.
     """
     radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
     stack, roll = realisation.reduced, realisation.roll
@@ -350,6 +363,18 @@ def forced_photometry(
             kernels=None if matched is None else (matched[0], matched[1]),
         )
     image, template = stack.image_e, planet.templates[0]
+    if filter_name == "whitened":
+        assert model is not None  # as `measure_planets` makes it
+        fitted = WhitenedFilter(
+            stack,
+            template,
+            first,
+            geometry=geometry,
+            model=model,
+            background_region=around,
+            neighbours=planet.neighbours,
+        )
+        return fitted.photometry(stack)
     left = stack.rdi.project(template)
     if filter_name == "mirror":
         # Nothing of the planet, nor of the others, at either place, nor at what they leave at the opposite ones.

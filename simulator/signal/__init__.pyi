@@ -27,6 +27,12 @@ from simulator.signal.speckle_modes import (
     mode_factors as mode_factors,
     modes_around as modes_around,
 )
+from simulator.signal.speckle_visits import (
+    REGION_LAMBDA_D as REGION_LAMBDA_D,
+    OpticalBand as OpticalBand,
+    placed as placed,
+    visit_changes as visit_changes,
+)
 from simulator.signal.speckles import (
     INTERLEAVED as INTERLEAVED,
     ProgrammeLaw as ProgrammeLaw,
@@ -36,4 +42,11 @@ from simulator.signal.speckles import (
     programme_law as programme_law,
     programme_parts as programme_parts,
     speckle_law as speckle_law,
+    unit_parts as unit_parts,
+)
+from simulator.signal.whitening import (
+    Whitening as Whitening,
+    speckle_covariance as speckle_covariance,
+    whitened_gain as whitened_gain,
+    with_noise as with_noise,
 )

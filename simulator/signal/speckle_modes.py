@@ -6,32 +6,17 @@ are independent: the residual of V science and R reference visits is (1/V + 1/R)
 """
 
 import functools
-from dataclasses import dataclass, field
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
-from cpic_core import (
-    ArrayLike,
-    BoolArray,
-    FloatArray,
-    InputError,
-    IntArray,
-    announce,
-    check_finite,
-    check_whole,
-    compute_once,
-    stream,
-)
-from simulator.config import Instrument, content_hash
-from simulator.imaging import centred_axis, metrics_key, overlap_weights, psf_metrics, single_band_psf, visit_responses
+from cpic_core import ArrayLike, FloatArray, InputError, check_finite, check_whole, stream
+from simulator.config import Instrument
+from simulator.imaging import psf_metrics, single_band_psf
+from simulator.signal.speckle_visits import N_VISITS, SEED, OpticalBand, stamps_around, visit_changes
 
-REGION_LAMBDA_D = 2.4
-"""Half width of the annulus whose modes are projected out: those of the whole hole are its inner corner's."""
-_N_VISITS, _SEED = 1500, 101
 _MOST_SHARE = 2 / 3  # of the visits that may be references: the others tell what is left
 _MOST_MODES, _VARIANCE_KEPT = 800, 0.99999
-_NEAR_LAMBDA_D, _N_APERTURES, _N_PLANETS = 1.5, 300, 48
 _DRAWN_MODES = 800  # references times draws: as many draws as that takes, 2 to 16
 _NOISE_STEPS, _LEAST_NOISE, _MOST_NOISE = 8, 0.01, 30.0  # nodes a decade, and the range outside which nothing changes
 
@@ -136,7 +121,7 @@ class SpeckleModes:
 
     def _drawn(self, r: int, noise: float, draw: int) -> ModeFactors:
         """Factors of one library of visits with white noise of that rms a pixel."""
-        rng, root, q = stream(_SEED, "modes", r, draw), np.sqrt(self.variances), self.variances.size
+        rng, root, q = stream(SEED, "modes", r, draw), np.sqrt(self.variances), self.variances.size
         n_visits = len(self._visits)
         chosen = self._visits[rng.permutation(n_visits)[:r]]
         library = chosen + noise * rng.standard_normal((r, q))
@@ -211,7 +196,7 @@ def modes_around(instrument: Instrument, band: str, separation_arcsec: float, of
     if offset <= 0.0:
         raise InputError("offset_nm", offset, unit="nm", allowed="above 0")
     separation = float(check_finite("separation_arcsec", separation_arcsec, "arcsec"))
-    return _made(_Optics.of(instrument, band), separation, offset)
+    return _made(OpticalBand.of(instrument, band), separation, offset)
 
 
 def mode_factors(
@@ -242,7 +227,7 @@ def mode_factors(
         If an argument is out of range, or the band has no optical model.
     """
     k = check_whole("n_modes", n_modes, 0, 1000)
-    references = check_whole("reference_visits", reference_visits, 1, int(_MOST_SHARE * _N_VISITS))
+    references = check_whole("reference_visits", reference_visits, 1, int(_MOST_SHARE * N_VISITS))
     place, noise = np.broadcast_arrays(
         check_finite("separation_arcsec", separation_arcsec, "arcsec"), noise_over_speckle
     )
@@ -259,98 +244,9 @@ def mode_factors(
     return ModeFactors(*found)
 
 
-@dataclass(frozen=True)
-class _Optics:
-    """A band that counts as equal to any other of its key."""
-
-    instrument: Instrument = field(compare=False)
-    band: str = field(compare=False)
-    key: str
-
-    @classmethod
-    def of(cls, instrument: Instrument, band: str) -> Self:
-        """Return the band with everything that decides its visits."""
-        slope = instrument.drift.psd_slope
-        parts = {
-            "optics": metrics_key(instrument, band),
-            "slope": slope,
-            "visits": _N_VISITS,
-            "seed": _SEED,
-            "schema": 1,
-        }
-        return cls(instrument, band, content_hash(parts))
-
-
-@functools.lru_cache(maxsize=4)
-def _visits(wanted: _Optics) -> dict[str, FloatArray]:
-    """Change of the hole's pixels by 1 nm in each visit: the part linear in the error, and its light."""
-
-    def measured() -> dict[str, FloatArray]:
-        announce(f"measuring how {_N_VISITS} visits move the speckles in {wanted.band}, once: some ten seconds")
-        psf = single_band_psf(wanted.band, instrument=wanted.instrument)
-        hole, imager = psf.geometry.hole, psf.imager
-        rows, columns = (np.flatnonzero(hole.any(axis=axis)) for axis in (1, 0))
-        offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
-        axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
-        slope = wanted.instrument.drift.psd_slope
-        _, linear, square = visit_responses(imager, axes[0], axes[1], slope, _N_VISITS, _SEED)
-        inside = hole[np.ix_(rows, columns)]
-        return {"linear": linear[:, inside].astype(np.float32), "square": square[:, inside].astype(np.float32)}
-
-    return compute_once(f"visits-{wanted.key}", measured)
-
-
 @functools.lru_cache(maxsize=16)
-def _made(wanted: _Optics, separation_arcsec: float, offset: float) -> SpeckleModes:
-    psf = single_band_psf(wanted.band, instrument=wanted.instrument)
-    geometry = psf.geometry
-    region = geometry.annulus(separation_arcsec, REGION_LAMBDA_D)
-    weights, planet = overlap_weights(geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec), psf.off_axis
-    rows, columns = _whole(region, weights)
-    if rows.size < 2:
-        inner, outer = geometry.zone.inner_arcsec, geometry.zone.outer_arcsec
-        allowed = f"with whole apertures inside the dark quadrants, {inner:.3g} to {outer:.3g} arcsec along an axis"
-        raise InputError("separation_arcsec", separation_arcsec, unit="arcsec", allowed=allowed)
-    offsets = centred_axis(len(region), geometry.pixel_scale_arcsec)
-    distance = np.abs(np.hypot(offsets[rows], offsets[columns]) - separation_arcsec)
-    near = np.flatnonzero(distance <= _NEAR_LAMBDA_D * geometry.lambda_d_arcsec)
-    near = near if near.size > 1 else np.argsort(distance, kind="stable")[:2]
-    nearest = np.argsort(distance, kind="stable")[:_N_PLANETS]
-
-    def stamped(index: IntArray, stamp: FloatArray) -> FloatArray:
-        return np.array([_placed(region.shape, stamp, rows[i], columns[i])[region] for i in index])
-
-    every = stamped(near, weights)
-    apertures = np.unique(np.linspace(0, len(every) - 1, _N_APERTURES).astype(int))
-    inside = region[geometry.hole]
-    linear, square = (_visits(wanted)[name][:, inside].astype(float) for name in ("linear", "square"))
+def _made(wanted: OpticalBand, separation_arcsec: float, offset: float) -> SpeckleModes:
+    around = stamps_around(single_band_psf(wanted.band, instrument=wanted.instrument), separation_arcsec)
+    linear, square = (part[:, around.inside].astype(float) for part in visit_changes(wanted))
     images = offset * linear + offset**2 * square
-    return SpeckleModes(
-        images - images.mean(axis=0),
-        every[apertures] - every.mean(axis=0),
-        stamped(nearest, weights),
-        stamped(nearest, planet),
-    )
-
-
-def _whole(region: BoolArray, weights: FloatArray) -> tuple[IntArray, IntArray]:
-    """Rows and columns of pixels whose aperture lies wholly in a region."""
-    half = len(weights) // 2
-    fits = np.ones(region.shape, bool)
-    padded = np.pad(region, half)
-    for dy, dx in np.argwhere(weights > 0):
-        fits &= padded[dy : dy + len(region), dx : dx + len(region)]
-    rows, columns = np.nonzero(fits)
-    return rows, columns
-
-
-def _placed(shape: tuple[int, int], stamp: FloatArray, row: int, column: int) -> FloatArray:
-    """Stamp with its middle pixel at a place, 0 where it does not reach."""
-    image, half = np.zeros(shape), len(stamp) // 2
-    low = [max(place - half, 0) for place in (row, column)]
-    high = [min(place - half + size, side) for place, size, side in zip((row, column), stamp.shape, shape, strict=True)]
-    to = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
-    image[to] = stamp[
-        tuple(slice(s.start - p + half, s.stop - p + half) for s, p in zip(to, (row, column), strict=True))
-    ]
-    return image
+    return SpeckleModes(images - images.mean(axis=0), around.apertures, around.own, around.planets)

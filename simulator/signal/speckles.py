@@ -230,6 +230,29 @@ def programme_parts(
     place, linear_table, square_table = _annulus_table(metrics, annulus_lambda_d)
     separation = np.asarray(separation_arcsec, float)
     linear, square = (np.exp(np.interp(separation, place, table)) / 2.0 for table in (linear_table, square_table))
+    return unit_parts(drift, linear, square, reference_ratio, timing)
+
+
+def unit_parts(
+    drift: Drift,
+    linear: ArrayLike = 1.0,
+    square: ArrayLike = 1.0,
+    reference_ratio: float = 1.0,
+    timing: Timing = INTERLEAVED,
+) -> tuple[ProgrammeLaw, ProgrammeLaw]:
+    """Return the two parts of `programme_parts` for any sum of pixels.
+
+    Parameters
+    ----------
+    drift : Drift
+    linear, square : array_like
+        Variance of the sum in visits that are off by 1 nm: of the cross term with the static field, and of the light
+        of the errors. With 1, the laws are factors of these, in nm^2 and nm^4.
+    reference_ratio : float
+    timing : Timing
+        As of `programme_law`.
+    """
+    linear, square = np.asarray(linear, float), np.asarray(square, float)
     visit, walk = drift.visit_nm**2, drift.walk_nm_per_sqrt_hour**2 / (3.0 * 3600.0)
     common, nothing = drift.common_fraction**2 * visit, np.zeros_like(linear)
     orbit = _orbital(drift, timing)

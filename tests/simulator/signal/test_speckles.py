@@ -15,6 +15,7 @@ from simulator.signal import (
     programme_law,
     programme_parts,
     speckle_law,
+    unit_parts,
 )
 
 MODEL = build_model(load_instrument())
@@ -201,6 +202,22 @@ def test_a_calm_orbit_changes_nothing_and_drift_scales_as_a_whole():
         assert larger.law(3).variance(3600.0) == pytest.approx(power * part.law(3).variance(3600.0), rel=1e-12)
     whole = programme_law(metrics, settings, 0.6, 1.5, timing=timing).law(3).variance(3600.0)
     assert whole == pytest.approx(sum(part.law(3).variance(3600.0) for part in one), rel=1e-12)
+
+
+def test_the_parts_of_any_sum_are_factors_of_its_variances():
+    """What a programme leaves of the covariance of visits at 1 nm: of a pair, twice that of one."""
+    settings = drift(0.05, 0.1, common_fraction=0.3, **ORBIT)
+    metrics, timing = MODEL.metrics["F520"], Timing("other_star")
+    found = unit_parts(settings, timing=timing)
+    for power, part, factor in zip(
+        (2, 4), programme_parts(metrics, settings, 0.6, 1.5, timing=timing), found, strict=True
+    ):
+        one = programme_law(metrics, drift(1e-6 if power == 2 else 1e6), 0.6, 1.5).science.k0
+        coefficient = float(one) / (1e-6 if power == 2 else 1e6) ** power
+        assert part.law(3).variance(3600.0) == pytest.approx(coefficient * factor.law(3).variance(3600.0), rel=1e-6)
+    linear, square = unit_parts(drift(0.1))
+    assert linear.law(4, 12).variance(0.0) == pytest.approx(0.1**2 * (1 / 4 + 1 / 12), rel=1e-12)
+    assert square.law(4, 12).variance(0.0) == pytest.approx(0.1**4 * (1 / 4 + 1 / 12), rel=1e-12)
 
 
 def test_the_order_that_turns_scales_with_the_rest():
