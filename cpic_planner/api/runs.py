@@ -215,7 +215,7 @@ def visibility_of(
         For an unknown star, one without coordinates, or a time out of range.
     """
     from cpic_planner.survey.visibility import load_visibility
-    from cpic_planner.survey.visibility.result import visibility_result
+    from cpic_planner.survey.visibility.calendar import visibility_result
 
     config, mission = load_visibility(question.limits), question.instrument.mission
     start_utc = checked_utc("start_utc", question.start_utc or queries.observed_utc(question))

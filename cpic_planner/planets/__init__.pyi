@@ -20,8 +20,8 @@ from cpic_planner.planets.motion import (
     span_days as span_days,
     star_masses_msun as star_masses_msun,
 )
-from cpic_planner.planets.orbits import OrbitingPlanets as OrbitingPlanets
 from cpic_planner.planets.population import (
+    OrbitingPlanets as OrbitingPlanets,
     Planets as Planets,
     PopulationChoice as PopulationChoice,
     draw_population as draw_population,

@@ -9,8 +9,7 @@ from catalogs import ORBIT, KnownPlanetTable, OrbitPlaces
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_finite, stream
 from cpic_planner.planets.known_rows import QUANTITIES, DrawnRows
 from cpic_planner.planets.laws import chosen_entry
-from cpic_planner.planets.orbits import OrbitingPlanets
-from cpic_planner.planets.population import Planets
+from cpic_planner.planets.population import OrbitingPlanets, Planets
 from simulator.config import AlbedoSpec
 
 _AT_ONCE = 500_000

@@ -1,4 +1,4 @@
-"""Seeded draws of a population of planets."""
+"""Seeded draws of a population of planets, and the orbits that every draw of planets has."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,15 +6,55 @@ from typing import Literal
 
 import numpy as np
 
-from catalogs import ORBIT, orbit_places
-from cpic_core import FloatArray, InputError, IntArray, check_whole, stream
+from catalogs import ORBIT, OrbitPlaces, orbit_places
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_whole, stream
 from cpic_planner.planets.allowed import StarLimits
 from cpic_planner.planets.laws import chosen_entry
-from cpic_planner.planets.orbits import OrbitingPlanets
 from cpic_planner.planets.population_config import QUANTITIES, PopulationConfig, load_population
 from cpic_planner.queries import EXCLUSIONS, MAX_PLANETS, N_PLANETS
 from cpic_planner.results import PopulationRecord
 from simulator.config import AlbedoSpec
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OrbitingPlanets:
+    """Planets on Kepler orbits, arrays of one shape; what every draw of planets has.
+
+    Attributes
+    ----------
+    radius_rjup : ndarray
+        Radius in Jupiter equatorial radii.
+    semi_major_axis_au, eccentricity, inclination_deg, argument_of_pericentre_deg, node_deg : ndarray
+        As `orbit_places` takes them.
+    mean_anomaly_deg : ndarray
+        At the epoch of the draw.
+    """
+
+    radius_rjup: FloatArray
+    semi_major_axis_au: FloatArray
+    eccentricity: FloatArray
+    inclination_deg: FloatArray
+    argument_of_pericentre_deg: FloatArray
+    node_deg: FloatArray
+    mean_anomaly_deg: FloatArray
+
+    def places_after(self, days: ArrayLike, period_days: FloatArray) -> OrbitPlaces:
+        """Return places so many days after the epoch.
+
+        Parameters
+        ----------
+        days : array_like
+            Broadcasts against the planets.
+        period_days : ndarray
+            Period of each planet, days.
+
+        Returns
+        -------
+        OrbitPlaces
+            Arrays of the shape of ``days`` and the planets, broadcast.
+        """
+        *elements, anomaly = (getattr(self, name) for name in ORBIT)
+        return orbit_places(*[*elements, anomaly + 360.0 * np.asarray(days, float) / period_days])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -24,18 +24,16 @@ from cpic_planner.queries.images import (
     audited as audited,
     refuse_counting as refuse_counting,
 )
-from cpic_planner.queries.known import (
-    DEFAULT_YEARS as DEFAULT_YEARS,
-    KnownQuestion as KnownQuestion,
-    VisibilityQuestion as VisibilityQuestion,
-)
 from cpic_planner.queries.overrides import SimulatorOverrides as SimulatorOverrides
 from cpic_planner.queries.rank import (
+    DEFAULT_YEARS as DEFAULT_YEARS,
     EXCLUSIONS as EXCLUSIONS,
     MAX_PLANETS as MAX_PLANETS,
     N_PLANETS as N_PLANETS,
+    KnownQuestion as KnownQuestion,
     RankedQuestion as RankedQuestion,
     RankQuestion as RankQuestion,
+    VisibilityQuestion as VisibilityQuestion,
     asked_exclusions as asked_exclusions,
     read_exclusions as read_exclusions,
 )

@@ -1,4 +1,7 @@
-"""The question of ``cpic rank``: which stars promise most."""
+"""The questions of ``cpic rank``, ``cpic known`` and ``cpic visibility``.
+
+Which stars promise most, where the known planets are at a date, and when stars can be seen from the orbit.
+"""
 
 from typing import Any, ClassVar, Self
 
@@ -7,9 +10,91 @@ from pydantic import model_validator
 from cpic_core import InputError
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import shared
-from cpic_planner.queries.base import called
+from cpic_planner.queries.base import Question, called
 from cpic_planner.queries.fields import asked
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
+from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo
+
+DEFAULT_YEARS = 5.0
+
+
+class KnownPlanetsQuestion(Question):
+    """A question that known planets at a date can be part of."""
+
+    # They count by what is read of them, which is in the hash of the ranking.
+    known_planets: str | None = asked(
+        None,
+        "Table of known planets: snapshot (NASA Exoplanet Archive of 2019 with the updates since), archive_2019 "
+        "(without them), latest (made by cpic catalog refresh --planets), or a CSV, ECSV, VOTable or FITS file, which "
+        "is laid over the snapshot planet by planet; none+FILE takes the file alone. In a ranking or a plan it stands "
+        "instead of a population; whatif counts them beside it, and off leaves them out.",
+        physics=False,
+        read=str,
+    )
+    candidates: bool = asked(
+        False, "Count candidates among the known planets too, not only confirmed and controversial ones.", physics=False
+    )
+
+
+class KnownQuestion(shared.InstrumentQuestion, shared.CatalogQuestion, KnownPlanetsQuestion):
+    """Say where the known planets are at a date, how bright, and when the dark hole covers them."""
+
+    KIND: ClassVar[str] = "known"
+
+    star: str | None = asked(None, 'Star: "eps Eri", "HIP 16537" ...', argument=True, metavar="[STAR]")
+    years: float | None = asked(None, "How long the star's planets are followed.", unset=f"{DEFAULT_YEARS:g}")
+    albedo: AlbedoValue = asked(MeasuredAlbedo(model="jupiter"), "What the planets reflect.", parts=shared.AlbedoParts)
+    v_mag_max: float | None = asked(None, "Faintest V magnitude.", unset="7; none for a table of your own")
+    n_draws: int = asked(4000, "Draws of each planet.", ge=1, le=100_000, option="--draws")
+    seed: shared.Seed = asked(1, "Seed of every random number.")
+
+    @model_validator(mode="after")
+    def _of_a_star(self) -> Self:
+        if self.star is None and self.years is not None:
+            raise InputError("years", self.years, allowed=f"only with a {called('star')}")
+        if self.star is not None and self.v_mag_max is not None:
+            raise InputError("v_mag_max", self.v_mag_max, allowed=f"only without a {called('star')}")
+        return self
+
+
+class VisibilityQuestion(shared.CatalogQuestion):
+    """Say when stars can be seen from the orbit of the telescope, and for how long per orbit.
+
+    The places of the stars are those of ``date_utc``, which is also the first day where none is given, and of the first
+    day without it.
+    """
+
+    KIND: ClassVar[str] = "visibility"
+
+    target: shared.Texts = asked(
+        ...,
+        'Stars: "HIP 8102", "tau Cet", "alpha Cen B" ...',
+        argument=True,
+        metavar="TARGET...",
+        accepts="str or sequence of str",
+    )
+    start_utc: str | None = asked(
+        None, "First day, UTC, e.g. 2028-01-01.", option="--start", unset="{date_utc}, else that of the mission"
+    )
+    n_days: int = asked(365, "How many days.", option="--days")
+    step_days: float = asked(1.0, "Time between orbits that are looked at; of the Moon, at most 1.")
+    limits: Any = asked(
+        None,
+        "Limits of pointing: preset, or YAML file.",
+        option="--visibility",
+        command=str,
+        unset="default",
+        accepts="VisibilityConfig, mapping, str or Path",
+    )
+    instrument: Instrument = asked(
+        shared.default_instrument,
+        "Preset name or YAML file with what differs; its mission has the orbit.",
+        option="--instrument",
+        read=shared.read_instrument,
+        unset="cpic_default",
+        accepts="Instrument, mapping, str or Path",
+    )
+
 
 N_PLANETS = 4000
 """Planets that a ranking draws."""
@@ -46,7 +131,7 @@ def asked_exclusions(default: tuple[str, ...] | None = EXCLUSIONS, **settings: A
     )
 
 
-class CountedPlanetsQuestion(shared.KnownPlanetsQuestion):
+class CountedPlanetsQuestion(KnownPlanetsQuestion):
     """A question about the planets that completeness counts: of a population, or known ones."""
 
     planet: shared.ReferencePlanet = shared.asked_planet()

@@ -11,12 +11,10 @@ import numpy as np
 from cpic_core import NDArray, Status, announce
 from cpic_planner.results import AuditRecord, CandidateRecord, SearchRecord
 from cpic_planner.validation.astrometry import Astrometry, fit_position
-from cpic_planner.validation.detection import BlindSearch
+from cpic_planner.validation.detection import MATCH_LAMBDA_D, BlindSearch
 from cpic_planner.validation.measure import (
-    MATCH_LAMBDA_D,
     Measurement,
     PlanetTemplate,
-    match_of,
     measure_planets,
     obstacle,
     planet_templates,
@@ -115,7 +113,7 @@ def positions_of(
     blind : BlindSearch
     planet : PlanetTemplate
     """
-    match = match_of(blind, planet, visits.geometry)
+    match = blind.strongest_near(*planet.places_arcsec[0], visits.geometry)
     if match is None or not match.detected:
         return None
     pixel, middle = visits.geometry.pixel_scale_arcsec, visits.geometry.stamp_pixels // 2

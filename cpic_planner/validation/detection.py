@@ -13,7 +13,10 @@ from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.search import MAX_SIGMA, SearchedRegion, false_alarms, search_threshold
 from cpic_planner.validation.search_field import REPORTED_SIGMA, Peak, SearchedProgramme, SearchField
 from cpic_planner.validation.speckle_maps import SpeckleMaps
-from simulator.imaging import AnyPsf
+from simulator.imaging import AnyPsf, BandGeometry
+
+MATCH_LAMBDA_D = 0.5
+"""A detection this close to a planet's place is the planet."""
 
 _CLEANED_SIGMA = 5.0  # sources that are taken out before others are looked for
 _MAX_CLEANED = 10
@@ -123,6 +126,18 @@ class BlindSearch:
             for one in self.candidates
             if math.hypot(one.x_arcsec - x_arcsec, one.y_arcsec - y_arcsec) <= reach_arcsec
         ]
+
+    def strongest_near(self, x_arcsec: float, y_arcsec: float, geometry: BandGeometry) -> Candidate | None:
+        """Return the strongest candidate that is as near to a place as a detection of a planet there; None without one.
+
+        Parameters
+        ----------
+        x_arcsec, y_arcsec : float
+            Offsets from the star on the detector.
+        geometry : BandGeometry
+        """
+        near = self.near(x_arcsec, y_arcsec, MATCH_LAMBDA_D * geometry.lambda_d_arcsec)
+        return max(near, key=lambda item: item.snr_mf, default=None)
 
 
 def search(

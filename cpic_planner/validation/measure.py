@@ -8,7 +8,7 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray, Reason
 from cpic_planner.queries import FluxFilter
 from cpic_planner.validation.apertures import aperture_weights, edge_crossed, outside_discs
-from cpic_planner.validation.detection import BlindSearch, Candidate, search
+from cpic_planner.validation.detection import BlindSearch, search
 from cpic_planner.validation.photometry import (
     EXCLUSION_RADII,
     Photometry,
@@ -19,7 +19,7 @@ from cpic_planner.validation.photometry import (
 from cpic_planner.validation.rdi import paying_modes, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
 from cpic_planner.validation.roll import roll_photometry
-from cpic_planner.validation.speckle_maps import matched_sum, speckle_maps
+from cpic_planner.validation.speckle_maps import mirror_share, speckle_maps, whole_kernels
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
 from simulator.imaging import BandGeometry
@@ -28,8 +28,6 @@ from simulator.target import scene_sources
 
 LEAST_COVERED = 0.9
 """Share of an aperture that must be left by limits and rejection."""
-MATCH_LAMBDA_D = 0.5
-"""A detection this close to the planet's place is the planet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +259,7 @@ def measure_planets(
         near = reduced_around(realisation, planet, visits)
         measured = forced_photometry(near, planet, geometry, visits.strategy.filter, model)
         star_e = measured.throughput * planet.core * star.rate_e_s * stack.integration_s
-        match = None if blind is None else match_of(blind, planet, geometry)
+        match = None if blind is None else blind.strongest_near(*planet.places_arcsec[0], geometry)
         seen = measured.significance >= expected["threshold"] if blind is None else bool(match and match.detected)
         one = Measurement(
             contrast=measured.raw_flux / star_e,
@@ -307,20 +305,13 @@ def reduced_around(realisation: Realisation, planet: PlanetTemplate, visits: Vis
             template=planet.templates[0],
             weights=planet.apertures[0],
             kernel=kernel,
-            samples=_whole_kernels(planet.background & stack.region, kernel),
+            samples=whole_kernels(planet.background & stack.region, kernel),
         )
     return replace(
         realisation,
         reduced=stack.within(annulus, n_modes),
         roll=None if roll is None else roll.within(annulus, n_modes),
     )
-
-
-def _whole_kernels(region: BoolArray, kernel: FloatArray) -> BoolArray:
-    """Centres of the kernels that lie wholly in a region."""
-    from scipy.ndimage import binary_erosion
-
-    return np.asarray(binary_erosion(region, structure=kernel > 0))
 
 
 def forced_photometry(
@@ -383,7 +374,7 @@ def forced_photometry(
         around = outside_discs(around & around[::-1, ::-1], places, EXCLUSION_RADII * radius)
         opposite = [(middle - x, middle - y) for x, y in places]
         around = outside_discs(around, opposite, EXCLUSION_RADII * radius)
-        share = _mirror_share(image, kernels[0], around)
+        share = mirror_share(image, kernels[0], around)
         image, left = (part - share * part[::-1, ::-1] for part in (image, left))
     ring = outside_discs(around, [first], EXCLUSION_RADII * radius)
     weights = sum_weights(image.shape, *first, radius, None if matched is None else matched[0])
@@ -397,25 +388,3 @@ def forced_photometry(
         stages=stack.stages,
         kernel=None if matched is None else matched[0],
     )
-
-
-def _mirror_share(image: FloatArray, kernel: FloatArray, region: BoolArray) -> float:
-    """Part of the residual at the opposite place that is best subtracted: least squares over sums in a region."""
-    places = _whole_kernels(region, kernel)
-    sums = matched_sum(image, kernel)
-    here, there = sums[places], sums[::-1, ::-1][places]
-    here, there = here - here.mean(), there - there.mean()
-    return float(here @ there / (there @ there)) if np.count_nonzero(places) > 1 and there.any() else 0.0
-
-
-def match_of(blind: BlindSearch, planet: PlanetTemplate, geometry: BandGeometry) -> Candidate | None:
-    """Return the strongest candidate at a planet's place; None where there is none.
-
-    Parameters
-    ----------
-    blind : BlindSearch
-    planet : PlanetTemplate
-    geometry : BandGeometry
-    """
-    near = blind.near(*planet.places_arcsec[0], MATCH_LAMBDA_D * geometry.lambda_d_arcsec)
-    return max(near, key=lambda item: item.snr_mf, default=None)

@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, announce, compute_once
+from cpic_core import BoolArray, FloatArray, InputError, announce, compute_once
 from cpic_planner.validation.apertures import aperture_weights
 from simulator.config import Drift, content_hash
 from simulator.imaging import AnyPsf, ExternalPsf, Psf, centred_axis, metrics_key, visit_responses
@@ -210,3 +210,33 @@ def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[s
         "stray": on_stamp(sampled, responses[2].mean(axis=0).reshape(box_shape)),
         "tails": np.array(tails),
     }
+
+
+def whole_kernels(region: BoolArray, kernel: FloatArray) -> BoolArray:
+    """Centres of the kernels that lie wholly in a region.
+
+    Parameters
+    ----------
+    region : ndarray of bool
+    kernel : ndarray
+        Smaller than the region; it counts where it is above 0.
+    """
+    from scipy.ndimage import binary_erosion
+
+    return np.asarray(binary_erosion(region, structure=kernel > 0))
+
+
+def mirror_share(image: FloatArray, kernel: FloatArray, region: BoolArray) -> float:
+    """Part of the residual at the opposite place that is best subtracted: least squares over sums in a region.
+
+    Parameters
+    ----------
+    image, kernel : ndarray
+    region : ndarray of bool
+        Of the shape of the image.
+    """
+    places = whole_kernels(region, kernel)
+    sums = matched_sum(image, kernel)
+    here, there = sums[places], sums[::-1, ::-1][places]
+    here, there = here - here.mean(), there - there.mean()
+    return float(here @ there / (there @ there)) if np.count_nonzero(places) > 1 and there.any() else 0.0

@@ -5,7 +5,7 @@ the waves' amplitudes, which are independent normal numbers a: ``Q = |R a|^2``, 
 the field in the aperture sees of the waves. Its variance is ``2 tr (R R^T)^2``, the covariance of two such forms
 ``2 tr M M'`` with ``M = R^T R``.
 
-Apertures see the light less the mean of the hole, whose own variance is up to two thirds of what is left in the corners:
+Apertures see the light less the mean of the hole, whose own variance is up to two thirds of what is left in corners:
 exact in the screens that matter most and estimated in the others, to some 1 %.
 
 A field behind a pupil has few modes in an aperture little larger than lambda/D: those that bring less than 1e-3 of the

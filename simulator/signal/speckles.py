@@ -1,7 +1,6 @@
-"""The speckle residual that no number of frames averages: a law in the length of the visit, of one or of many visits.
+"""The speckle residual that no number of frames averages: a law in the length of a visit, and of many of them.
 
-Science and reference visits have each a wavefront of their own, so that means over visits average it; what science and
-reference differ by in every visit stays.
+Visits have each a wavefront of their own, which means over visits average; what all differ by from references stays.
 """
 
 import functools

@@ -18,17 +18,15 @@ from simulator.target.parametric import (
     load_parametric_grid as load_parametric_grid,
     parametric_family as parametric_family,
 )
-from simulator.target.positions import (
-    detector_to_sky as detector_to_sky,
-    sky_to_detector as sky_to_detector,
-    wcs_keywords as wcs_keywords,
-)
 from simulator.target.sources import (
     ExtendedRate as ExtendedRate,
     Source as Source,
+    detector_to_sky as detector_to_sky,
     extended_rates as extended_rates,
     scene_sources as scene_sources,
+    sky_to_detector as sky_to_detector,
     spectrum_generator as spectrum_generator,
+    wcs_keywords as wcs_keywords,
 )
 from simulator.target.spectrum_table import read_spectrum as read_spectrum
 from simulator.target.star_spectrum import (

@@ -4,6 +4,7 @@ from cpic_planner.survey.visibility.calendar import (
     slew_s as slew_s,
     utc_of as utc_of,
     visibility as visibility,
+    visibility_result as visibility_result,
 )
 from cpic_planner.survey.visibility.config import (
     VisibilityConfig as VisibilityConfig,
@@ -11,4 +12,3 @@ from cpic_planner.survey.visibility.config import (
     load_visibility as load_visibility,
     visibility_names as visibility_names,
 )
-from cpic_planner.survey.visibility.result import visibility_result as visibility_result

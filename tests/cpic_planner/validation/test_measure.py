@@ -10,7 +10,8 @@ from cpic_planner.confirm.scene import _work
 from cpic_planner.queries import ConfirmQuestion, Strategy
 from cpic_planner.validation import StarFlux, planet_templates, visit_pair
 from cpic_planner.validation.confirm import _false, positions_of
-from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure_planets, obstacle
+from cpic_planner.validation.detection import MATCH_LAMBDA_D
+from cpic_planner.validation.measure import forced_photometry, measure_planets, obstacle
 from cpic_planner.validation.speckle_maps import matched_sum
 from simulator import load_instrument, load_scene
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from cpic_planner.results import VisibilityResult
-from cpic_planner.survey.visibility.calendar import BLOCKS, visibility
+from cpic_planner.survey.visibility.calendar import BLOCKS, visibility, visibility_result
 from cpic_planner.survey.visibility.config import load_visibility
-from cpic_planner.survey.visibility.result import visibility_result
 from cpic_planner.targets import Targets, find_target
 from simulator import load_instrument
 
