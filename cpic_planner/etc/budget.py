@@ -2,7 +2,8 @@
 
 An answer is limited by the single change of the model that would make the planet detected in the given time: ``none``
 where it is detected. ``geometry`` where the dark hole does not cover its place, ``saturation`` where no frame is
-possible. ``speckles`` where it is detected once the wavefront does not drift: everything that no frames average is
+possible. ``motion`` where it would be detected if it stood still: a search for unknown planets goes through orbits
+and its threshold pays for the trials. ``speckles`` where it is detected once the wavefront does not drift: everything that no frames average is
 taken away, wings of a companion included; ``common_speckles`` where moreover no number of visits detects it. Otherwise
 ``background`` where it is detected with its own photon noise and the speckles alone: no starlight, sky, dust,
 companion, dark current, smear, clock-induced charge or read noise, in science and in reference frames. Otherwise
@@ -223,6 +224,7 @@ def limit_of(
     without_speckles: bool,
     without_background: bool,
     common: bool = False,
+    at_rest: bool = False,
 ) -> LimitText:
     """Return what limits an answer, as the module defines it.
 
@@ -236,6 +238,8 @@ def limit_of(
         Whether it is under each change.
     common : bool
         Whether no number of visits detects it, of whatever length.
+    at_rest : bool
+        Whether it is detected if it does not move.
     """
     if status is Status.OUTSIDE_FIELD or reason in _OF_PLACE:
         return "geometry"
@@ -243,6 +247,8 @@ def limit_of(
         return "saturation"
     if status is Status.OK and detected:
         return "none"
+    if at_rest:
+        return "motion"
     if without_speckles:
         return "common_speckles" if common else "speckles"
     return "background" if without_background else "photons"

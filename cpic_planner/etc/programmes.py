@@ -209,7 +209,9 @@ class Programmes:
             most = self.level(programme, problem, np.ones_like(cost), np.zeros_like(cost))
             longer = np.where(np.isfinite(visit), visit, smooth_least_visit_s(problem, most, cost))
             there = np.where(np.isfinite(longer), longer, np.exp(x))
-            return longer, np.where(np.isfinite(visit), level, excess(np.log(there))[1])
+            missed, at_end = excess(np.log(there))
+            # Longer visits are no way out where the level grows with them, as that of a search over orbits does.
+            return np.where(missed < 1e-8, longer, np.inf), np.where(np.isfinite(visit), level, at_end)
 
 
 def _cost(problem: FrameProblem, exposure_s: FloatArray) -> FloatArray:
@@ -269,7 +271,7 @@ class Group:
 
         It depends on the given one only where that is chosen: more time is never worse.
         """
-        if self.wanted.law is None:
+        if self.wanted.steady:
             return visit_s
         every, search = self.programmes, Programmes(self.model, self.problem, replace(self.wanted, at_place=False))
         bottom_s = search.bottom_s(visits, visit_s)
@@ -344,7 +346,7 @@ class Group:
         """Return the quickest frames of so many visits that reach the level, which may depend on them."""
         model, last = self.model, None
         visit_s, level = self.programmes.solved(visits)
-        wall_s, steady = model.time_s(visit_s), self.wanted.law is None
+        wall_s, steady = model.time_s(visit_s), self.wanted.steady
         steady &= model.instrument.drift.correlation_time_h == 0.0
         for _ in range(_LEVEL_STEPS):
             programme = Programme.of(model.strategy, visits, wall_s)

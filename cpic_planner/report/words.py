@@ -37,7 +37,7 @@ LIMITED_BY: dict[str, tuple[str, str]] = {
     "photons": ("too faint", "photons (too faint even if the wavefront did not drift, or if there were no background)"),
     "geometry": ("outside", "geometry (outside the dark hole)"),
     "saturation": ("saturated", "saturation (no frame is possible)"),
-    "motion": ("motion", "motion (the planet moves too far for so many visits)"),
+    "motion": ("motion", "motion (detected if the planet stood still, but not by a search that goes through orbits)"),
     "visibility": ("not seen", "visibility (the star is not seen for so long)"),
 }
 
@@ -48,6 +48,7 @@ _REASONS: dict[str, str] = {
     "": "",
     "speckle_floor": "no length of visit is enough",
     "common_speckle_floor": "no number of visits is enough",
+    "planet_moves": "the planet moves too far",
     "insufficient_time": "not enough time",
     "pixel_full_well": "shortest frame overfills a pixel",
     "register_full_well": "gain register overfills",

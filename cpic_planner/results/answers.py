@@ -134,6 +134,9 @@ class EtcAnswer(Row):
     frames_per_visit: int | None = None
     n_modes: int | None = None
     span_days: float | None = None
+    orbits_searched: int | None = None
+    motion_factor: float | None = None
+    independent_visits: float | None = None
     snr: float | None = None
     significance: float | None = None
     threshold: float | None = None

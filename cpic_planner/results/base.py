@@ -165,7 +165,33 @@ VOCABULARY: Mapping[str, Look] = {
     "reference_visits": Look("reference visits", "refs", "", "visits that the reference frames are spread over"),
     "visit_time_s": Look("time of a visit", "visit", "time", "wall time of a visit with its references, s"),
     "n_modes": Look("modes", "modes", "", "modes of the library that the subtraction projects out"),
-    "span_days": Look("span", "span d", ".3g", "from the start of the first visit to the end of the last, d"),
+    "span_days": Look(
+        "span",
+        "span d",
+        ".3g",
+        "from the start of the first visit to the end of the last, d: the Earth hides the star for 54 % of it",
+    ),
+    "orbits_searched": Look(
+        "orbits searched",
+        "orbits",
+        "d",
+        "orbits that a blind search goes through in the span, 1 where the planet stays within 0.3 lambda/D of its place; "
+        "null where the place is known: the orbit is followed",
+    ),
+    "motion_factor": Look(
+        "threshold for the orbits",
+        "× thresh",
+        ".3f",
+        "factor by which a blind search asks for more significance because the planet may move: the false alarms of the "
+        "orbits, and light that the nearest of them misses; 1 where the orbit is followed",
+    ),
+    "independent_visits": Look(
+        "independent visits",
+        "indep",
+        ".3g",
+        "number of independent wavefronts whose mean is as steady as that of the science visits: fewer than the visits "
+        "where their wavefronts remember each other (drift.correlation_time_h)",
+    ),
     "required_visits": Look(
         meaning="least number of visits of this length that makes the planet detected; null where none does"
     ),
@@ -199,7 +225,7 @@ VOCABULARY: Mapping[str, Look] = {
         meaning="single change that would make the planet detected in the given time: speckles (no drift of the "
         "wavefront), common_speckles (the same, where no number of visits helps), background (no light and no noise "
         "but the planet's own and the speckles), photons (neither is enough: the planet is too faint); motion: it "
-        "moves too far for the visits; visibility: the star is not seen for so long; geometry: outside the dark hole; "
+        "is detected if it stands still, but not by a search that goes through orbits; visibility: the star is not seen for so long; geometry: outside the dark hole; "
         "saturation: no frame is possible; none: detected; null where there is no verdict"
     ),
     "exposure_limited_by": Look(meaning="limit that binds the exposure; empty: the optimum"),
