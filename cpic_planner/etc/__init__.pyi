@@ -52,6 +52,7 @@ from cpic_planner.etc.model import (
 )
 from cpic_planner.etc.motion import (
     SearchMotion as SearchMotion,
+    motion_factor as motion_factor,
     programme_days as programme_days,
 )
 from cpic_planner.etc.noise import (

@@ -3,13 +3,13 @@
 An answer is limited by the single change of the model that would make the planet detected in the given time: ``none``
 where it is detected. ``geometry`` where the dark hole does not cover its place, ``saturation`` where no frame is
 possible. ``motion`` where it would be detected if it stood still: a search for unknown planets goes through orbits
-and its threshold pays for the trials. ``speckles`` where it is detected once the wavefront does not drift: everything that no frames average is
-taken away, wings of a companion included; ``common_speckles`` where moreover no number of visits detects it. Otherwise
-``background`` where it is detected with its own photon noise and the speckles alone: no starlight, sky, dust,
-companion, dark current, smear, clock-induced charge or read noise, in science and in reference frames. Otherwise
-``photons``: neither change alone is enough, the planet is too faint for the time. Exposure, gain and number of frames
-are the best ones under each change, as are band and separation where the question leaves them open. A question for a
-time that has no answer gets 1e9 s, the longest time that can be given.
+and its threshold pays for the trials. ``speckles`` where it is detected once the wavefront does not drift: everything
+that no frames average is taken away, wings of a companion included; ``common_speckles`` where moreover no number of
+visits detects it. Otherwise ``background`` where it is detected with its own photon noise and the speckles alone: no
+starlight, sky, dust, companion, dark current, smear, clock-induced charge or read noise, in science and in reference
+frames. Otherwise ``photons``: neither change alone is enough, the planet is too faint for the time. Exposure, gain
+and number of frames are the best ones under each change, as are band and separation where the question leaves them
+open. A question for a time that has no answer gets 1e9 s, the longest time that can be given.
 """
 
 from dataclasses import dataclass, replace
@@ -19,10 +19,11 @@ import numpy as np
 
 from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.cases import BandCases
+from cpic_planner.etc.cases import BandCases, Wanted
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
 from cpic_planner.etc.model import Programme
 from cpic_planner.etc.noise import StackNoise
+from cpic_planner.etc.programmes import Programmes
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.results import LimitText
 from simulator.signal import gain_caps, largest_gain, longest_exposure_s, programme_parts
@@ -214,6 +215,26 @@ def reached(problem: FrameProblem, visit_s: FloatArray, level: FloatArray) -> ND
     choice = best_in_visit(problem, visit_s, quickest=False)
     with np.errstate(divide="ignore"):
         return (choice.n_frames >= 1) & (np.sqrt(choice.inverse_snr2) * level <= 1.0 + 1e-9)
+
+
+def time_at_rest_s(cases: BandCases) -> FloatArray | None:
+    """Return the wall time of a detection in so many visits if planets stood still; None where they are followed.
+
+    Parameters
+    ----------
+    cases : BandCases
+        With the visits of every case.
+    """
+    if cases.motion is None:
+        return None
+    rest = replace(Wanted.of([cases]), motion=None)
+
+    def problem(made: Programme) -> FrameProblem:
+        return cases.problem("significance", programme=made)
+
+    visits = np.broadcast_to(cases.programme.visits, cases.contrast.shape)
+    every = Programmes(cases.model, problem, lambda *case: rest(*case)[..., 0, :, :])
+    return visits * cases.model.time_s(every.solved(visits)[0])
 
 
 def limit_of(

@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray
+from cpic_core import ArrayLike, FloatArray, IntArray
 from cpic_planner.etc.model import EtcModel, Programme
 from cpic_planner.planets import OrbitSearch, span_days, star_masses_msun
 from cpic_planner.targets import Targets
@@ -33,7 +33,14 @@ class SearchMotion:
     search: OrbitSearch
 
     @classmethod
-    def of(cls, model: EtcModel, targets: Targets, band: str, separation_arcsec: ArrayLike) -> Self:
+    def of(
+        cls,
+        model: EtcModel,
+        targets: Targets,
+        band: str,
+        separation_arcsec: ArrayLike,
+        stars: IntArray | None = None,
+    ) -> Self:
         """Return the motion at places around stars.
 
         Parameters
@@ -44,10 +51,12 @@ class SearchMotion:
         band : str
         separation_arcsec : array_like
             Projected, above 0; its first axis is 1 or that of the stars.
+        stars : ndarray of int, optional
+            Which of the stars each place is at, of the shape of the places.
         """
         place, strategy = np.asarray(separation_arcsec, float), model.strategy
-        deep = (slice(None), *(None,) * (place.ndim - 1))
-        of_star = targets.distance_pc[deep], _masses_msun(targets)[deep], model.metrics[band].lambda_d_arcsec
+        around = (slice(None), *(None,) * (place.ndim - 1)) if stars is None else stars
+        of_star = targets.distance_pc[around], _masses_msun(targets)[around], model.metrics[band].lambda_d_arcsec
         return cls(model, OrbitSearch.of(place, *of_star, gap_h=strategy.visit_gap_h, sigma=_level(strategy.sigma)))
 
     @classmethod
@@ -82,6 +91,18 @@ class SearchMotion:
     def orbits(self, programme: Programme, visit_s: ArrayLike) -> FloatArray:
         """Return the number of orbits that a search goes through; parameters as of `factor`."""
         return self.search.n_orbits(programme.visits, self.model.time_s(visit_s))
+
+
+def motion_factor(motion: SearchMotion | None, programme: Programme, visit_s: FloatArray) -> FloatArray:
+    """Return the factor on the significance that a search asks for because planets move; 1 where it follows them.
+
+    Parameters
+    ----------
+    motion : SearchMotion or None
+    programme, visit_s
+        As of `SearchMotion.factor`.
+    """
+    return np.ones_like(visit_s) if motion is None else motion.factor(programme, visit_s)
 
 
 def programme_days(model: EtcModel, visits: ArrayLike, time_s: ArrayLike) -> FloatArray:

@@ -1,7 +1,7 @@
 """From solved frames to typed answers."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from cpic_planner.etc.detection import Chances, law_of, verdict_of, visit_chance
 from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.model import Programme, Span
-from cpic_planner.etc.motion import programme_days
+from cpic_planner.etc.motion import motion_factor, programme_days
 from cpic_planner.etc.noise import StackNoise, own_noise, snr_paper, stack_noise
 from cpic_planner.etc.programmes import Programmes
 from cpic_planner.queries import MAX_VISITS
@@ -83,7 +83,7 @@ class Solved:
         paid, alone = (
             np.broadcast_to(part, choice.visit_s.shape)
             for part in (
-                motion_factor(cases, programme, choice.visit_s),
+                motion_factor(cases.motion, programme, choice.visit_s),
                 cases.rates.speckle.independent(programme.visits, programme.gap_s),
             )
         )
@@ -92,7 +92,7 @@ class Solved:
         shown |= {"snr": noise.snr, "significance": noise.significance}
         lost = (choice.n_frames < 1) & cases.usable
         most = _Most.of(cases, problem, lost, self.level if question == "exposure_time" else None)
-        still_s = _time_at_rest_s(cases) if self.searched and lost.any() else None
+        still_s = budget.time_at_rest_s(cases) if self.searched and lost.any() else None
         detection = None if limit else _Detection.of(cases, choice, noise, self)
         unmeasured = strategy.search == "blind" and law_of(model, cases.band) is None
         answers = []
@@ -241,30 +241,6 @@ class _Most:
         return cls(*parts)
 
 
-def motion_factor(cases: BandCases, programme: Programme, visit_s: FloatArray) -> FloatArray:
-    """Return the factor on the significance that a search asks for because planets move; 1 where it follows them."""
-    return np.ones_like(visit_s) if cases.motion is None else cases.motion.factor(programme, visit_s)
-
-
-def _time_at_rest_s(cases: BandCases) -> FloatArray | None:
-    """Wall time of a detection in so many visits if planets stood still; None where they are followed."""
-    if cases.motion is None:
-        return None
-    rest = replace(Wanted.of([cases]), motion=None)
-
-    def problem(made: Programme) -> FrameProblem:
-        return cases.problem("significance", programme=made)
-
-    visits = np.broadcast_to(cases.programme.visits, cases.contrast.shape)
-    every = Programmes(cases.model, problem, lambda *case: rest(*case)[..., 0, :, :])
-    return visits * cases.model.time_s(every.solved(visits)[0])
-
-
-def detected_at_rest(significance: FloatArray, level: FloatArray, factor: FloatArray) -> NDArray[np.bool_]:
-    """Return whether planets would be detected by programmes in which they stood still."""
-    return np.asarray(significance >= level / factor * (1.0 - _ROUNDING))
-
-
 def programme_floor(cases: BandCases, visits: float) -> FloatArray:
     """Highest significance of any number of frames in so many visits, whatever their length."""
     law = Programme.of(cases.model.strategy, visits).law(cases.rates.residual)
@@ -298,7 +274,7 @@ class _Detection:
         level = wanted(programme, solved.problem, visit, inverse)[0]
         detected = possible & (noise.significance >= level * (1.0 - _ROUNDING))
         place, averaging = np.hypot(cases.x_arcsec, cases.y_arcsec), cases.rates.speckle
-        paid, effective = motion_factor(cases, programme, visit), effective_of(programme, averaging)
+        paid, effective = motion_factor(cases.motion, programme, visit), effective_of(programme, averaging)
         chances = visit_chances(model, band, place, visit, noise, margin, effective, motion=paid)
         calm, common, dark, moving = np.zeros((4, *margin.shape), bool)
         lost, required = possible & ~detected, {}
@@ -316,7 +292,7 @@ class _Detection:
             dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
             floor = np.broadcast_to(programme_floor(cases, _ENDLESS), level.shape)
             common = calm & (floor <= least)
-            moving = detected_at_rest(noise.significance, level, paid)
+            moving = noise.significance >= level / paid * (1.0 - _ROUNDING)
             required = _required(cases, choice, noise, wanted, level, lost)
         mode: DetectionMode = "known_place" if wanted.law is None or wanted.at_place else "blind"
         return cls(

@@ -36,7 +36,7 @@ def _along_a_bend() -> FloatArray:
     """Part of the light that an aperture keeps on the best line beside an arc that bends off it by `_BENDS`."""
     time = (np.arange(2000) + 0.5) / 4000.0
     track, off = aperture_track(), np.abs(8.0 * time**2 - 1.0)
-    return np.interp(_BENDS[:, None] * off, track.offset, track.light).mean(axis=1)
+    return np.asarray(np.interp(_BENDS[:, None] * off, track.offset, track.light).mean(axis=1))
 
 
 @functools.cache
@@ -228,7 +228,7 @@ class OrbitSearch:
         way = math.sqrt(aperture_track().roughness) * fastest * spread
         beyond = np.maximum(fastest * span / (2.0 * MOST_SHIFT_LAMBDA_D) - 1.0, 0.0)
         most = -ndtri(ndtr(-self.sigma) / _squares(beyond))
-        return np.minimum(np.interp(way, _WAYS, _levels_of_ways(self.sigma)), most)
+        return np.asarray(np.minimum(np.interp(way, _WAYS, _levels_of_ways(self.sigma)), most))
 
     def n_orbits(self, visits: ArrayLike, visit_time_s: ArrayLike) -> FloatArray:
         """Return the velocities that a search goes through; parameters as of `threshold_factor`."""
@@ -261,7 +261,7 @@ class OrbitSearch:
 def _bent(bend_lambda_d: FloatArray) -> FloatArray:
     """Part of the light that is kept on the best line beside an arc that bends off it by so much."""
     near = np.minimum(bend_lambda_d, _BENDS[-1])
-    return np.interp(near, _BENDS, _along_a_bend()) * near / np.maximum(bend_lambda_d, 1e-300)
+    return np.asarray(np.interp(near, _BENDS, _along_a_bend()) * near / np.maximum(bend_lambda_d, 1e-300))
 
 
 def programme_motion(

@@ -180,6 +180,8 @@ def _least_frames(
         better = etc.least_time(problem.at(short), level[short] * (1.0 + 0.1 * _ROUNDING))
         for item in fields(etc.FrameChoice):
             getattr(choice, item.name)[short] = getattr(better, item.name)
+    else:
+        choice.n_frames[short] = 0.0  # a level that runs away is never reached
     return programme, choice
 
 
@@ -193,6 +195,7 @@ class _Places:
     contrast: FloatArray
     threshold: FloatArray
     rates: etc.ApertureRates
+    motion: etc.SearchMotion | None
 
     @property
     def inward(self) -> FloatArray:
@@ -211,7 +214,15 @@ class _Places:
             problem = etc.without_background(problem, etc.own_noise(self.rates, problem.camera))
         level = self.threshold if snr is None else np.full(self.contrast.shape, snr)
         places = self.separation_arcsec, self.contrast, self.rates
-        return Outlook.of(self.model, self.band, *places, problem, level, searched=snr is None)
+        return Outlook.of(
+            self.model,
+            self.band,
+            *places,
+            problem,
+            level,
+            searched=snr is None,
+            motion=self.motion if snr is None else None,
+        )
 
     def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
         """Noise of chosen frames, those of all visits together."""
@@ -227,7 +238,8 @@ class _Places:
         model, band, place = self.model, self.band, self.separation_arcsec
         seen = noise or self.noise(choice, programme)
         tails = np.nan_to_num(detection.tail_share(model, band, place, choice.visit_s, seen))
-        return etc.needed_margin(model, band, tails, self.inward, etc.effective_of(programme, self.rates.speckle))
+        at_rest = etc.needed_margin(model, band, tails, self.inward, etc.effective_of(programme, self.rates.speckle))
+        return at_rest * etc.motion_factor(self.motion, programme, choice.visit_s)
 
 
 @dataclass(frozen=True)
@@ -262,7 +274,9 @@ class _Search:
         elements = model.metrics[band].resolution_elements(separation_arcsec)
         threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
         rates = etc.aperture_rates(model, self.targets, band, x, y, contrast)
-        return _Places(model, band, separation_arcsec, contrast, threshold, rates)
+        place = np.broadcast_to(separation_arcsec, contrast.shape)
+        motion = etc.SearchMotion.asked(model, self.targets, band, place)
+        return _Places(model, band, separation_arcsec, contrast, threshold, rates, motion)
 
     def lowest(self, cost: Callable[[Outlook], FloatArray], *, dark: bool = False) -> tuple[_Places, FloatArray]:
         """The separation of least cost for each star, ``(n, 1)``, the middle of the range where there is no answer.
@@ -326,7 +340,10 @@ class _Search:
             wall = np.minimum(wall, time_s / programme.visits)
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
         inward, visits = chosen.separation_arcsec, etc.effective_of(programme, chosen.rates.speckle)
-        chances = etc.visit_chances(model, band, inward, choice.visit_s, noise, margin, visits)
+        paid = etc.motion_factor(chosen.motion, programme, choice.visit_s)
+        chances = etc.visit_chances(model, band, inward, choice.visit_s, noise, margin, visits, motion=paid)
+        orbits = np.full(n, np.nan) if chosen.motion is None else chosen.motion.orbits(programme, choice.visit_s)
+        alone = chosen.rates.speckle.independent(programme.visits, programme.gap_s)
         lost = column(possible & (margin < needed * (1.0 - _ROUNDING))).astype(bool)
         best = OptimalSetting(
             band=np.full(n, band),
@@ -334,6 +351,9 @@ class _Search:
             contrast=column(chosen.contrast),
             threshold=column(chosen.threshold),
             visits=column(programme.visits),
+            independent_visits=column(alone),
+            orbits_searched=column(orbits),
+            motion_factor=column(paid),
             reference_visits=column(programme.reference_visits),
             exposure_s=column(choice.exposure_s),
             frames_per_visit=column(choice.n_frames),
@@ -348,6 +368,8 @@ class _Search:
             needed_margin=column(needed),
             chance_blind=column(chances.blind),
             chance_known_place=column(chances.known_place),
+            at_rest=np.zeros(n, bool),
+            moves=np.zeros(n, bool),
             without_speckles=np.zeros(n, bool),
             without_background=np.zeros(n, bool),
             required_visits=np.full(n, np.nan),
@@ -375,11 +397,13 @@ class _Search:
         fewest, factor = np.full((2, n), np.nan)
         fewest[lost] = outlook.fewest(column(choice.visit_s)[lost])
         contrast = np.where(lost, column(needed) / np.maximum(column(margin), 1e-300), np.nan)
+        still = self._changed(lost & near & (endless <= 1.0), lambda item: item.at_rest().in_time(time_s)[0]) <= 1.0
         calm = self._changed(lost & near, lambda item: item.without_speckles().in_time(time_s)[0]) <= 1.0
         dark = self._changed(lost & (endless <= 1.0), lambda item: item.in_time(time_s)[0], dark=True) <= 1.0
         factor[calm] = self._drift_factor(calm, time_s)
         return replace(
             best,
+            at_rest=still,
             without_speckles=calm,
             without_background=dark,
             required_visits=fewest,

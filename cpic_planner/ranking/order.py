@@ -211,7 +211,9 @@ def ranked(setting: RankSetting, targets: Targets, *, with_times: bool = True) -
         near = np.nan_to_num(floors).max(axis=0) * _SLACK > 1.0
         quickest[:, near] = _quickest(setting, targets.select(near)) if near.any() else np.nan
         # Whether any programme detects the planet is known now: the bound was from a coarse grid of places.
-        best = replace(best, floor_margin=np.where(np.isfinite(quickest[0]), np.inf, 0.0))
+        found = np.isfinite(quickest[0])
+        moves = ~found & (floors.max(axis=0) > 1.0) & np.isfinite(best.orbits_searched)
+        best = replace(best, floor_margin=np.where(found, np.inf, 0.0), moves=moves)
     limits = setting.limits(targets)
     counted = tuple(
         counted_completeness(model, targets, band, planets, item, limits)
@@ -389,7 +391,6 @@ def _row(
         completeness_band=counted.band,
         completeness_time_s=time_s if time_s > 0 else None,
         completeness_per_hour=share / time_s * 3600.0 if time_s > 0 else 0.0,
-        integration_s=setting["n_frames"] * setting["exposure_s"] if setting["n_frames"] else None,
         ref_planet_distance_au=distance,
         rv_amplitude_m_s=float(velocities.amplitude_m_s[i]),
         ref_planet_insolation_au=None if luminosity is None or luminosity <= 0 else distance / math.sqrt(luminosity),
