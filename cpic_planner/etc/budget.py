@@ -217,13 +217,15 @@ def reached(problem: FrameProblem, visit_s: FloatArray, level: FloatArray) -> ND
         return (choice.n_frames >= 1) & (np.sqrt(choice.inverse_snr2) * level <= 1.0 + 1e-9)
 
 
-def time_at_rest_s(cases: BandCases) -> FloatArray | None:
+def time_at_rest_s(cases: BandCases, visit_time_s: float | None) -> FloatArray | None:
     """Return the wall time of a detection in so many visits if planets stood still; None where they are followed.
 
     Parameters
     ----------
     cases : BandCases
         With the visits of every case.
+    visit_time_s : float or None
+        Wall time of a visit, where it is given: the fewest visits are asked for.
     """
     if cases.motion is None:
         return None
@@ -234,6 +236,8 @@ def time_at_rest_s(cases: BandCases) -> FloatArray | None:
 
     visits = np.broadcast_to(cases.programme.visits, cases.contrast.shape)
     every = Programmes(cases.model, problem, lambda *case: rest(*case)[..., 0, :, :])
+    if visit_time_s is not None:
+        return every.fewest(cases.model.visit_s(visit_time_s)) * visit_time_s
     return visits * cases.model.time_s(every.solved(visits)[0])
 
 
@@ -245,7 +249,7 @@ def limit_of(
     without_speckles: bool,
     without_background: bool,
     common: bool = False,
-    at_rest: bool = False,
+    without_motion: bool = False,
 ) -> LimitText:
     """Return what limits an answer, as the module defines it.
 
@@ -259,7 +263,7 @@ def limit_of(
         Whether it is under each change.
     common : bool
         Whether no number of visits detects it, of whatever length.
-    at_rest : bool
+    without_motion : bool
         Whether it is detected if it does not move.
     """
     if status is Status.OUTSIDE_FIELD or reason in _OF_PLACE:
@@ -268,7 +272,7 @@ def limit_of(
         return "saturation"
     if status is Status.OK and detected:
         return "none"
-    if at_rest:
+    if without_motion:
         return "motion"
     if without_speckles:
         return "common_speckles" if common else "speckles"

@@ -171,9 +171,12 @@ class Programmes:
             camera = problem.camera
             shortest = camera.exposure_min_s + camera.readout_s
             visit, level = self._reached(programme, problem, _cost(problem, best_s))
-            if np.any(visit < best_s + camera.readout_s):  # not even one frame of that exposure
+            frame_s = best_s + camera.readout_s
+            if np.any(visit < frame_s):  # not even one frame of that exposure: a shorter one, or one of it
                 exposure = np.clip(visit - camera.readout_s, camera.exposure_min_s, best_s)
-                visit, level = self._reached(programme, problem, _cost(problem, exposure))
+                other, its_level = self._reached(programme, problem, _cost(problem, exposure))
+                whole = (visit < frame_s) & (other > frame_s)
+                visit, level = np.where(whole, frame_s, other), np.where(whole, level, its_level)
             visit = np.maximum(visit, shortest)
             wall_s = self.model.time_s(visit)
         return visit, level

@@ -22,8 +22,8 @@ from simulator.signal import frame_limit, programme_parts
 
 _NO_THRESHOLD = "fewer than three resolution elements at this separation: no threshold is defined (give a plain sigma)"
 _MOVES = (
-    "the planet moves: a search over its orbits asks for more than {visits} visits reach, whatever the length; if it "
-    "stood still it would take {time_s:.3g} s"
+    "the planet moves: a search over its orbits asks for more than {visits} visits reach; if it stood still it would "
+    "take {time_s:.3g} s"
 )
 _FLOORS = (Reason.SPECKLE_FLOOR, Reason.COMMON_SPECKLE_FLOOR)
 _LONGEST_S = 1e12
@@ -92,7 +92,7 @@ class Solved:
         shown |= {"snr": noise.snr, "significance": noise.significance}
         lost = (choice.n_frames < 1) & cases.usable
         most = _Most.of(cases, problem, lost, self.level if question == "exposure_time" else None)
-        still_s = budget.time_at_rest_s(cases) if self.searched and lost.any() else None
+        still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
         detection = None if limit else _Detection.of(cases, choice, noise, self)
         unmeasured = strategy.search == "blind" and law_of(model, cases.band) is None
         answers = []
@@ -308,7 +308,7 @@ class _Detection:
             calm, dark = (visit[index] <= self.longest_s for visit in (most.calm_visit_s, most.dark_visit_s))
             common, moving = reason is Reason.COMMON_SPECKLE_FLOOR, reason is Reason.PLANET_MOVES
         changes = {"without_speckles": bool(calm), "common": bool(common), "without_background": bool(dark)}
-        changes |= {"at_rest": bool(moving)}
+        changes |= {"without_motion": bool(moving)}
         return {
             "verdict": verdict_of(status, detected),
             "verdict_mode": self.mode,

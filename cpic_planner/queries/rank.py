@@ -172,7 +172,10 @@ class RankedQuestion(shared.InstrumentQuestion, shared.CutsQuestion, CountedPlan
         le=1e9,
     )
     visit_time_s: float | None = asked(
-        None, "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}."
+        None,
+        "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}.",
+        ge=1e-3,
+        le=1e9,
     )
     seed: shared.Seed = asked(1, "Seed of every random number.")
     score: ScoreName = asked(DEFAULT_SCORE, "What the ranking is by.")

@@ -368,7 +368,7 @@ class _Search:
             needed_margin=column(needed),
             chance_blind=column(chances.blind),
             chance_known_place=column(chances.known_place),
-            at_rest=np.zeros(n, bool),
+            without_motion=np.zeros(n, bool),
             moves=np.zeros(n, bool),
             without_speckles=np.zeros(n, bool),
             without_background=np.zeros(n, bool),
@@ -403,7 +403,7 @@ class _Search:
         factor[calm] = self._drift_factor(calm, time_s)
         return replace(
             best,
-            at_rest=still,
+            without_motion=still,
             without_speckles=calm,
             without_background=dark,
             required_visits=fewest,

@@ -12,7 +12,7 @@ from catalogs import amplitude_m_s, snapshot_vintage
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce
 from cpic_planner import etc
 from cpic_planner.planets import Planets, PopulationChoice, StarLimits, excluded_by_rv, least_mass
-from cpic_planner.queries import RankedQuestion, ReferencePlanet
+from cpic_planner.queries import DEFAULT_TIME_S, OptimiseQuestion, RankedQuestion, ReferencePlanet
 from cpic_planner.ranking.completeness import BandCompleteness
 from cpic_planner.ranking.known_completeness import KnownChoice, KnownSample, counted_completeness
 from cpic_planner.ranking.optimiser import best_in_band, optimise
@@ -38,24 +38,25 @@ def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
     return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label)
 
 
-def timed_model(model: etc.EtcModel, question: RankedQuestion) -> tuple[etc.EtcModel, float]:
-    """Return the model and the wall time of a ranking; a given length of the visits sets their number or the time.
+def timed_model(model: etc.EtcModel, question: RankedQuestion | OptimiseQuestion) -> tuple[etc.EtcModel, float]:
+    """Return the model and the wall time of a question; a given length of the visits sets their number or the time.
 
     Parameters
     ----------
     model : EtcModel
-    question : RankedQuestion
+    question : RankedQuestion or OptimiseQuestion
 
     Raises
     ------
     InputError
         If time, number and length of the visits contradict each other.
     """
+    time_s = DEFAULT_TIME_S if question.time_s is None else question.time_s
     if question.visit_time_s is None:
-        return model, question.time_s
+        return model, time_s
     strategy = model.strategy
-    given = strategy.visits is None or "time_s" in question.model_fields_set
-    span = etc.Span.of(model, question.time_s if given else None, question.visit_time_s)
+    given = strategy.visits is None or (question.time_s is not None and "time_s" in question.model_fields_set)
+    span = etc.Span.of(model, time_s if given else None, question.visit_time_s)
     assert span.time_s is not None
     return replace(model, strategy=strategy.model_copy(update={"visits": span.visits})), span.time_s
 

@@ -12,7 +12,7 @@ from cpic_planner import etc
 from cpic_planner.results import LimitText
 from simulator.signal import frame_limit
 
-_CHANGES = ("at_rest", "without_speckles", "without_background")
+_CHANGES = ("without_motion", "without_speckles", "without_background")
 _COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames")
 _ROUNDING = 1e-9
 
@@ -27,10 +27,10 @@ class OptimalSetting:
     ``needed_margin`` half of such observations detect the planet there, by the search of the strategy, and
     ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection (NaN where no law was
     measured). ``floor_margin`` is what no programme can pass, at any separation: of the given number of visits, or
-    of the most. ``at_rest``, ``without_speckles`` and ``without_background`` say whether the planet would be
-    detected in the given time under the changes of `cpic_planner.etc.budget` (``at_rest``: if it did not move);
-    False where no time was given. ``moves`` says that no programme detects it, although one would if it stood
-    still; False where that was not asked. ``independent_visits``, ``orbits_searched`` (NaN where the orbit is
+    of the most. ``without_motion``, ``without_speckles`` and ``without_background`` say whether the planet would be
+    detected in the given time under the changes of `cpic_planner.etc.budget` (``without_motion``: if it did not
+    move); False where no time was given. ``moves`` says that no programme detects it, although one would if it
+    stood still; False where that was not asked. ``independent_visits``, ``orbits_searched`` (NaN where the orbit is
     followed) and ``motion_factor``, which is part of ``needed_margin``, are columns of answers too.
     ``required_visits`` are the fewest of this length that detect it, ``required_drift_factor`` and
     ``required_contrast_factor`` the least changes of drift and contrast that make it detected in the given time;
@@ -62,7 +62,7 @@ class OptimalSetting:
     needed_margin: FloatArray
     chance_blind: FloatArray
     chance_known_place: FloatArray
-    at_rest: BoolArray
+    without_motion: BoolArray
     moves: BoolArray
     without_speckles: BoolArray
     without_background: BoolArray
@@ -141,7 +141,7 @@ def _verdict(best: OptimalSetting, i: int, camera: etc.FrameCamera, floor: Reaso
         return no_frame_status(best, i, camera)
     if best.detected[i]:
         return Status.OK, Reason.NONE
-    if best.at_rest[i] or best.moves[i]:
+    if best.without_motion[i] or best.moves[i]:
         return Status.UNREACHABLE, Reason.PLANET_MOVES
     enough = best.floor_margin[i] > best.needed_margin[i]
     return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME if enough else floor
@@ -162,7 +162,7 @@ def limits_of(standings: Sequence[tuple[Status, Reason]], best: OptimalSetting) 
         etc.limit_of(
             *standing,
             detected=standing[0] is Status.OK,
-            at_rest=still,
+            without_motion=still,
             without_speckles=calm,
             without_background=dark,
             common=standing[1] is Reason.COMMON_SPECKLE_FLOOR,
