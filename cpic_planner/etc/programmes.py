@@ -171,8 +171,9 @@ class Programmes:
             camera = problem.camera
             shortest = camera.exposure_min_s + camera.readout_s
             visit, level = self._reached(programme, problem, _cost(problem, best_s))
-            frame_s = best_s + camera.readout_s
-            if np.any(visit < frame_s):  # not even one frame of that exposure: a shorter one, or one of it
+            if np.any(
+                visit < (frame_s := best_s + camera.readout_s)
+            ):  # not even one frame of it: a shorter one, or one
                 exposure = np.clip(visit - camera.readout_s, camera.exposure_min_s, best_s)
                 other, its_level = self._reached(programme, problem, _cost(problem, exposure))
                 whole = (visit < frame_s) & (other > frame_s)
@@ -208,12 +209,11 @@ class Programmes:
                 slope = np.where(moving, np.clip((g - f) / (new - x), -1.0, -1e-4), slope)
                 x, f = new, g
             visit = np.where(solvable & (f < 1e-8), np.exp(x), np.inf)
-            # At a known place the level stops growing: beyond a length that is short of it, longer ones may reach it.
+            # At a known place the level stops growing: longer ones may reach it.
             most = self.level(programme, problem, np.ones_like(cost), np.zeros_like(cost))
             longer = np.where(np.isfinite(visit), visit, smooth_least_visit_s(problem, most, cost))
             there = np.where(np.isfinite(longer), longer, np.exp(x))
-            missed, at_end = excess(np.log(there))
-            # Longer visits are no way out where the level grows with them, as that of a search over orbits does.
+            missed, at_end = excess(np.log(there))  # of longer ones the level of a search over orbits is higher
             return np.where(missed < 1e-8, longer, np.inf), np.where(np.isfinite(visit), level, at_end)
 
 

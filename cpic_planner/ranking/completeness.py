@@ -293,8 +293,8 @@ def _chances(
     search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
     moving = search.threshold_factor(many, model.time_s(visit_s))
     found = etc.visit_chances(model, band, separation, visit_s, seen, margin, visits, motion=moving)
-    for mode, part in enumerate((found.blind, found.known_place)):
-        chance[mode, hopeful] = np.where(np.isnan(part), margin >= 1.0, part) * (margin > _FAINTEST)
+    for mode, (part, needed) in enumerate(((found.blind, moving), (found.known_place, 1.0))):
+        chance[mode, hopeful] = np.where(np.isnan(part), margin >= needed, part) * (margin > _FAINTEST)
     return chance
 
 

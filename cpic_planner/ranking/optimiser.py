@@ -342,7 +342,7 @@ class _Search:
         inward, visits = chosen.separation_arcsec, etc.effective_of(programme, chosen.rates.speckle)
         paid = etc.motion_factor(chosen.motion, programme, choice.visit_s)
         chances = etc.visit_chances(model, band, inward, choice.visit_s, noise, margin, visits, motion=paid)
-        orbits = np.full(n, np.nan) if chosen.motion is None else chosen.motion.orbits(programme, choice.visit_s)
+        orbits = np.nan if chosen.motion is None else chosen.motion.orbits(programme, choice.visit_s)
         alone = chosen.rates.speckle.independent(programme.visits, programme.gap_s)
         lost = column(possible & (margin < needed * (1.0 - _ROUNDING))).astype(bool)
         best = OptimalSetting(

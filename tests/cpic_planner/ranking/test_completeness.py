@@ -20,7 +20,14 @@ from cpic_planner.etc import (
     tail_share,
     threshold_array,
 )
-from cpic_planner.planets import Planets, StarLimits, draw_population, load_population
+from cpic_planner.planets import (
+    Planets,
+    StarLimits,
+    draw_population,
+    load_population,
+    programme_motion,
+    star_masses_msun,
+)
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking import inside_zone
 from cpic_planner.ranking.completeness import completeness
@@ -104,12 +111,16 @@ def one_by_one(model, targets, band, drawn, exposure_s, n_frames, em_gain, visit
             noise = stack_noise(rates, *setting, camera, strategy, programme=programme)
             separation = math.hypot(x, y)
             margin = noise.significance[0] / threshold_array(metrics.resolution_elements(separation), strategy.sigma)
+            visit_s = n_frames[i] * (exposure_s[i] + camera.readout_s)
+            mass = star_masses_msun(target.name.tolist(), target.log_g, target.luminosity_lsun, target.teff_k)
+            around = separation, target.distance_pc, mass, metrics.lambda_d_arcsec
+            moves = programme_motion(*around, visits[i] * model.time_s(visit_s), visits[i], sigma=strategy.sigma)
+            paid = np.array([float(moves.sigma[0] / strategy.sigma / moves.kept[0]), 1.0])
             if law is None:
-                found[:2, i] += margin >= 1.0
+                found[:2, i] += margin >= paid
             elif margin > module._FAINTEST:
-                visit_s = n_frames[i] * (exposure_s[i] + camera.readout_s)
                 tails = float(np.ravel(tail_share(model, band, separation, visit_s, noise))[0])
-                of_law = margin, (False, True), tails, metrics.lambda_d_arcsec / separation
+                of_law = margin / paid, (False, True), tails, metrics.lambda_d_arcsec / separation
                 many = effective_visits(visits[i], visits[i])
                 found[:2, i] += detection_probability(law, *of_law, visits=many, calibration=law.calibration)
     return found
@@ -147,7 +158,7 @@ def test_equals_a_loop_over_single_planets(model, stars, source, strategy, hole)
         expected = one_by_one(model, stars, band, drawn, exposure, frames, gain, visits)
         both = found.completeness, found.completeness_known_place
         for value, count in zip((*both, found.in_zone, found.observable), expected, strict=True):
-            np.testing.assert_allclose(value, count / len(drawn), rtol=2e-5)
+            np.testing.assert_allclose(value, count / len(drawn), rtol=2e-5, atol=1e-30)
         np.testing.assert_array_equal(found.completeness_unconditional, found.completeness)
         detected += expected[0].sum()
         assert expected[3].sum() > 10
