@@ -2,7 +2,7 @@
 
 import functools
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from typing import Any
 
@@ -11,6 +11,7 @@ from cpic_core import parse_yaml
 from cpic_planner.queries import SimulatorOverrides
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.numbers import MISSING, decimals, significant
+from cpic_planner.results import ProgrammeColumns
 from simulator.detectors import noise_terms
 
 #: Symbol of each status, so that badges do not rely on colour.
@@ -267,6 +268,30 @@ def cap_sentence(name: str, gain: float) -> str:
     """Return what a gain spares; 0 means that not even gain 1 does."""
     what = _CAPS.get(name, name.replace("_", " "))
     return f"EM gain up to {significant(gain)} {what}" if gain >= 1.0 else f"no EM gain {what}"
+
+
+def orbits_text(rows: Iterable[ProgrammeColumns]) -> str:
+    """Return how many orbits blind searches go through and what their threshold pays for them, for a sentence.
+
+    Parameters
+    ----------
+    rows : iterable of ProgrammeColumns
+        Answers or ranked stars.
+
+    Returns
+    -------
+    str
+        Empty where orbits are followed, and in older results.
+    """
+    seen = [(row.orbits_searched, row.motion_factor or 1.0) for row in rows if row.orbits_searched is not None]
+    if not seen:
+        return ""
+    few, many = min(seen)[0], max(seen)[0]
+    if many == 1:
+        return "no planet leaves its place meanwhile, so that one orbit is searched"
+    extra = 100.0 * (max(factor for _, factor in seen) - 1.0)
+    numbers = f"{many}" if few == many else f"{few} to {many}"
+    return f"{numbers} orbits are searched, which raises the threshold by up to {extra:.2g} %"
 
 
 def ra_text(ra_deg: float | None) -> str:
