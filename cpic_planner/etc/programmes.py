@@ -358,7 +358,7 @@ class Group:
             some = choice.n_frames >= 1
             wall_s = np.where(some, model.time_s(choice.visit_s), wall_s)
             found = np.where(some, self.level_of(programme, problem, choice), level)
-            off = found - level
+            off = np.subtract(found, level, out=np.zeros_like(level), where=some)
             if steady or (last is not None and np.all(np.abs(off) <= _SAME * level)):
                 break
             # Secants of a fixed point: the level follows the length of the visits slowly.

@@ -26,7 +26,7 @@ from cpic_planner.planets.motion import (
 _SPEED_AU_DAY = 2.0 * math.pi / 365.25  # of a circular orbit of 1 au around 1 solar mass
 _BENDS = np.concatenate([[0.0], np.geomspace(1e-2, 40.0, 200)])
 _WAYS = np.concatenate([[0.0], np.geomspace(1e-2, 1e6, 1000)])
-_ITERATIONS = 30
+_ITERATIONS, _LONGEST_DAYS = 30, 1e9
 # A search at rest keeps planets up to this way within 0.3 lambda/D, on whatever bound orbit they are.
 _RESTING = math.sqrt(2.0) * MOST_SHIFT_LAMBDA_D
 
@@ -184,10 +184,10 @@ class OrbitSearch:
         Parameters
         ----------
         visits, visit_time_s : array_like
-            Number and wall time of the visits; nothing is refused here.
+            Number and wall time of the visits; nothing is refused here, and endless ones take 1e9 days.
         """
         many = np.asarray(visits, float)
-        days = many * np.asarray(visit_time_s, float) / (86400.0 * self.duty)
+        days = np.minimum(many * np.asarray(visit_time_s, float) / (86400.0 * self.duty), _LONGEST_DAYS)
         return np.asarray(days if self.gap_h == 0.0 else days + (many - 1.0) * (self.gap_h / 24.0))
 
     def threshold_factor(self, visits: ArrayLike, visit_time_s: ArrayLike) -> FloatArray:

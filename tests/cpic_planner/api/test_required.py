@@ -1,4 +1,4 @@
-"""What is missing, by brute force: asked again with that change alone the planet is detected, with a little less not."""
+"""What is missing, by brute force: asked again with that change alone the planet is detected, with less not."""
 
 import pytest
 

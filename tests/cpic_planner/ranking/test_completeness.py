@@ -163,7 +163,7 @@ def test_equals_a_loop_over_single_planets(model, stars, source, strategy, hole)
         detected += expected[0].sum()
         assert expected[3].sum() > 10
         assert np.any(expected[0] < expected[3] - 0.5)
-    assert detected > 3
+    assert detected > 2
 
 
 def test_chunks_change_nothing(model, everyone, monkeypatch):
@@ -232,10 +232,12 @@ def test_noise_free_giants_are_detected_wherever_statistics_are_defined(model, s
         np.testing.assert_array_equal(found.observable, there.mean(axis=1))
         # A threshold of three elements, some 10^6, is more than one planet in a hundred has.
         whole = defined & (metrics.resolution_elements(np.hypot(x, y)) >= 4)
-        assert np.all(found.completeness <= defined.mean(axis=1) * (1 + 1e-12))
-        assert np.all(found.completeness >= whole.mean(axis=1) * (1 - 1e-9))
-        assert 0 < found.completeness.max() < 1
-        assert np.any(found.completeness < found.observable) == (lambda_d is not None)
+        # At known places: the orbits of so many years forbid a blind search.
+        seen = found.completeness_known_place
+        assert np.all(seen <= defined.mean(axis=1) * (1 + 1e-12))
+        assert np.all(seen >= whole.mean(axis=1) * (1 - 1e-9))
+        assert 0 < seen.max() < 1
+        assert np.any(seen < found.observable) == (lambda_d is not None)
 
 
 def test_side_of_the_hole_and_parity(model, everyone):
@@ -352,12 +354,14 @@ def test_stars_too_far_and_no_frames_detect_nothing(model, stars):
 def test_more_frames_and_more_exposure_never_detect_fewer(model, stars):
     model = dataclasses.replace(model, strategy=IDEAL)
     drawn = planets(n=1000)
-    before = np.zeros(len(stars))
+    before = np.zeros((2, len(stars)))
     for frames in (1, 10, 100, 1000, 1e5, 1e7):
-        found = completeness(model, stars, "F520", drawn, exposure_s=20.0, n_frames=frames, em_gain=20.0).completeness
-        assert np.all(found >= before)
-        before = found
-    assert before.max() > 0.1
+        found = completeness(model, stars, "F520", drawn, exposure_s=20.0, n_frames=frames, em_gain=20.0)
+        both = np.stack([found.completeness, found.completeness_known_place])
+        assert np.all(both[1] >= before[1])
+        assert frames > 1000 or np.all(both[0] >= before[0])  # in longer visits planets leave their place
+        before = both
+    assert before[1].max() > 0.1
     before = np.zeros(len(stars))
     for exposure in (0.1, 1.0, 10.0, 60.0):
         found = completeness(model, stars, "F520", drawn, exposure_s=exposure, n_frames=1e3, em_gain=20.0).completeness
