@@ -353,6 +353,6 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     said: dict[str, Any] = {"verdict": [verdict_of(*pair) for pair in zip(statuses, detected.tolist(), strict=True)]}
     if time_s is not None:
         said["limited_by"] = limits_of(standings, best)
-    names = [item.name for item in fields(best) if not item.name.startswith(("without_", "moves"))]
-    columns = {name: getattr(best, name) for name in names} | {"span_days": best.span_days(model)}
+    shown = [item.name for item in fields(best) if not item.name.startswith(("without_", "moves"))]
+    columns = {name: getattr(best, name) for name in shown} | {"span_days": best.span_days(model)}
     return pd.DataFrame({"name": stars.name} | columns | said)

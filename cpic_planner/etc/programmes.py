@@ -36,8 +36,7 @@ from cpic_planner.targets import Targets
 _LEVEL_STEPS, _SAME = 60, 1e-10
 _ROUNDS, _POINTS = 3, 18
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3
-_SHORT, _BEYOND = 0.98, (1.03, 1.04)
-_LONGEST_S = 1e15
+_SHORT, _BEYOND, _LONGEST_S = 0.98, (1.03, 1.04), 1e15
 
 
 Level = Callable[[Programme, FrameProblem, FloatArray, FloatArray], FloatArray]
@@ -169,11 +168,9 @@ class Programmes:
         for _ in range(1 if drift.correlation_time_h == 0.0 else 4):
             programme, problem = self._made(visits, wall_s)
             camera = problem.camera
-            shortest = camera.exposure_min_s + camera.readout_s
+            shortest, frame_s = (exposure + camera.readout_s for exposure in (camera.exposure_min_s, best_s))
             visit, level = self._reached(programme, problem, _cost(problem, best_s))
-            if np.any(
-                visit < (frame_s := best_s + camera.readout_s)
-            ):  # not even one frame of it: a shorter one, or one
+            if np.any(visit < frame_s):  # not even one frame of that exposure: a shorter one, or one whole
                 exposure = np.clip(visit - camera.readout_s, camera.exposure_min_s, best_s)
                 other, its_level = self._reached(programme, problem, _cost(problem, exposure))
                 whole = (visit < frame_s) & (other > frame_s)

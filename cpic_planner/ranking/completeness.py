@@ -293,7 +293,7 @@ def _chances(
     search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
     moving = search.threshold_factor(many, model.time_s(visit_s))
     found = etc.visit_chances(model, band, separation, visit_s, seen, margin, visits, motion=moving)
-    for mode, (part, needed) in enumerate(((found.blind, moving), (found.known_place, 1.0))):
+    for mode, (part, needed) in enumerate(((found.blind, moving), (found.known_place, np.ones_like(moving)))):
         chance[mode, hopeful] = np.where(np.isnan(part), margin >= needed, part) * (margin > _FAINTEST)
     return chance
 

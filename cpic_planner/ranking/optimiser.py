@@ -1,50 +1,23 @@
 """Choice of band, separation, visits, frame exposure, number of frames and EM gain for each target."""
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Reason
 from cpic_planner import etc
 from cpic_planner.etc import detection
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.ranking.programmes import Outlook, nearby, programme_of
-from cpic_planner.ranking.settings import OptimalSetting, best_of
+from cpic_planner.ranking.settings import OptimalSetting, best_of, separation_grid
 from cpic_planner.targets import Targets
-from simulator.imaging import PsfMetrics
 from simulator.target import albedo_source
 
-N_SEPARATIONS = 41
 _SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
 _ROUNDING = 1e-9
 _ROUNDS = 40
 STRIDE = 5
-MIN_BACKGROUND_APERTURES = 25.0
-"""Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
-
-
-def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
-    """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
-    inner, outer = etc.usable_range_arcsec(model.instrument, band)
-    grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
-    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
-        grid = grid[np.array([etc.place_status(model, band, float(place))[0] is Status.OK for place in grid], bool)]
-    if grid.size == 0:
-        allowed = "a zone with room for aperture, background and three elements"
-        raise InputError("band", band, allowed=allowed, hint="see annulus_lambda_d, roll_deg and the hole's edges")
-    return grid
-
-
-@functools.lru_cache(maxsize=64)
-def _roomy(metrics: PsfMetrics, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
-    grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
-    enough = [np.count_nonzero(metrics.annulus(s, annulus_lambda_d)) for s in grid]
-    room = np.asarray(enough) >= MIN_BACKGROUND_APERTURES * metrics.aperture_pixels
-    usable: FloatArray = grid[(metrics.resolution_elements(grid) >= 3.0) & room]
-    usable.flags.writeable = False
-    return usable
 
 
 def optimise(

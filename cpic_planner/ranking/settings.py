@@ -1,5 +1,6 @@
-"""The best setting of every target, what of it is detected, and what limits it."""
+"""Where planets are looked for, the best setting of every target, what of it is detected, and what limits it."""
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -7,14 +8,40 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, NDArray, Reason, Status
+from cpic_core import BoolArray, FloatArray, InputError, NDArray, Reason, Status
 from cpic_planner import etc
 from cpic_planner.results import LimitText
+from simulator.imaging import PsfMetrics
 from simulator.signal import frame_limit
 
 _CHANGES = ("without_motion", "without_speckles", "without_background")
 _COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames")
 _ROUNDING = 1e-9
+N_SEPARATIONS = 41
+MIN_BACKGROUND_APERTURES = 25.0
+"""Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
+
+
+def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
+    """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
+    inner, outer = etc.usable_range_arcsec(model.instrument, band)
+    grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
+    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
+        grid = grid[np.array([etc.place_status(model, band, float(place))[0] is Status.OK for place in grid], bool)]
+    if grid.size == 0:
+        allowed = "a zone with room for aperture, background and three elements"
+        raise InputError("band", band, allowed=allowed, hint="see annulus_lambda_d, roll_deg and the hole's edges")
+    return grid
+
+
+@functools.lru_cache(maxsize=64)
+def _roomy(metrics: PsfMetrics, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
+    grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
+    enough = [np.count_nonzero(metrics.annulus(s, annulus_lambda_d)) for s in grid]
+    room = np.asarray(enough) >= MIN_BACKGROUND_APERTURES * metrics.aperture_pixels
+    usable: FloatArray = grid[(metrics.resolution_elements(grid) >= 3.0) & room]
+    usable.flags.writeable = False
+    return usable
 
 
 @dataclass(frozen=True)
