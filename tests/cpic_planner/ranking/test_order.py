@@ -379,7 +379,8 @@ def test_the_length_of_a_visit_sets_number_or_time(refused):
         own = replace(model, strategy=question.strategy)
         timed, wall_s = timed_model(own, question)
         assert (timed.strategy.visits, wall_s) == (visits, time_s)
-    wrong = RankQuestion(**asked, visit_time_s=3000.0, time_s=7000.0, strategy=Strategy(visits=4))
+    asked_twice = RankQuestion(**asked, visit_time_s=3000.0, time_s=7000.0)
+    wrong = asked_twice.model_copy(update={"strategy": Strategy(visits=4)})  # as a plan, which is not asked before
     refused("^time_s = 7000", timed_model, replace(model, strategy=wrong.strategy), wrong)
 
 
