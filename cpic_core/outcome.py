@@ -25,6 +25,7 @@ class Reason(StrEnum):
     NONE = ""
     SPECKLE_FLOOR = "speckle_floor"
     COMMON_SPECKLE_FLOOR = "common_speckle_floor"
+    PLANET_MOVES = "planet_moves"
     INSUFFICIENT_TIME = "insufficient_time"
     PIXEL_FULL_WELL = "pixel_full_well"
     REGISTER_FULL_WELL = "register_full_well"

@@ -21,7 +21,7 @@ from cpic_planner.etc import (
     planets_of,
     questions,
 )
-from cpic_planner.queries import DEFAULT_TIME_S, MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet
+from cpic_planner.queries import MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet
 from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer
 from cpic_planner.targets import Targets
@@ -327,8 +327,8 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     -------
     pandas.DataFrame
         One row per target; columns of `cpic_planner.ranking.optimiser.OptimalSetting`, units in their names, and
-        ``verdict`` of the planet at its known place (``detected``, ``measured_not_detected``, ``unreachable``); with
-        ``time_s`` also ``limited_by`` (`cpic_planner.etc.limiting`).
+        ``verdict`` of the planet (``detected``, ``measured_not_detected``, ``unreachable``); with
+        ``time_s`` also ``limited_by`` (`cpic_planner.etc.budget`).
 
     Raises
     ------
@@ -339,12 +339,11 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
 
     from cpic_core import Status
     from cpic_planner.etc import verdict_of
-    from cpic_planner.ranking import detection_statuses, limits_of, optimise as best_of
+    from cpic_planner.ranking import detection_statuses, limits_of, optimise as best_of, timed_model
 
-    time_s = question.time_s
-    if time_s is None and question.snr is None and not question.detect:
-        time_s = DEFAULT_TIME_S
-    model = model_of(question)
+    model, time_s = model_of(question), None
+    if question.snr is None and not question.detect:
+        model, time_s = timed_model(model, question)
     stars = Targets.joined(stars_named(question))
     names = ("snr", "detect", "separation_arcsec", "planet")
     goal: dict[str, Any] = {name: getattr(question, name) for name in names}
@@ -354,5 +353,6 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     said: dict[str, Any] = {"verdict": [verdict_of(*pair) for pair in zip(statuses, detected.tolist(), strict=True)]}
     if time_s is not None:
         said["limited_by"] = limits_of(standings, best)
-    columns = {item.name: getattr(best, item.name) for item in fields(best) if not item.name.startswith("without_")}
+    shown = [item.name for item in fields(best) if not item.name.startswith(("without_", "moves"))]
+    columns = {name: getattr(best, name) for name in shown} | {"span_days": best.span_days(model)}
     return pd.DataFrame({"name": stars.name} | columns | said)

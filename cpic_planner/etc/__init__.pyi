@@ -50,6 +50,11 @@ from cpic_planner.etc.model import (
     place_status as place_status,
     usable_range_arcsec as usable_range_arcsec,
 )
+from cpic_planner.etc.motion import (
+    SearchMotion as SearchMotion,
+    motion_factor as motion_factor,
+    programme_days as programme_days,
+)
 from cpic_planner.etc.noise import (
     Objective as Objective,
     StackNoise as StackNoise,

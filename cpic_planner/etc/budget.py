@@ -2,13 +2,14 @@
 
 An answer is limited by the single change of the model that would make the planet detected in the given time: ``none``
 where it is detected. ``geometry`` where the dark hole does not cover its place, ``saturation`` where no frame is
-possible. ``speckles`` where it is detected once the wavefront does not drift: everything that no frames average is
-taken away, wings of a companion included; ``common_speckles`` where moreover no number of visits detects it. Otherwise
-``background`` where it is detected with its own photon noise and the speckles alone: no starlight, sky, dust,
-companion, dark current, smear, clock-induced charge or read noise, in science and in reference frames. Otherwise
-``photons``: neither change alone is enough, the planet is too faint for the time. Exposure, gain and number of frames
-are the best ones under each change, as are band and separation where the question leaves them open. A question for a
-time that has no answer gets 1e9 s, the longest time that can be given.
+possible. ``motion`` where it would be detected if it stood still: a search for unknown planets goes through orbits
+and its threshold pays for the trials. ``speckles`` where it is detected once the wavefront does not drift: everything
+that no frames average is taken away, wings of a companion included; ``common_speckles`` where moreover no number of
+visits detects it. Otherwise ``background`` where it is detected with its own photon noise and the speckles alone: no
+starlight, sky, dust, companion, dark current, smear, clock-induced charge or read noise, in science and in reference
+frames. Otherwise ``photons``: neither change alone is enough, the planet is too faint for the time. Exposure, gain
+and number of frames are the best ones under each change, as are band and separation where the question leaves them
+open. A question for a time that has no answer gets 1e9 s, the longest time that can be given.
 """
 
 from dataclasses import dataclass, replace
@@ -18,10 +19,11 @@ import numpy as np
 
 from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.cases import BandCases
+from cpic_planner.etc.cases import BandCases, Wanted
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
 from cpic_planner.etc.model import Programme
 from cpic_planner.etc.noise import StackNoise
+from cpic_planner.etc.programmes import Programmes
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.results import LimitText
 from simulator.signal import gain_caps, largest_gain, longest_exposure_s, programme_parts
@@ -215,6 +217,30 @@ def reached(problem: FrameProblem, visit_s: FloatArray, level: FloatArray) -> ND
         return (choice.n_frames >= 1) & (np.sqrt(choice.inverse_snr2) * level <= 1.0 + 1e-9)
 
 
+def time_at_rest_s(cases: BandCases, visit_time_s: float | None) -> FloatArray | None:
+    """Return the wall time of a detection in so many visits if planets stood still; None where they are followed.
+
+    Parameters
+    ----------
+    cases : BandCases
+        With the visits of every case.
+    visit_time_s : float or None
+        Wall time of a visit, where it is given: the fewest visits are asked for.
+    """
+    if cases.motion is None:
+        return None
+    rest = replace(Wanted.of([cases]), motion=None)
+
+    def problem(made: Programme) -> FrameProblem:
+        return cases.problem("significance", programme=made)
+
+    visits = np.broadcast_to(cases.programme.visits, cases.contrast.shape)
+    every = Programmes(cases.model, problem, lambda *case: rest(*case)[..., 0, :, :])
+    if visit_time_s is not None:
+        return every.fewest(cases.model.visit_s(visit_time_s)) * visit_time_s
+    return visits * cases.model.time_s(every.solved(visits)[0])
+
+
 def limit_of(
     status: Status,
     reason: Reason,
@@ -223,6 +249,7 @@ def limit_of(
     without_speckles: bool,
     without_background: bool,
     common: bool = False,
+    without_motion: bool = False,
 ) -> LimitText:
     """Return what limits an answer, as the module defines it.
 
@@ -236,6 +263,8 @@ def limit_of(
         Whether it is under each change.
     common : bool
         Whether no number of visits detects it, of whatever length.
+    without_motion : bool
+        Whether it is detected if it does not move.
     """
     if status is Status.OUTSIDE_FIELD or reason in _OF_PLACE:
         return "geometry"
@@ -243,6 +272,8 @@ def limit_of(
         return "saturation"
     if status is Status.OK and detected:
         return "none"
+    if without_motion:
+        return "motion"
     if without_speckles:
         return "common_speckles" if common else "speckles"
     return "background" if without_background else "photons"

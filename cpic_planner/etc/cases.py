@@ -3,6 +3,7 @@
 From answers to the result that leaves the program.
 """
 
+import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -29,6 +30,7 @@ from cpic_planner.etc.model import (
     place_status,
     usable_range_arcsec,
 )
+from cpic_planner.etc.motion import SearchMotion
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
 from cpic_planner.etc.planet import (
     QUADRANTS,
@@ -82,6 +84,12 @@ class BandCases:
         """Cases whose aperture lies in the controlled zone."""
         inside = np.array([place[0] is Status.OK for place in self.places])
         return np.broadcast_to(inside, self.contrast.shape)
+
+    @functools.cached_property
+    def motion(self) -> SearchMotion | None:
+        """What a search pays for the motion of the planets; None where it knows their places."""
+        place = np.broadcast_to(np.hypot(self.x_arcsec, self.y_arcsec), self.contrast.shape)
+        return SearchMotion.asked(self.model, self.targets, self.band, place)
 
     def problem(
         self, objective: Objective, contrast: FloatArray | None = None, programme: Programme | None = None
@@ -210,6 +218,8 @@ class Wanted:
         Its two parts, of one visit: the cross term with the static field, and the light of the errors.
     inward : ndarray, optional
         Width of a resolution element over the separation.
+    motion : SearchMotion, optional
+        What the search pays for the motion of planets; nothing without.
     """
 
     level: FloatArray
@@ -219,6 +229,12 @@ class Wanted:
     crossed: SpeckleLaw | None = None
     light: SpeckleLaw | None = None
     inward: FloatArray | None = None
+    motion: SearchMotion | None = None
+
+    @property
+    def steady(self) -> bool:
+        """Whether the level is the same for all programmes."""
+        return self.law is None and self.motion is None
 
     @classmethod
     def of(cls, every: Sequence[BandCases], value: float | None = None) -> Self:
@@ -235,8 +251,9 @@ class Wanted:
             return cls(np.full((len(every), *shape), float(value)))
         model, thresholds = every[0].model, together(cases.threshold for cases in every)
         law, strategy = law_of(model, every[0].band), model.strategy
+        motion = SearchMotion.stacked([cases.motion for cases in every], shape)
         if law is None:
-            return cls(thresholds)
+            return cls(thresholds, motion=motion)
         speckle = [cases.rates.speckle.averaging().scaled(cases.rates.variance_factor) for cases in every]
         science, reference, common = (laws(parts) for parts in zip(*(law[:3] for law in speckle), strict=True))
         turned = [law.turned for law in speckle if law.turned is not None]
@@ -252,22 +269,27 @@ class Wanted:
         also = laws(turned) if turned else None
         averaging = ProgrammeLaw(science, reference, common, drift.correlation_time_h, also)
         at_place = strategy.search == "known_place"
-        return cls(thresholds / law.calibration, law, at_place, averaging, crossed, light, inward)
+        return cls(thresholds / law.calibration, law, at_place, averaging, crossed, light, inward, motion)
 
     def __call__(
         self, programme: Programme, problem: FrameProblem, visit_s: FloatArray, inverse: FloatArray
     ) -> FloatArray:
         """Return the level of a programme whose visits have this length, and noise over signal squared."""
         if self.averaging is None or self.crossed is None or self.light is None:
-            return self.of_tails(programme, np.zeros_like(inverse))
+            return self.of_tails(programme, np.zeros_like(inverse), visit_s)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             light = self.light.variance(visit_s)
             speckle = programme.law(self.averaging).variance(visit_s) / problem.signal_e_s**2
             tails = np.sqrt(light / (light + self.crossed.variance(visit_s)) * speckle / inverse)
-        return self.of_tails(programme, np.minimum(np.nan_to_num(tails), 1.0))
+        return self.of_tails(programme, np.minimum(np.nan_to_num(tails), 1.0), visit_s)
 
-    def of_tails(self, programme: Programme, tails: FloatArray) -> FloatArray:
-        """Return the level of a programme whose noise is light of errors in this part, as rms."""
+    def of_tails(self, programme: Programme, tails: FloatArray, visit_s: FloatArray) -> FloatArray:
+        """Return the level of a programme of visits of a length whose noise is light of errors in this part, as rms."""
+        at_rest = self._at_rest(programme, tails)
+        return at_rest if self.motion is None else at_rest * self.motion.factor(programme, visit_s)
+
+    def _at_rest(self, programme: Programme, tails: FloatArray) -> FloatArray:
+        """The same for planets that do not move, or that are followed."""
         if self.law is None or self.averaging is None or self.inward is None:
             return np.broadcast_arrays(self.level, tails)[0]
         independent = effective_of(programme, self.averaging)

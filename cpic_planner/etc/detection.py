@@ -345,6 +345,8 @@ def visit_chances(
     noise: StackNoise,
     margin: ArrayLike,
     visits: ArrayLike = 1.0,
+    *,
+    motion: ArrayLike = 1.0,
 ) -> Chances:
     """Return the probabilities that visits, or programmes of them, detect planets.
 
@@ -360,6 +362,9 @@ def visit_chances(
         Predicted significance over threshold; 0 for no visit.
     visits : array_like
         Independent wavefronts behind the noise of a programme (`effective_visits`).
+    motion : array_like
+        Factor on the threshold of a blind search for the motion of planets (`cpic_planner.etc.motion`); at a known
+        place the orbit is followed.
     """
     law, margins = law_of(model, band), np.asarray(margin, float)
     if law is None:
@@ -367,5 +372,6 @@ def visit_chances(
     tails = np.nan_to_num(tail_share(model, band, separation_arcsec, visit_s, noise))
     inward = model.metrics[band].lambda_d_arcsec / np.asarray(separation_arcsec, float)
     settings: dict[str, Any] = {"tails": tails, "inward": inward, "visits": visits, "calibration": law.calibration}
-    chances = (detection_probability(law, margins, place, **settings) for place in (False, True))
-    return Chances(*(np.broadcast_to(chance, margins.shape) for chance in chances))
+    blind = margins / np.asarray(motion, float)
+    chances = (detection_probability(law, *of, **settings) for of in ((blind, False), (margins, True)))
+    return Chances(*(np.broadcast_to(chance, blind.shape) for chance in chances))

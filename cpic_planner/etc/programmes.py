@@ -36,8 +36,7 @@ from cpic_planner.targets import Targets
 _LEVEL_STEPS, _SAME = 60, 1e-10
 _ROUNDS, _POINTS = 3, 18
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3
-_SHORT, _BEYOND = 0.98, (1.03, 1.04)
-_LONGEST_S = 1e15
+_SHORT, _BEYOND, _LONGEST_S = 0.98, (1.03, 1.04), 1e15
 
 
 Level = Callable[[Programme, FrameProblem, FloatArray, FloatArray], FloatArray]
@@ -169,11 +168,13 @@ class Programmes:
         for _ in range(1 if drift.correlation_time_h == 0.0 else 4):
             programme, problem = self._made(visits, wall_s)
             camera = problem.camera
-            shortest = camera.exposure_min_s + camera.readout_s
+            shortest, frame_s = (exposure + camera.readout_s for exposure in (camera.exposure_min_s, best_s))
             visit, level = self._reached(programme, problem, _cost(problem, best_s))
-            if np.any(visit < best_s + camera.readout_s):  # not even one frame of that exposure
+            if np.any(visit < frame_s):  # not even one frame of that exposure: a shorter one, or one whole
                 exposure = np.clip(visit - camera.readout_s, camera.exposure_min_s, best_s)
-                visit, level = self._reached(programme, problem, _cost(problem, exposure))
+                other, its_level = self._reached(programme, problem, _cost(problem, exposure))
+                whole = (visit < frame_s) & (other > frame_s)
+                visit, level = np.where(whole, frame_s, other), np.where(whole, level, its_level)
             visit = np.maximum(visit, shortest)
             wall_s = self.model.time_s(visit)
         return visit, level
@@ -205,11 +206,12 @@ class Programmes:
                 slope = np.where(moving, np.clip((g - f) / (new - x), -1.0, -1e-4), slope)
                 x, f = new, g
             visit = np.where(solvable & (f < 1e-8), np.exp(x), np.inf)
-            # At a known place the level stops growing: beyond a length that is short of it, longer ones may reach it.
+            # At a known place the level stops growing: longer ones may reach it.
             most = self.level(programme, problem, np.ones_like(cost), np.zeros_like(cost))
             longer = np.where(np.isfinite(visit), visit, smooth_least_visit_s(problem, most, cost))
             there = np.where(np.isfinite(longer), longer, np.exp(x))
-            return longer, np.where(np.isfinite(visit), level, excess(np.log(there))[1])
+            missed, at_end = excess(np.log(there))  # of longer ones the level of a search over orbits is higher
+            return np.where(missed < 1e-8, longer, np.inf), np.where(np.isfinite(visit), level, at_end)
 
 
 def _cost(problem: FrameProblem, exposure_s: FloatArray) -> FloatArray:
@@ -269,7 +271,7 @@ class Group:
 
         It depends on the given one only where that is chosen: more time is never worse.
         """
-        if self.wanted.law is None:
+        if self.wanted.steady:
             return visit_s
         every, search = self.programmes, Programmes(self.model, self.problem, replace(self.wanted, at_place=False))
         bottom_s = search.bottom_s(visits, visit_s)
@@ -344,7 +346,7 @@ class Group:
         """Return the quickest frames of so many visits that reach the level, which may depend on them."""
         model, last = self.model, None
         visit_s, level = self.programmes.solved(visits)
-        wall_s, steady = model.time_s(visit_s), self.wanted.law is None
+        wall_s, steady = model.time_s(visit_s), self.wanted.steady
         steady &= model.instrument.drift.correlation_time_h == 0.0
         for _ in range(_LEVEL_STEPS):
             programme = Programme.of(model.strategy, visits, wall_s)
@@ -353,7 +355,7 @@ class Group:
             some = choice.n_frames >= 1
             wall_s = np.where(some, model.time_s(choice.visit_s), wall_s)
             found = np.where(some, self.level_of(programme, problem, choice), level)
-            off = found - level
+            off = np.subtract(found, level, out=np.zeros_like(level), where=some)
             if steady or (last is not None and np.all(np.abs(off) <= _SAME * level)):
                 break
             # Secants of a fixed point: the level follows the length of the visits slowly.

@@ -263,7 +263,8 @@ def _parts(found: Found, question: Question, value: FloatArray, span: Span) -> l
             undefined = (group.value is None) & ~np.isfinite(cases.threshold)
             level = np.where(undefined, math.inf, found.level[i])
         own, by_snr = replace(cases, programme=of_band(found.programme, i)), group.objective == "snr"
-        parts.append(Solved(own, *solved, question, value[i], span, level, by_snr))
+        searched = question == "exposure_time" and group.value is None
+        parts.append(Solved(own, *solved, question, value[i], span, level, by_snr, searched))
     return parts
 
 

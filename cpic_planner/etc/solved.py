@@ -13,6 +13,7 @@ from cpic_planner.etc.detection import Chances, law_of, verdict_of, visit_chance
 from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.model import Programme, Span
+from cpic_planner.etc.motion import motion_factor, programme_days
 from cpic_planner.etc.noise import StackNoise, own_noise, snr_paper, stack_noise
 from cpic_planner.etc.programmes import Programmes
 from cpic_planner.queries import MAX_VISITS
@@ -20,6 +21,11 @@ from cpic_planner.results import DetectionMode, EtcAnswer, Question
 from simulator.signal import frame_limit, programme_parts
 
 _NO_THRESHOLD = "fewer than three resolution elements at this separation: no threshold is defined (give a plain sigma)"
+_MOVES = (
+    "the planet moves: a search over its orbits asks for more than {visits} visits reach; if it stood still it would "
+    "take {time_s:.3g} s"
+)
+_FLOORS = (Reason.SPECKLE_FLOOR, Reason.COMMON_SPECKLE_FLOOR)
 _LONGEST_S = 1e12
 _ROUNDING = 1e-6
 _ENDLESS = 1e12
@@ -44,6 +50,8 @@ class Solved:
         SNR or significance to reach.
     with_planet : bool
         Whether the level is an SNR, with the planet's own noise.
+    searched : bool
+        Whether the level is that of a detection.
     """
 
     cases: BandCases
@@ -54,6 +62,7 @@ class Solved:
     span: Span
     level: FloatArray | None = None
     with_planet: bool = True
+    searched: bool = False
 
     def answers(self) -> list[EtcAnswer]:
         """Return the answers, planets within stars."""
@@ -71,10 +80,19 @@ class Solved:
         if time_s is not None:  # never more than what was given, not even by rounding
             left_s = model.visit_s(time_s / visits) - choice.visit_s
             wall = np.minimum(wall, time_s / visits)
+        paid, alone = (
+            np.broadcast_to(part, choice.visit_s.shape)
+            for part in (
+                motion_factor(cases.motion, programme, choice.visit_s),
+                cases.rates.speckle.independent(programme.visits, programme.gap_s),
+            )
+        )
+        orbits = None if cases.motion is None else cases.motion.orbits(programme, choice.visit_s)
         shown = {"exposure_s": choice.exposure_s, "em_gain": choice.em_gain, "visit_time_s": wall, "snr_paper": paper}
         shown |= {"snr": noise.snr, "significance": noise.significance}
         lost = (choice.n_frames < 1) & cases.usable
         most = _Most.of(cases, problem, lost, self.level if question == "exposure_time" else None)
+        still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
         detection = None if limit else _Detection.of(cases, choice, noise, self)
         unmeasured = strategy.search == "blind" and law_of(model, cases.band) is None
         answers = []
@@ -84,6 +102,8 @@ class Solved:
             level = None if self.level is None else float(self.level[case])
             head["level"] = level if level is not None and math.isfinite(level) else None
             status, reason, message = self._standing(most, case, level)
+            if still_s is not None and reason in _FLOORS and still_s[case] <= budget.LONGEST_TIME_S:
+                reason, message = Reason.PLANET_MOVES, _MOVES.format(visits=int(visits[case]), time_s=still_s[case])
             if detection is not None:
                 head |= detection.fields(status, reason, most, case)
             head |= {"status": status, "reason": reason, "message": message, "n_modes": strategy.n_modes}
@@ -117,7 +137,10 @@ class Solved:
                 "frames_per_visit": frames,
                 "n_frames": many * frames,
                 "time_s": time_of_all_s,
-                "span_days": (time_of_all_s + 3600.0 * strategy.visit_gap_h * (many - 1)) / 86400.0,
+                "span_days": float(programme_days(model, many, time_of_all_s)),
+                "orbits_searched": None if orbits is None else int(orbits[case]),
+                "motion_factor": float(paid[case]),
+                "independent_visits": float(alone[case]),
                 "integration_s": many * frames * fields["exposure_s"],
                 "exposure_limited_by": binding.exposure,
                 "gain_limited_by": binding.gain,
@@ -235,6 +258,7 @@ class _Detection:
     calm: NDArray[np.bool_]
     common: NDArray[np.bool_]
     dark: NDArray[np.bool_]
+    moving: NDArray[np.bool_]
     longest_s: float
     required: dict[str, FloatArray]
 
@@ -250,8 +274,9 @@ class _Detection:
         level = wanted(programme, solved.problem, visit, inverse)[0]
         detected = possible & (noise.significance >= level * (1.0 - _ROUNDING))
         place, averaging = np.hypot(cases.x_arcsec, cases.y_arcsec), cases.rates.speckle
-        chances = visit_chances(model, band, place, visit, noise, margin, effective_of(programme, averaging))
-        calm, common, dark = np.zeros((3, *margin.shape), bool)
+        paid, effective = motion_factor(cases.motion, programme, visit), effective_of(programme, averaging)
+        chances = visit_chances(model, band, place, visit, noise, margin, effective, motion=paid)
+        calm, common, dark, moving = np.zeros((4, *margin.shape), bool)
         lost, required = possible & ~detected, {}
         if lost.any():
             problem, chosen, time_s = cases.problem("significance"), solved.span.visits is None, solved.span.time_s
@@ -262,24 +287,28 @@ class _Detection:
             each = np.broadcast_to(model.visit_s(total_s / visits), margin.shape)
             whole = np.broadcast_to(model.visit_s(total_s), margin.shape) if chosen else each
             own = np.broadcast_to(own_noise(cases.rates, problem.camera), lost.shape)[lost]
-            least = wanted.of_tails(programme, np.zeros_like(level))[0]
+            least = wanted.of_tails(programme, np.zeros_like(level), visit)[0]
             calm[lost] = budget.reached(budget.without_speckles(alone.at(lost)), whole[lost], least[lost])
             dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
             floor = np.broadcast_to(programme_floor(cases, _ENDLESS), level.shape)
             common = calm & (floor <= least)
+            moving = noise.significance >= level / paid * (1.0 - _ROUNDING)
             required = _required(cases, choice, noise, wanted, level, lost)
         mode: DetectionMode = "known_place" if wanted.law is None or wanted.at_place else "blind"
-        return cls(mode, detected, chances, calm, common, dark, float(model.visit_s(budget.LONGEST_TIME_S)), required)
+        return cls(
+            mode, detected, chances, calm, common, dark, moving, float(model.visit_s(budget.LONGEST_TIME_S)), required
+        )
 
     def fields(self, status: Status, reason: Reason, most: _Most, index: tuple[int, ...]) -> dict[str, Any]:
         """Fields of one answer."""
         answered, detected = status is Status.OK, bool(self.detected[index])
         blind, known = (float(part[index]) for part in (self.chances.blind, self.chances.known_place))
-        calm, common, dark = self.calm[index], self.common[index], self.dark[index]
+        calm, common, dark, moving = (part[index] for part in (self.calm, self.common, self.dark, self.moving))
         if not answered:
             calm, dark = (visit[index] <= self.longest_s for visit in (most.calm_visit_s, most.dark_visit_s))
-            common = reason is Reason.COMMON_SPECKLE_FLOOR
+            common, moving = reason is Reason.COMMON_SPECKLE_FLOOR, reason is Reason.PLANET_MOVES
         changes = {"without_speckles": bool(calm), "common": bool(common), "without_background": bool(dark)}
+        changes |= {"without_motion": bool(moving)}
         return {
             "verdict": verdict_of(status, detected),
             "verdict_mode": self.mode,
@@ -336,7 +365,7 @@ def _calmer(cases: BandCases, choice: FrameChoice, noise: StackNoise, wanted: Wa
         quiet = noise.quiet - whole + square * (whole - lit) + square**2 * lit
         with np.errstate(divide="ignore", invalid="ignore"):
             tails = np.nan_to_num(square * np.sqrt(tailed / quiet))
-            return np.asarray(noise.signal_e / np.sqrt(quiet) >= wanted.of_tails(programme, tails)[0])
+            return np.asarray(noise.signal_e / np.sqrt(quiet) >= wanted.of_tails(programme, tails, choice.visit_s)[0])
 
     low, high = np.zeros((2, *noise.quiet.shape)) + np.array([0.0, 1.0])[:, None, None]
     for _ in range(_HALVINGS):

@@ -12,13 +12,16 @@ from cpic_planner.planets.laws import chosen_entry as chosen_entry
 from cpic_planner.planets.mass_radius import least_mass as least_mass
 from cpic_planner.planets.motion import (
     ORBIT_DUTY as ORBIT_DUTY,
-    ProgrammeMotion as ProgrammeMotion,
     known_shift_arcsec as known_shift_arcsec,
     masses_of_gravity_msun as masses_of_gravity_msun,
-    programme_motion as programme_motion,
     smeared as smeared,
     span_days as span_days,
     star_masses_msun as star_masses_msun,
+)
+from cpic_planner.planets.orbit_search import (
+    OrbitSearch as OrbitSearch,
+    ProgrammeMotion as ProgrammeMotion,
+    programme_motion as programme_motion,
 )
 from cpic_planner.planets.population import (
     OrbitingPlanets as OrbitingPlanets,

@@ -56,7 +56,10 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
         unset=f"{shared.DEFAULT_TIME_S:g}",
     )
     visit_time_s: float | None = asked(
-        None, "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}."
+        None,
+        "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}.",
+        ge=1e-3,
+        le=1e9,
     )
     contrast_limit: bool = asked(False, "Ask for the faintest contrast that reaches the level in {time_s}.")
     separation_arcsec: Numbers | None = asked(
@@ -116,17 +119,7 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
                 self.refuse_together((name, "n_frames"), f"{called('n_frames')} sets the time that is asked for")
         for name in ("time_s", "visit_time_s"):
             self.refuse_together((name, "n_frames"), "both set the time")
-        visits = self.strategy.visits
-        if visits is not None and self.visit_time_s is not None:
-            if self.asks_time:
-                allowed = (
-                    f"{called('visits')} or {called('visit_time_s')}: together they set the time that is asked for"
-                )
-                raise InputError("visit_time_s", self.visit_time_s, unit="s", allowed=allowed)
-            both_s = visits * self.visit_time_s
-            if self.time_s is not None and abs(both_s / self.time_s - 1.0) > 1e-9:
-                hint = f"{called('visits')} times {called('visit_time_s')} set it"
-                raise InputError("time_s", self.time_s, unit="s", allowed=f"{both_s:g}, or none", hint=hint)
+        check_visits(self.strategy.visits, self.visit_time_s, self.time_s, asked=self.asks_time)
         if self.n_frames is not None and self.exposure_s is None:
             raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
 
@@ -184,6 +177,27 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
         return tree | {"dial": self.dial.model_dump(mode="json"), "seed": 1 if self.seed is None else self.seed}
 
 
+def check_visits(visits: int | None, visit_time_s: float | None, time_s: float | None, *, asked: bool = False) -> None:
+    """Refuse a number of visits, their length and the time of all that contradict each other.
+
+    Parameters
+    ----------
+    visits : int, optional
+    visit_time_s, time_s : float, optional
+    asked : bool
+        Whether the time is what is asked for.
+    """
+    if visits is None or visit_time_s is None:
+        return
+    if asked:
+        allowed = f"{called('visits')} or {called('visit_time_s')}: together they set the time that is asked for"
+        raise InputError("visit_time_s", visit_time_s, unit="s", allowed=allowed)
+    both_s = visits * visit_time_s
+    if time_s is not None and abs(both_s / time_s - 1.0) > 1e-9:
+        hint = f"{called('visits')} times {called('visit_time_s')} set it"
+        raise InputError("time_s", time_s, unit="s", allowed=f"{both_s:g}, or none", hint=hint)
+
+
 class OptimiseQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
     """Ask for the best band, separation, exposure, number of frames and EM gain of stars."""
 
@@ -195,6 +209,20 @@ class OptimiseQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
     )
     snr: float | None = asked(None, "Photometric SNR to reach in the least time.")
     detect: bool = asked(False, "A detection to reach in the least time.")
+    visit_time_s: float | None = asked(
+        None,
+        "Wall time of one visit with its references and overhead, in a given time; with {visits} it sets {time_s}.",
+        ge=1e-3,
+        le=1e9,
+    )
     separation_arcsec: float | None = asked(None, "Projected separation of the planet, instead of the best one.")
     planet: shared.ReferencePlanet = shared.asked_planet(read=_planets)
     strategy: shared.Strategy = shared.asked_strategy()
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        self.refuse_together(("time_s", "snr", "detect"), "one goal at a time")
+        for name in ("snr", "detect"):
+            self.refuse_together((name, "visit_time_s"), "the length of the visits is chosen for the least time")
+        check_visits(self.strategy.visits, self.visit_time_s, self.time_s)
+        return self

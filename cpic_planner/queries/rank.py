@@ -11,6 +11,7 @@ from cpic_core import InputError
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import Question, called
+from cpic_planner.queries.etc import check_visits
 from cpic_planner.queries.fields import asked
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo
@@ -172,7 +173,10 @@ class RankedQuestion(shared.InstrumentQuestion, shared.CutsQuestion, CountedPlan
         le=1e9,
     )
     visit_time_s: float | None = asked(
-        None, "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}."
+        None,
+        "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}.",
+        ge=1e-3,
+        le=1e9,
     )
     seed: shared.Seed = asked(1, "Seed of every random number.")
     score: ScoreName = asked(DEFAULT_SCORE, "What the ranking is by.")
@@ -189,3 +193,9 @@ class RankQuestion(RankedQuestion):
     KIND: ClassVar[str] = "rank"
 
     strategy: shared.Strategy = shared.asked_strategy()
+
+    @model_validator(mode="after")
+    def _possible_visits(self) -> Self:
+        given = self.time_s if "time_s" in self.model_fields_set else None
+        check_visits(self.strategy.visits, self.visit_time_s, given)
+        return self

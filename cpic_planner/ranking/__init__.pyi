@@ -9,7 +9,6 @@ from cpic_planner.ranking.known_completeness import (
 from cpic_planner.ranking.optimiser import (
     best_in_band as best_in_band,
     optimise as optimise,
-    separation_grid as separation_grid,
 )
 from cpic_planner.ranking.order import (
     planet_record as planet_record,
@@ -21,4 +20,5 @@ from cpic_planner.ranking.settings import (
     detection_statuses as detection_statuses,
     limits_of as limits_of,
     no_frame_status as no_frame_status,
+    separation_grid as separation_grid,
 )

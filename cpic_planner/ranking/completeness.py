@@ -289,10 +289,12 @@ def _chances(
     )
     seen = etc.StackNoise(signal, quiet, white, snr, significance, lambda: {"speckle": noise.terms["speckle"][here]})
     effective = etc.effective_of(programme, rates.speckle)
-    visits, visit_s = (np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s))
-    found = etc.visit_chances(model, band, separation, visit_s, seen, margin, visits)
-    for mode, part in enumerate((found.blind, found.known_place)):
-        chance[mode, hopeful] = np.where(np.isnan(part), margin >= 1.0, part) * (margin > _FAINTEST)
+    visits, visit_s, many = (np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s, programme.visits))
+    search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
+    moving = search.threshold_factor(many, model.time_s(visit_s))
+    found = etc.visit_chances(model, band, separation, visit_s, seen, margin, visits, motion=moving)
+    for mode, (part, needed) in enumerate(((found.blind, moving), (found.known_place, np.ones_like(moving)))):
+        chance[mode, hopeful] = np.where(np.isnan(part), margin >= needed, part) * (margin > _FAINTEST)
     return chance
 
 

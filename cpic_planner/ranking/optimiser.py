@@ -1,50 +1,23 @@
 """Choice of band, separation, visits, frame exposure, number of frames and EM gain for each target."""
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Reason
 from cpic_planner import etc
 from cpic_planner.etc import detection
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.ranking.programmes import Outlook, nearby, programme_of
-from cpic_planner.ranking.settings import OptimalSetting, best_of
+from cpic_planner.ranking.settings import OptimalSetting, best_of, separation_grid
 from cpic_planner.targets import Targets
-from simulator.imaging import PsfMetrics
 from simulator.target import albedo_source
 
-N_SEPARATIONS = 41
 _SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
 _ROUNDING = 1e-9
 _ROUNDS = 40
 STRIDE = 5
-MIN_BACKGROUND_APERTURES = 25.0
-"""Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
-
-
-def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
-    """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
-    inner, outer = etc.usable_range_arcsec(model.instrument, band)
-    grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
-    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
-        grid = grid[np.array([etc.place_status(model, band, float(place))[0] is Status.OK for place in grid], bool)]
-    if grid.size == 0:
-        allowed = "a zone with room for aperture, background and three elements"
-        raise InputError("band", band, allowed=allowed, hint="see annulus_lambda_d, roll_deg and the hole's edges")
-    return grid
-
-
-@functools.lru_cache(maxsize=64)
-def _roomy(metrics: PsfMetrics, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
-    grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
-    enough = [np.count_nonzero(metrics.annulus(s, annulus_lambda_d)) for s in grid]
-    room = np.asarray(enough) >= MIN_BACKGROUND_APERTURES * metrics.aperture_pixels
-    usable: FloatArray = grid[(metrics.resolution_elements(grid) >= 3.0) & room]
-    usable.flags.writeable = False
-    return usable
 
 
 def optimise(
@@ -180,6 +153,8 @@ def _least_frames(
         better = etc.least_time(problem.at(short), level[short] * (1.0 + 0.1 * _ROUNDING))
         for item in fields(etc.FrameChoice):
             getattr(choice, item.name)[short] = getattr(better, item.name)
+    else:
+        choice.n_frames[short] = 0.0  # a level that runs away is never reached
     return programme, choice
 
 
@@ -193,6 +168,7 @@ class _Places:
     contrast: FloatArray
     threshold: FloatArray
     rates: etc.ApertureRates
+    motion: etc.SearchMotion | None
 
     @property
     def inward(self) -> FloatArray:
@@ -211,7 +187,15 @@ class _Places:
             problem = etc.without_background(problem, etc.own_noise(self.rates, problem.camera))
         level = self.threshold if snr is None else np.full(self.contrast.shape, snr)
         places = self.separation_arcsec, self.contrast, self.rates
-        return Outlook.of(self.model, self.band, *places, problem, level, searched=snr is None)
+        return Outlook.of(
+            self.model,
+            self.band,
+            *places,
+            problem,
+            level,
+            searched=snr is None,
+            motion=self.motion if snr is None else None,
+        )
 
     def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
         """Noise of chosen frames, those of all visits together."""
@@ -227,7 +211,8 @@ class _Places:
         model, band, place = self.model, self.band, self.separation_arcsec
         seen = noise or self.noise(choice, programme)
         tails = np.nan_to_num(detection.tail_share(model, band, place, choice.visit_s, seen))
-        return etc.needed_margin(model, band, tails, self.inward, etc.effective_of(programme, self.rates.speckle))
+        at_rest = etc.needed_margin(model, band, tails, self.inward, etc.effective_of(programme, self.rates.speckle))
+        return at_rest * etc.motion_factor(self.motion, programme, choice.visit_s)
 
 
 @dataclass(frozen=True)
@@ -262,7 +247,9 @@ class _Search:
         elements = model.metrics[band].resolution_elements(separation_arcsec)
         threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
         rates = etc.aperture_rates(model, self.targets, band, x, y, contrast)
-        return _Places(model, band, separation_arcsec, contrast, threshold, rates)
+        place = np.broadcast_to(separation_arcsec, contrast.shape)
+        motion = etc.SearchMotion.asked(model, self.targets, band, place)
+        return _Places(model, band, separation_arcsec, contrast, threshold, rates, motion)
 
     def lowest(self, cost: Callable[[Outlook], FloatArray], *, dark: bool = False) -> tuple[_Places, FloatArray]:
         """The separation of least cost for each star, ``(n, 1)``, the middle of the range where there is no answer.
@@ -326,7 +313,10 @@ class _Search:
             wall = np.minimum(wall, time_s / programme.visits)
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
         inward, visits = chosen.separation_arcsec, etc.effective_of(programme, chosen.rates.speckle)
-        chances = etc.visit_chances(model, band, inward, choice.visit_s, noise, margin, visits)
+        paid = etc.motion_factor(chosen.motion, programme, choice.visit_s)
+        chances = etc.visit_chances(model, band, inward, choice.visit_s, noise, margin, visits, motion=paid)
+        orbits = np.nan if chosen.motion is None else chosen.motion.orbits(programme, choice.visit_s)
+        alone = chosen.rates.speckle.independent(programme.visits, programme.gap_s)
         lost = column(possible & (margin < needed * (1.0 - _ROUNDING))).astype(bool)
         best = OptimalSetting(
             band=np.full(n, band),
@@ -334,6 +324,9 @@ class _Search:
             contrast=column(chosen.contrast),
             threshold=column(chosen.threshold),
             visits=column(programme.visits),
+            independent_visits=column(alone),
+            orbits_searched=column(orbits),
+            motion_factor=column(paid),
             reference_visits=column(programme.reference_visits),
             exposure_s=column(choice.exposure_s),
             frames_per_visit=column(choice.n_frames),
@@ -348,6 +341,8 @@ class _Search:
             needed_margin=column(needed),
             chance_blind=column(chances.blind),
             chance_known_place=column(chances.known_place),
+            without_motion=np.zeros(n, bool),
+            moves=np.zeros(n, bool),
             without_speckles=np.zeros(n, bool),
             without_background=np.zeros(n, bool),
             required_visits=np.full(n, np.nan),
@@ -375,11 +370,13 @@ class _Search:
         fewest, factor = np.full((2, n), np.nan)
         fewest[lost] = outlook.fewest(column(choice.visit_s)[lost])
         contrast = np.where(lost, column(needed) / np.maximum(column(margin), 1e-300), np.nan)
+        still = self._changed(lost & near & (endless <= 1.0), lambda item: item.at_rest().in_time(time_s)[0]) <= 1.0
         calm = self._changed(lost & near, lambda item: item.without_speckles().in_time(time_s)[0]) <= 1.0
         dark = self._changed(lost & (endless <= 1.0), lambda item: item.in_time(time_s)[0], dark=True) <= 1.0
         factor[calm] = self._drift_factor(calm, time_s)
         return replace(
             best,
+            without_motion=still,
             without_speckles=calm,
             without_background=dark,
             required_visits=fewest,

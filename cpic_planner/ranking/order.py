@@ -12,7 +12,7 @@ from catalogs import amplitude_m_s, snapshot_vintage
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce
 from cpic_planner import etc
 from cpic_planner.planets import Planets, PopulationChoice, StarLimits, excluded_by_rv, least_mass
-from cpic_planner.queries import RankedQuestion, ReferencePlanet
+from cpic_planner.queries import DEFAULT_TIME_S, OptimiseQuestion, RankedQuestion, ReferencePlanet
 from cpic_planner.ranking.completeness import BandCompleteness
 from cpic_planner.ranking.known_completeness import KnownChoice, KnownSample, counted_completeness
 from cpic_planner.ranking.optimiser import best_in_band, optimise
@@ -38,24 +38,25 @@ def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
     return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label)
 
 
-def timed_model(model: etc.EtcModel, question: RankedQuestion) -> tuple[etc.EtcModel, float]:
-    """Return the model and the wall time of a ranking; a given length of the visits sets their number or the time.
+def timed_model(model: etc.EtcModel, question: RankedQuestion | OptimiseQuestion) -> tuple[etc.EtcModel, float]:
+    """Return the model and the wall time of a question; a given length of the visits sets their number or the time.
 
     Parameters
     ----------
     model : EtcModel
-    question : RankedQuestion
+    question : RankedQuestion or OptimiseQuestion
 
     Raises
     ------
     InputError
         If time, number and length of the visits contradict each other.
     """
+    time_s = DEFAULT_TIME_S if question.time_s is None else question.time_s
     if question.visit_time_s is None:
-        return model, question.time_s
+        return model, time_s
     strategy = model.strategy
-    given = strategy.visits is None or "time_s" in question.model_fields_set
-    span = etc.Span.of(model, question.time_s if given else None, question.visit_time_s)
+    given = strategy.visits is None or (question.time_s is not None and "time_s" in question.model_fields_set)
+    span = etc.Span.of(model, time_s if given else None, question.visit_time_s)
     assert span.time_s is not None
     return replace(model, strategy=strategy.model_copy(update={"visits": span.visits})), span.time_s
 
@@ -211,7 +212,9 @@ def ranked(setting: RankSetting, targets: Targets, *, with_times: bool = True) -
         near = np.nan_to_num(floors).max(axis=0) * _SLACK > 1.0
         quickest[:, near] = _quickest(setting, targets.select(near)) if near.any() else np.nan
         # Whether any programme detects the planet is known now: the bound was from a coarse grid of places.
-        best = replace(best, floor_margin=np.where(np.isfinite(quickest[0]), np.inf, 0.0))
+        found = np.isfinite(quickest[0])
+        moves = ~found & (floors.max(axis=0) > 1.0) & np.isfinite(best.orbits_searched)
+        best = replace(best, floor_margin=np.where(found, np.inf, 0.0), moves=moves)
     limits = setting.limits(targets)
     counted = tuple(
         counted_completeness(model, targets, band, planets, item, limits)
@@ -389,7 +392,6 @@ def _row(
         completeness_band=counted.band,
         completeness_time_s=time_s if time_s > 0 else None,
         completeness_per_hour=share / time_s * 3600.0 if time_s > 0 else 0.0,
-        integration_s=setting["n_frames"] * setting["exposure_s"] if setting["n_frames"] else None,
         ref_planet_distance_au=distance,
         rv_amplitude_m_s=float(velocities.amplitude_m_s[i]),
         ref_planet_insolation_au=None if luminosity is None or luminosity <= 0 else distance / math.sqrt(luminosity),

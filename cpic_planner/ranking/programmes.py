@@ -25,6 +25,7 @@ _SHORTER = np.geomspace(1.0, 0.01, 16)
 _ENDLESS_S = np.geomspace(1e2, 1e8, 25)
 _ROUNDS, _NEWTON_STEPS, _BISECTIONS = 8, 3, 14
 _LEAST_FACTOR = 1e-4
+_RUNAWAY = 0.02
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,8 @@ class Outlook:
         Wings of a companion that the references do not share, over signal squared.
     searched : bool
         Whether the level is a threshold, which the law of detections raises.
+    motion : SearchMotion, optional
+        What the search pays for the motion of planets; nothing without.
     """
 
     model: etc.EtcModel
@@ -62,6 +65,7 @@ class Outlook:
     light: ProgrammeLaw
     wings: FloatArray
     searched: bool
+    motion: etc.SearchMotion | None = None
 
     @classmethod
     def of(
@@ -75,6 +79,7 @@ class Outlook:
         level: FloatArray,
         *,
         searched: bool,
+        motion: etc.SearchMotion | None = None,
     ) -> Self:
         """Return the outlook of places.
 
@@ -93,6 +98,8 @@ class Outlook:
             Threshold, or SNR to reach.
         searched : bool
             Whether the level is a threshold.
+        motion : SearchMotion, optional
+            At the places.
         """
         metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
         exposure_s, white = etc.best_exposure_s(problem)
@@ -109,7 +116,10 @@ class Outlook:
         crossed, light = (_deeper(part).scaled(last(of_star)) for part in parts)
         inward = last(metrics.lambda_d_arcsec / separation_arcsec)
         frame_s = last(exposure_s + problem.camera.readout_s)
-        return cls(model, band, last(level), inward, last(white), frame_s, crossed, light, last(wings), searched)
+        moving = None if motion is None else motion.at((..., None))
+        return cls(
+            model, band, last(level), inward, last(white), frame_s, crossed, light, last(wings), searched, moving
+        )
 
     def select(self, stars: Any) -> Self:
         """Return the outlook of some of the stars."""
@@ -117,6 +127,8 @@ class Outlook:
         def some(part: Any) -> Any:
             if isinstance(part, tuple):
                 return type(part)(*map(some, part))
+            if isinstance(part, etc.SearchMotion):
+                return part.at(stars)
             return part[stars] if isinstance(part, np.ndarray) and part.ndim and len(part) > 1 else part
 
         return type(self)(*(some(getattr(self, item.name)) for item in fields(self)))
@@ -125,6 +137,10 @@ class Outlook:
         """Return the same with a drift that is ``factor`` times as large, its walk and what is common included."""
         k = np.asarray(factor, float)
         return replace(self, crossed=self.crossed.scaled(k**2), light=self.light.scaled(k**4))
+
+    def at_rest(self) -> Self:
+        """Return the same for planets that stand still."""
+        return replace(self, motion=None)
 
     def without_speckles(self) -> Self:
         """Return the same with a wavefront that does not drift, and without a companion's wings."""
@@ -165,15 +181,16 @@ class Outlook:
         whole, light = self._laws(programme)
         with np.errstate(divide="ignore", invalid="ignore"):
             noise = self.white / (visits * visit_s) + whole.variance(visit_s) + self.wings
-            return noise, self._wanted(programme, light.variance(visit_s) / noise)
+            return noise, self._wanted(programme, visit_s, light.variance(visit_s) / noise)
 
-    def _wanted(self, programme: etc.Programme, light_share: FloatArray) -> FloatArray:
-        """Level that a search asks for where that share of the variance is light of the errors."""
+    def _wanted(self, programme: etc.Programme, visit_s: FloatArray, light_share: FloatArray) -> FloatArray:
+        """Level that a search asks for of such visits where that share of the variance is light of the errors."""
         if not self.searched:
             return self.level
         tails = np.sqrt(np.nan_to_num(light_share))
         effective = etc.effective_of(programme, self.light)
-        return self.level * etc.needed_margin(self.model, self.band, tails, self.inward, effective)
+        level = self.level * etc.needed_margin(self.model, self.band, tails, self.inward, effective)
+        return level if self.motion is None else level * self.motion.factor(programme, visit_s)
 
     def in_time(self, time_s: float, visits: FloatArray | None = None) -> list[FloatArray]:
         """Return least cost within a wall time, and number and length of the visits; arrays ``(n, k)``.
@@ -218,20 +235,28 @@ class Outlook:
         """
         lost = ~np.isfinite(self.white)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            v = self.white / visits * self._wanted(programme_of(self.model, visits, np.ones(1)), np.zeros(1)) ** 2
+            v = (
+                self.white
+                / visits
+                * self._wanted(programme_of(self.model, visits, np.ones(1)), np.ones(1), np.zeros(1)) ** 2
+            )
             v = np.where(visits > 1.0, np.maximum(v, self.shortest_s), v)
             for _ in range(_ROUNDS):
                 programme = programme_of(self.model, visits, np.where(np.isfinite(v), v, 1.0))
                 whole, light = self._laws(programme)
                 white = self.white / visits
                 noise = white / v + whole.variance(v) + self.wings
-                aim = 1.0 / self._wanted(programme, light.variance(v) / noise) ** 2
+                aim = 1.0 / self._wanted(programme, v, light.variance(v) / noise) ** 2
                 for _ in range(_NEWTON_STEPS):
                     slope = white / v**2 - whole.k1 - 2.0 * whole.k2 * v
                     excess = white / v + whole.variance(v) + self.wings - aim
                     v = np.where(excess > 0.0, np.where(slope > 0.0, v + excess / slope, np.inf), v)
                 v = np.where(lost | (aim <= whole.k0 + self.wings), np.inf, v)
-        return np.where(v < _ENDLESS_S[-1], v, np.inf)
+            v = np.where(v < _ENDLESS_S[-1], v, np.inf)
+            # Where the search goes through ever more orbits, the level may have run away.
+            if self.motion is not None:
+                v = np.where(self.cost(visits, v) <= 1.0 + _RUNAWAY, v, np.inf)
+        return v
 
     def fewest(self, visit_s: FloatArray) -> FloatArray:
         """Return the least number of visits of that length that reach the level, ``(n,)``; NaN where none does.
@@ -254,8 +279,8 @@ class Outlook:
         return np.where(possible, high, np.nan)
 
     def endless(self) -> FloatArray:
-        """Return the least cost of any number of visits of any length, ``(n, k)``."""
-        return np.asarray(self.cost(self.visits[-1:], _ENDLESS_S).min(axis=-1))
+        """Return the least cost of any number of visits of any length, ``(n, k)``, of planets that stand still."""
+        return np.asarray(self.at_rest().cost(self.visits[-1:], _ENDLESS_S).min(axis=-1))
 
     def drift_factor(self, time_s: float) -> FloatArray:
         """Return the largest factor on the drift with which a star's planet is detected, ``(n,)``; NaN where none.

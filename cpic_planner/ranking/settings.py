@@ -1,5 +1,6 @@
-"""The best setting of every target, what of it is detected, and what limits it."""
+"""Where planets are looked for, the best setting of every target, what of it is detected, and what limits it."""
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -7,14 +8,40 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, NDArray, Reason, Status
-from cpic_planner import etc, planets
+from cpic_core import BoolArray, FloatArray, InputError, NDArray, Reason, Status
+from cpic_planner import etc
 from cpic_planner.results import LimitText
+from simulator.imaging import PsfMetrics
 from simulator.signal import frame_limit
 
-_CHANGES = ("without_speckles", "without_background")
+_CHANGES = ("without_motion", "without_speckles", "without_background")
 _COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames")
 _ROUNDING = 1e-9
+N_SEPARATIONS = 41
+MIN_BACKGROUND_APERTURES = 25.0
+"""Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
+
+
+def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
+    """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
+    inner, outer = etc.usable_range_arcsec(model.instrument, band)
+    grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
+    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
+        grid = grid[np.array([etc.place_status(model, band, float(place))[0] is Status.OK for place in grid], bool)]
+    if grid.size == 0:
+        allowed = "a zone with room for aperture, background and three elements"
+        raise InputError("band", band, allowed=allowed, hint="see annulus_lambda_d, roll_deg and the hole's edges")
+    return grid
+
+
+@functools.lru_cache(maxsize=64)
+def _roomy(metrics: PsfMetrics, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
+    grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
+    enough = [np.count_nonzero(metrics.annulus(s, annulus_lambda_d)) for s in grid]
+    room = np.asarray(enough) >= MIN_BACKGROUND_APERTURES * metrics.aperture_pixels
+    usable: FloatArray = grid[(metrics.resolution_elements(grid) >= 3.0) & room]
+    usable.flags.writeable = False
+    return usable
 
 
 @dataclass(frozen=True)
@@ -22,25 +49,31 @@ class OptimalSetting:
     """Best setting of each target; arrays of ``n`` stars.
 
     ``visits`` of ``frames_per_visit`` frames are reduced together with ``reference_visits`` reference visits;
-    ``visit_time_s`` is the wall time of one with its references and ``time_s`` that of all, ``n_frames`` the science
-    frames of all. ``margin`` is significance over the detection threshold at the chosen separation; at
+    ``visit_time_s`` is the wall time of one with its references and ``time_s`` that of all, ``n_frames`` the
+    science frames of all. ``margin`` is significance over the detection threshold at the chosen separation; at
     ``needed_margin`` half of such observations detect the planet there, by the search of the strategy, and
-    ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection (NaN where no law was measured).
-    ``floor_margin`` is what no programme can pass, at any separation: of the given number of visits, or of the most.
-    ``without_speckles`` and ``without_background`` say whether the planet would be detected in the given time under the
-    changes of `cpic_planner.etc.budget`; False where no time was given. ``required_visits`` are
-    the fewest of this length that detect it, ``required_drift_factor`` and ``required_contrast_factor`` the least
-    changes of drift and contrast that make it detected in the given time; NaN where it is detected or no value does.
-    ``contrast_limit`` is the faintest contrast that this observation detects at the chosen separation,
-    ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame saturates or the time is
-    too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band, ``outside`` why a given
-    separation has no answer (empty: it is in the zone).
+    ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection (NaN where no law was
+    measured). ``floor_margin`` is what no programme can pass, at any separation: of the given number of visits, or
+    of the most. ``without_motion``, ``without_speckles`` and ``without_background`` say whether the planet would be
+    detected in the given time under the changes of `cpic_planner.etc.budget` (``without_motion``: if it did not
+    move); False where no time was given. ``moves`` says that no programme detects it, although one would if it
+    stood still; False where that was not asked. ``independent_visits``, ``orbits_searched`` (NaN where the orbit is
+    followed) and ``motion_factor``, which is part of ``needed_margin``, are columns of answers too.
+    ``required_visits`` are the fewest of this length that detect it, ``required_drift_factor`` and
+    ``required_contrast_factor`` the least changes of drift and contrast that make it detected in the given time;
+    NaN where it is detected or no value does. ``contrast_limit`` is the faintest contrast that this observation
+    detects at the chosen separation, ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where
+    every frame saturates or the time is too short. ``extrapolated`` says that the planet's albedo is beyond its
+    data in this band, ``outside`` why a given separation has no answer (empty: it is in the zone).
     """
 
     band: NDArray[np.str_]
     separation_arcsec: FloatArray
     contrast: FloatArray
     visits: FloatArray
+    independent_visits: FloatArray
+    orbits_searched: FloatArray
+    motion_factor: FloatArray
     reference_visits: FloatArray
     exposure_s: FloatArray
     frames_per_visit: FloatArray
@@ -56,6 +89,8 @@ class OptimalSetting:
     needed_margin: FloatArray
     chance_blind: FloatArray
     chance_known_place: FloatArray
+    without_motion: BoolArray
+    moves: BoolArray
     without_speckles: BoolArray
     without_background: BoolArray
     required_visits: FloatArray
@@ -74,7 +109,7 @@ class OptimalSetting:
 
     def span_days(self, model: etc.EtcModel) -> FloatArray:
         """Return the days from the begin of the first visit to the end of the last, one directly after the other."""
-        return planets.span_days(self.time_s, np.maximum(self.visits, 1.0), model.strategy.visit_gap_h)
+        return etc.programme_days(model, self.visits, self.time_s)
 
     @property
     def detected(self) -> BoolArray:
@@ -133,6 +168,8 @@ def _verdict(best: OptimalSetting, i: int, camera: etc.FrameCamera, floor: Reaso
         return no_frame_status(best, i, camera)
     if best.detected[i]:
         return Status.OK, Reason.NONE
+    if best.without_motion[i] or best.moves[i]:
+        return Status.UNREACHABLE, Reason.PLANET_MOVES
     enough = best.floor_margin[i] > best.needed_margin[i]
     return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME if enough else floor
 
@@ -152,11 +189,12 @@ def limits_of(standings: Sequence[tuple[Status, Reason]], best: OptimalSetting) 
         etc.limit_of(
             *standing,
             detected=standing[0] is Status.OK,
+            without_motion=still,
             without_speckles=calm,
             without_background=dark,
             common=standing[1] is Reason.COMMON_SPECKLE_FLOOR,
         )
-        for standing, (calm, dark) in zip(standings, changes, strict=True)
+        for standing, (still, calm, dark) in zip(standings, changes, strict=True)
     ]
 
 
@@ -200,7 +238,13 @@ def setting_fields(
         "limited_by": limited_by,
         **{name: int(getattr(best, name)[i]) if possible else None for name in _COUNTS},
         **{name: taken(getattr(best, name)) for name in ("exposure_s", "em_gain", "visit_time_s", "time_s")},
+        "integration_s": taken(best.n_frames * best.exposure_s),
         "span_days": float(best.span_days(model)[i]) if possible else None,
+        "orbits_searched": int(best.orbits_searched[i])
+        if possible and math.isfinite(best.orbits_searched[i])
+        else None,
+        "motion_factor": taken(best.motion_factor),
+        "independent_visits": taken(best.independent_visits),
         "required_visits": int(best.required_visits[i]) if math.isfinite(best.required_visits[i]) else None,
         "required_drift_factor": finite(best.required_drift_factor[i]),
         "required_contrast_factor": finite(best.required_contrast_factor[i]),

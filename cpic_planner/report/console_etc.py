@@ -221,6 +221,9 @@ def _print_remarks(result: EtcResult, console: Console) -> None:
     )
     if programme := _programme_text(result.answers):
         print_note(console, f"Each visit has a wavefront of its own and all are reduced together: {programme}.")
+    days = [row.span_days for row in result.answers if row.span_days is not None]
+    if days and (paid := words.orbits_text(result.answers)):
+        print_note(console, f"They span up to {significant(max(days), 2)} days; {paid}.")
 
 
 def _quadrant_text(result: EtcResult) -> str:

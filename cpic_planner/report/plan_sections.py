@@ -243,7 +243,10 @@ def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> I
         ("Predicted margin", f"{significant(star.detection_margin)} in {star.band}"),
     ]
     if star.visits is not None and star.visit_time_s is not None:
-        facts.append(("Visits", f"{star.visits} of {duration_text(star.visit_time_s)}, reduced together"))
+        span = "" if star.span_days is None else f" over {significant(star.span_days, 2)} days"
+        paid = words.orbits_text([star])
+        visits = f"{star.visits} of {duration_text(star.visit_time_s)}{span}, reduced together"
+        facts.append(("Visits", f"{visits}; {paid}" if paid else visits))
     yield doc.Facts(facts, wide=False)
     if star.flags:
         yield doc.Facts([("Caveats", "; ".join(words.flag_text(flag) for flag in star.flags))])

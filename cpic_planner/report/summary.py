@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.numbers import count_text, duration_text, pretty_name, significant
-from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, SEARCHES, overrides_text, sentence
+from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, SEARCHES, orbits_text, overrides_text, sentence
 from simulator.knobs import Quantity
 
 
@@ -156,7 +156,8 @@ def detected_sentence(rank: results.RankResult) -> str:
     extent = f"{visits[0]} to {_plural(visits[-1], 'visit')}" if visits[0] < visits[-1] else _plural(visits[0], "visit")
     days = [row.span_days for row in seen if row.span_days is not None]
     span = f", which span {significant(statistics.median(days), 2)} days in the median" if days else ""
-    return f"{words}, in {extent}{span}."
+    paid = orbits_text(seen)
+    return f"{words}, in {extent}{span}{f'; {paid}' if paid else ''}."
 
 
 def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> list[str]:

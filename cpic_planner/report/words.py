@@ -2,7 +2,7 @@
 
 import functools
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from typing import Any
 
@@ -11,6 +11,7 @@ from cpic_core import parse_yaml
 from cpic_planner.queries import SimulatorOverrides
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.numbers import MISSING, decimals, significant
+from cpic_planner.results import ProgrammeColumns
 from simulator.detectors import noise_terms
 
 #: Symbol of each status, so that badges do not rely on colour.
@@ -37,7 +38,7 @@ LIMITED_BY: dict[str, tuple[str, str]] = {
     "photons": ("too faint", "photons (too faint even if the wavefront did not drift, or if there were no background)"),
     "geometry": ("outside", "geometry (outside the dark hole)"),
     "saturation": ("saturated", "saturation (no frame is possible)"),
-    "motion": ("motion", "motion (the planet moves too far for so many visits)"),
+    "motion": ("motion", "motion (detected if the planet stood still, but not by a search that goes through orbits)"),
     "visibility": ("not seen", "visibility (the star is not seen for so long)"),
 }
 
@@ -48,6 +49,7 @@ _REASONS: dict[str, str] = {
     "": "",
     "speckle_floor": "no length of visit is enough",
     "common_speckle_floor": "no number of visits is enough",
+    "planet_moves": "the planet moves too far",
     "insufficient_time": "not enough time",
     "pixel_full_well": "shortest frame overfills a pixel",
     "register_full_well": "gain register overfills",
@@ -266,6 +268,30 @@ def cap_sentence(name: str, gain: float) -> str:
     """Return what a gain spares; 0 means that not even gain 1 does."""
     what = _CAPS.get(name, name.replace("_", " "))
     return f"EM gain up to {significant(gain)} {what}" if gain >= 1.0 else f"no EM gain {what}"
+
+
+def orbits_text(rows: Iterable[ProgrammeColumns]) -> str:
+    """Return how many orbits blind searches go through and what their threshold pays for them, for a sentence.
+
+    Parameters
+    ----------
+    rows : iterable of ProgrammeColumns
+        Answers or ranked stars.
+
+    Returns
+    -------
+    str
+        Empty where orbits are followed, and in older results.
+    """
+    seen = [(row.orbits_searched, row.motion_factor or 1.0) for row in rows if row.orbits_searched is not None]
+    if not seen:
+        return ""
+    few, many = min(seen)[0], max(seen)[0]
+    if many == 1:
+        return "no planet leaves its place meanwhile, so that one orbit is searched"
+    extra = 100.0 * (max(factor for _, factor in seen) - 1.0)
+    numbers = f"{many}" if few == many else f"{few} to {many}"
+    return f"{numbers} orbits are searched, which raises the threshold by up to {extra:.2g} %"
 
 
 def ra_text(ra_deg: float | None) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Literal, Self
 from pydantic import Field, PrivateAttr
 
 from cpic_core import Reason, Status
-from cpic_planner.results.base import DetectionMode, LimitText, Result, Row, StatusText, VerdictText, column, optional
+from cpic_planner.results.base import ProgrammeColumns, Result, Row, StatusText, VerdictColumns, column, optional
 from cpic_planner.results.ranked import ReferencePlanetRecord
 from simulator.knobs import Knobs, Quantity
 
@@ -105,13 +105,8 @@ class EtcFidelity(Result):
 Question = Literal["exposure_time", "signal_to_noise", "contrast_limit"]
 
 
-class EtcAnswer(Row):
-    """One answer of the exposure-time calculator for one target, band and planet.
-
-    ``value`` (in ``unit``) is null unless ``status`` is ``ok``; the other numbers describe the chosen setting and are
-    null where there is none. SNR by Eqs. 3 and 4 of Zhu et al. 2025 is that of `cpic_planner.etc.noise`, the
-    probabilities are those of `cpic_planner.etc.detection`, ``limited_by`` is that of `cpic_planner.etc.limiting`.
-    """
+class AskedColumns(Row):
+    """What was asked of one target, and what came of it."""
 
     target: str
     band: str
@@ -123,17 +118,18 @@ class EtcAnswer(Row):
     message: str
     separation_arcsec: float
     contrast: float | None
-    exposure_s: float | None = None
-    n_frames: int | None = None
-    em_gain: float | None = None
-    integration_s: float | None = None
-    time_s: float | None = None
-    visits: int | None = None
-    reference_visits: int | None = None
-    visit_time_s: float | None = None
-    frames_per_visit: int | None = None
+
+
+class EtcAnswer(VerdictColumns, ProgrammeColumns, AskedColumns):
+    """One answer of the exposure-time calculator for one target, band and planet.
+
+    ``value`` (in ``unit``) is null unless ``status`` is ``ok``; the other numbers describe the chosen setting and are
+    null where there is none. SNR by Eqs. 3 and 4 of Zhu et al. 2025 is that of `cpic_planner.etc.noise`, the
+    probabilities are those of `cpic_planner.etc.detection`, ``limited_by`` is that of `cpic_planner.etc.budget`.
+    """
+
+    required_time_s: float | None = None
     n_modes: int | None = None
-    span_days: float | None = None
     snr: float | None = None
     significance: float | None = None
     threshold: float | None = None
@@ -152,19 +148,6 @@ class EtcAnswer(Row):
     dominant: str = ""
     remedies: dict[str, float] = column(default={})
     flags: tuple[str, ...] = ()
-    verdict: VerdictText | None = optional(
-        "of the planet: detected (half of such programmes show it, looked for as verdict_mode says), "
-        "measured_not_detected, unreachable (every status but ok); null for a contrast limit, which is about no "
-        "planet, and in older results"
-    )
-    verdict_mode: DetectionMode | None = None
-    detection_probability: float | None = None
-    detection_probability_known_place: float | None = None
-    limited_by: LimitText | None = None
-    required_visits: int | None = None
-    required_time_s: float | None = None
-    required_drift_factor: float | None = None
-    required_contrast_factor: float | None = None
     _fidelity: AnswerFidelity | None = PrivateAttr(default=None)
 
     @property

@@ -165,7 +165,33 @@ VOCABULARY: Mapping[str, Look] = {
     "reference_visits": Look("reference visits", "refs", "", "visits that the reference frames are spread over"),
     "visit_time_s": Look("time of a visit", "visit", "time", "wall time of a visit with its references, s"),
     "n_modes": Look("modes", "modes", "", "modes of the library that the subtraction projects out"),
-    "span_days": Look("span", "span d", ".3g", "from the start of the first visit to the end of the last, d"),
+    "span_days": Look(
+        "span",
+        "span d",
+        ".3g",
+        "from the start of the first visit to the end of the last, d: the Earth hides the star for 54 % of it",
+    ),
+    "orbits_searched": Look(
+        "orbits searched",
+        "orbits",
+        "d",
+        "orbits that a blind search goes through in the span, 1 where the planet stays within 0.3 lambda/D of its "
+        "place; null where the place is known: the orbit is followed",
+    ),
+    "motion_factor": Look(
+        "threshold for the orbits",
+        "× thresh",
+        ".3f",
+        "factor by which a blind search asks for more significance because the planet may move: the false alarms of "
+        "the orbits, and light that the nearest of them misses; 1 where the orbit is followed",
+    ),
+    "independent_visits": Look(
+        "independent visits",
+        "indep",
+        ".3g",
+        "number of independent wavefronts whose mean is as steady as that of the science visits: fewer than the visits "
+        "where their wavefronts remember each other (drift.correlation_time_h)",
+    ),
     "required_visits": Look(
         meaning="least number of visits of this length that makes the planet detected; null where none does"
     ),
@@ -187,6 +213,11 @@ VOCABULARY: Mapping[str, Look] = {
     "time_s": Look("wall time", "wall", "time", "wall time of all visits: readouts, reference frames, overheads, s"),
     "completeness": Look("completeness", "compl %", "%"),
     "completeness_known_place": Look("completeness at known places", "known %", "%"),
+    "verdict": Look(
+        meaning="of the planet: detected (half of such programmes show it, looked for as verdict_mode says), "
+        "measured_not_detected, or unreachable (every status but ok); null for a contrast limit, which is about no "
+        "planet, and in older results"
+    ),
     "verdict_mode": Look(
         meaning="how the planet is looked for: blind, by a search that knows no place, or at a known_place; detected "
         "where half of such programmes show it; null without a verdict"
@@ -199,7 +230,8 @@ VOCABULARY: Mapping[str, Look] = {
         meaning="single change that would make the planet detected in the given time: speckles (no drift of the "
         "wavefront), common_speckles (the same, where no number of visits helps), background (no light and no noise "
         "but the planet's own and the speckles), photons (neither is enough: the planet is too faint); motion: it "
-        "moves too far for the visits; visibility: the star is not seen for so long; geometry: outside the dark hole; "
+        "is detected if it stands still, but not by a search that goes through orbits; visibility: the star is not "
+        "seen for so long; geometry: outside the dark hole; "
         "saturation: no frame is possible; none: detected; null where there is no verdict"
     ),
     "exposure_limited_by": Look(meaning="limit that binds the exposure; empty: the optimum"),
@@ -272,6 +304,37 @@ def column(
 def optional(meaning: str = "", **look: Any) -> Any:
     """Return a `column` that is null where nothing is given; ``look`` as there: label, short, unit, format."""
     return column(meaning, default=None, **look)
+
+
+class ProgrammeColumns(Row):
+    """Columns of the programme that answers a question; null where there is none, and in older results."""
+
+    exposure_s: float | None = None
+    n_frames: int | None = None
+    em_gain: float | None = None
+    integration_s: float | None = None
+    time_s: float | None = None
+    visits: int | None = None
+    reference_visits: int | None = None
+    visit_time_s: float | None = None
+    frames_per_visit: int | None = None
+    independent_visits: float | None = None
+    span_days: float | None = None
+    orbits_searched: int | None = None
+    motion_factor: float | None = None
+
+
+class VerdictColumns(Row):
+    """Columns of the verdict on a planet, and of what would change it; null without one, and in older results."""
+
+    verdict: VerdictText | None = None
+    verdict_mode: DetectionMode | None = None
+    detection_probability: float | None = None
+    detection_probability_known_place: float | None = None
+    limited_by: LimitText | None = None
+    required_visits: int | None = None
+    required_drift_factor: float | None = None
+    required_contrast_factor: float | None = None
 
 
 def unit_of(name: str) -> str:

@@ -5,17 +5,19 @@ from typing import Literal
 from pydantic import Field
 
 from cpic_planner.registry import ScoreName
-from cpic_planner.results.base import DetectionMode, LimitText, Result, Row, StatusText, VerdictText, column, optional
+from cpic_planner.results.base import (
+    DetectionMode,
+    ProgrammeColumns,
+    Result,
+    Row,
+    StatusText,
+    VerdictColumns,
+    column,
+    optional,
+)
 
 KNOWN_PLANETS = "known planets"
 """Name of the population where completeness refers to the stars' own planets."""
-
-
-_CALMER = (
-    "largest factor on the drift, common part and walk included, with which the planet is detected in the given time, "
-    "visits and place chosen anew; null where it is detected, or no drift is small enough"
-)
-_BRIGHTER = "factor by which the planet has to be brighter to be detected in the given time; null where it is detected"
 
 
 class ReferencePlanetRecord(Result):
@@ -44,8 +46,58 @@ class PopulationRecord(Result):
     )
 
 
-class RankedTarget(Row):
-    """One star of the ranking. Numbers refer to the stated reference planet in the best band and separation."""
+class PlaceColumns(Row):
+    """Columns of the reference planet in a band, at the place where it is seen best, and of the population there."""
+
+    band: str
+    status: StatusText = column("ok when the reference planet is detected in the given time")
+    reason: str = column(
+        "why not, empty when ok; speckle_floor: no length of so many visits is enough; common_speckle_floor: no number "
+        "of visits is, up to 1000; planet_moves: it would be if the planet stood still; limited_by says why"
+    )
+    separation_arcsec: float = column("projected separation of the reference planet, arcsec")
+    contrast: float
+    snr: float = column("predicted photometric SNR of the stack; 0 where no frame is possible")
+    significance: float
+    threshold: float = column("small-sample detection threshold for significance, 5 sigma-equivalent")
+    detection_margin: float
+    contrast_limit: float | None
+    completeness: float = column(
+        "fraction of the population that one observation detects in the band by a search that does not know where "
+        "planets stand: mean of their probabilities; planets that velocities, a companion star or a known giant "
+        "exclude do not count"
+    )
+    completeness_known_place: float | None = optional(
+        "the same where each planet is looked for at its known place; null in older results"
+    )
+    completeness_unconditional: float | None = optional(
+        "completeness of all planets, whatever is known of the star; null in older results",
+        label="completeness of all",
+        short="of all %",
+        format="%",
+    )
+    completeness_known_place_unconditional: float | None = optional(
+        "the same where each planet is looked for at its known place; null in older results",
+        label="completeness of all at known places",
+        short="known, of all %",
+        format="%",
+    )
+
+
+class Standing(VerdictColumns, ProgrammeColumns, PlaceColumns):
+    """Where a star stands with one reference planet: what its best observation is, and what that detects."""
+
+    required_drift_factor: float | None = optional(
+        "largest factor on the drift, common part and walk included, with which the planet is detected in the given "
+        "time, visits and place chosen anew; null where it is detected, or no drift is small enough"
+    )
+    required_contrast_factor: float | None = optional(
+        "factor by which the planet has to be brighter to be detected in the given time; null where it is detected"
+    )
+
+
+class RankedColumns(Row):
+    """Columns of a star in the ranking."""
 
     rank: int = column("1 is best: highest score", label="#")
     score: float = column(
@@ -59,26 +111,12 @@ class RankedTarget(Row):
     distance_pc: float
     ra_deg: float | None = column("ICRS right ascension at the date, deg; null if not listed")
     dec_deg: float | None = column("ICRS declination at the date, deg; null if not listed")
-    separation_arcsec: float = column("projected separation of the reference planet, arcsec")
-    contrast: float
+
+
+class RankedTarget(Standing, RankedColumns):
+    """One star of the ranking. Numbers refer to the stated reference planet in the best band and separation."""
+
     band: str = column("best band")
-    snr: float = column("predicted photometric SNR of the stack; 0 where no frame is possible")
-    significance: float
-    threshold: float = column("small-sample detection threshold for significance, 5 sigma-equivalent")
-    detection_margin: float
-    status: StatusText = column("ok when the reference planet is detected in the given time")
-    reason: str = column(
-        "why not, empty when ok; speckle_floor: no length of so many visits is enough; common_speckle_floor: no number "
-        "of visits is, up to 1000; limited_by says why"
-    )
-    verdict: VerdictText | None = optional(
-        "of the reference planet in the given time: detected with status ok, else unreachable; null in older results"
-    )
-    verdict_mode: DetectionMode | None = None
-    detection_probability: float | None = None
-    detection_probability_known_place: float | None = None
-    limited_by: LimitText | None = None
-    contrast_limit: float | None
     deepest_limit: float | None = column("the same at the separation where it is faintest", format=".2e")
     deepest_separation_arcsec: float = column("that separation, arcsec", format=".3f")
     detection_time_s: float | None = column(
@@ -86,51 +124,18 @@ class RankedTarget(Row):
         format="time",
     )
     detection_visits: int | None = optional("visits of that observation; null: none, or an older result")
-    completeness: float = column(
-        "fraction of the population that one observation detects in the best band by a search that does not know "
-        "where planets stand: mean of their probabilities; planets that velocities, a companion star or a known giant "
-        "exclude do not count"
-    )
-    completeness_known_place: float | None = optional(
-        "the same where each planet is looked for at its known place; null in older results"
-    )
     completeness_error: float = column("standard error, by the planets drawn, of the one that counts", format="%")
     completeness_band: str = column("band of that observation", label="in")
     completeness_time_s: float | None = column("its wall time, s", format="time")
     completeness_per_hour: float = column("the completeness that counts over that time in hours")
-    completeness_unconditional: float | None = optional(
-        "completeness of all planets, whatever is known of the star; null in older results",
-        label="completeness of all",
-        short="of all %",
-        format="%",
-    )
-    completeness_known_place_unconditional: float | None = optional(
-        "the same where each planet is looked for at its known place; null in older results",
-        label="completeness of all at known places",
-        short="known, of all %",
-        format="%",
-    )
     expected_planets: float | None = optional(
         "the completeness that counts times planets per star of the population", format=".2g"
     )
     expected_planets_unconditional: float | None = optional("the same of all planets", format=".2g")
-    exposure_s: float | None
-    visits: int | None = None
-    reference_visits: int | None = None
-    frames_per_visit: int | None = None
-    visit_time_s: float | None = None
-    span_days: float | None = None
-    required_visits: int | None = None
     required_time_s: float | None = optional(
         "least wall time that detects the planet, visits chosen anew unless their number is given; null where it is "
         "detected, or no time does"
     )
-    required_drift_factor: float | None = optional(_CALMER)
-    required_contrast_factor: float | None = optional(_BRIGHTER)
-    n_frames: int | None = column("science frames of all visits; reference frames are so many times the ratio")
-    em_gain: float | None
-    integration_s: float | None
-    time_s: float | None
     ref_planet_distance_au: float = column("true star-planet distance, au")
     ref_planet_insolation_au: float | None = column("distance from the Sun of equal insolation, r / sqrt(L), au")
     rv_amplitude_m_s: float | None = optional(
@@ -231,62 +236,17 @@ class SensitivityResult(Result):
     statement: str = Field(description="the same in words")
 
 
-class BandStanding(Row):
+class BandStanding(Standing):
     """One band of a star's explanation."""
 
-    band: str
-    status: StatusText
-    reason: str
-    verdict: VerdictText | None = optional("as of the ranked star, in this band alone")
-    verdict_mode: DetectionMode | None = None
-    detection_probability: float | None = None
-    detection_probability_known_place: float | None = None
-    limited_by: LimitText | None = None
-    separation_arcsec: float
-    contrast: float
-    contrast_limit: float | None
-    snr: float
-    significance: float
-    threshold: float
-    detection_margin: float
     floor_margin: float = column(
         "margin that no programme can pass, of the given number of visits or of up to 1000",
         label="margin at most",
         short="at most",
         format=".3g",
     )
-    completeness: float = column(
-        "fraction of the population that one observation in this band detects and nothing known excludes"
-    )
-    completeness_known_place: float | None = optional(
-        "the same where each planet is looked for at its known place; null in older results"
-    )
-    completeness_unconditional: float | None = optional(
-        "completeness of all planets, whatever is known of the star; null in older results",
-        label="completeness of all",
-        short="of all %",
-        format="%",
-    )
-    completeness_known_place_unconditional: float | None = optional(
-        "the same where each planet is looked for at its known place; null in older results",
-        label="completeness of all at known places",
-        short="known, of all %",
-        format="%",
-    )
     in_zone: float = column("fraction of the population in the dark quadrants", short="in zone %", format="%")
     observable: float = column("fraction whose whole aperture lies there", short="whole %", format="%")
-    time_s: float | None
-    exposure_s: float | None
-    n_frames: int | None
-    visits: int | None = None
-    reference_visits: int | None = None
-    frames_per_visit: int | None = None
-    visit_time_s: float | None = None
-    span_days: float | None = None
-    required_visits: int | None = None
-    required_drift_factor: float | None = optional(_CALMER)
-    required_contrast_factor: float | None = optional(_BRIGHTER)
-    em_gain: float | None
     exposure_limited_by: str
     gain_limited_by: str
     gain_caps: dict[str, float]

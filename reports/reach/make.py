@@ -17,7 +17,6 @@ from matplotlib.figure import Figure
 
 from cpic_core import BoolArray, write_bytes, write_text
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.planets import ProgrammeMotion, programme_motion, star_masses_msun
 from cpic_planner.queries import Change, Strategy, changed
 from cpic_planner.ranking import OptimalSetting, detection_statuses, limits_of, optimise
 from cpic_planner.report import new_figure
@@ -37,9 +36,9 @@ SEARCHES = ("blind", "known_place")
 class Cell:
     """One count: of which case, and what limits the stars that are not in it.
 
-    ``visits`` None: the best number for each star and band, up to 1000; ``searched`` are the detected ones that are
-    left where the search goes through orbits. ``span_days``, ``used_visits``, ``orbits`` and ``sigma`` (the level that
-    pays for the orbits) are medians of the detected ones.
+    ``visits`` None: the best number for each star and band, up to 1000. ``span_days``, ``used_visits``, ``orbits``
+    (none at known places, where they are followed) and ``motion_factor`` (on the threshold that pays for them) are
+    medians of the detected ones.
     """
 
     instrument: str
@@ -49,9 +48,8 @@ class Cell:
     time_s: float
     search: str
     detected: int
-    searched: int
     orbits: float | None
-    sigma: float | None
+    motion_factor: float | None
     span_days: float | None
     used_visits: float | None
     limited_by: dict[str, int]
@@ -88,7 +86,7 @@ def cell(
     )
     best = optimise(model, targets, time_s=time_s)
     return _counted(
-        model, targets, best, Cell(name, common, drift_nm, visits, time_s, search, 0, 0, None, None, None, None, {}, [])
+        model, targets, best, Cell(name, common, drift_nm, visits, time_s, search, 0, None, None, None, None, {}, [])
     )
 
 
@@ -96,28 +94,16 @@ def _counted(model: EtcModel, targets: Targets, best: OptimalSetting, of: Cell) 
     found = best.detected
     days = best.span_days(model)[found]
     limits = Counter(limits_of(detection_statuses(best, model), best))
-    moves = _motion(model, targets, best)
-    margin = best.margin / best.needed_margin * moves.kept / (moves.sigma / model.strategy.sigma)
     told = {
         "detected": int(found.sum()),
-        "searched": int((found & moves.straight & (margin >= 1.0)).sum()),
-        "orbits": float(np.median(moves.n_orbits[found])) if found.any() else None,
-        "sigma": float(np.median(moves.sigma[found])) if found.any() else None,
+        "orbits": float(np.median(best.orbits_searched[found])) if found.any() and of.search == "blind" else None,
+        "motion_factor": float(np.median(best.motion_factor[found])) if found.any() else None,
         "span_days": float(np.median(days)) if found.any() else None,
         "used_visits": float(np.median(best.visits[found])) if found.any() else None,
         "limited_by": dict(sorted(limits.items())),
         "stars": sorted(targets.name[found].tolist()),
     }
     return Cell(**(asdict(of) | told))
-
-
-def _motion(model: EtcModel, targets: Targets, best: OptimalSetting) -> ProgrammeMotion:
-    """What a blind search does about the motion of the reference planets within these programmes."""
-    widths = np.array([model.metrics[band].lambda_d_arcsec for band in best.band.tolist()])
-    stars = targets.name.tolist(), targets.log_g, targets.luminosity_lsun, targets.teff_k
-    of_star = targets.distance_pc, star_masses_msun(*stars), widths
-    visits = np.maximum(best.visits, 1.0)
-    return programme_motion(best.separation_arcsec, *of_star, best.time_s, visits, sigma=model.strategy.sigma)
 
 
 def hopeful(targets: Targets, name: str) -> BoolArray:
@@ -190,7 +176,11 @@ def _table(every: list[Cell], name: str, time_s: float) -> list[str]:
         row = []
         for visits in VISITS:
             blind, placed = (picked(every, common=True, visits=visits, search=mode, **case) for mode in SEARCHES)
-            days = "" if blind.span_days is None else f" ({blind.searched}; {blind.span_days:.2g} d)"
+            days = (
+                ""
+                if blind.span_days is None
+                else f" ({blind.span_days:.2g} d, {blind.orbits:.0f}, x{blind.motion_factor:.3g})"
+            )
             row.append(f"{blind.detected} / {placed.detected}{days}")
         row.append(str(picked(every, common=False, visits=None, search="blind", **case).detected))
         lines.append(f"| {drift:g} | " + " | ".join(row) + " |")
@@ -221,12 +211,12 @@ def report(every: list[Cell], n_stars: int) -> str:
         "",
         f"Around how many of {n_stars} stars a planet of one Jupiter radius, at phase 90 degrees where it is seen",
         "best, is detected by half of such observations or more, in its best band. Each cell: by a search that does",
-        "not know the place / at the known place; in brackets the blind ones that are left where the search follows",
-        "orbits and its threshold pays for them, and the days that they span in the median, occultations included.",
+        "not know the place / at the known place; in brackets, in the median of the blind ones, the days that they",
+        "span, occultations included, the orbits that the search goes through, and the factor on its threshold.",
         f"The walk in a visit changes with the drift. Science and reference differ by {drift.common_fraction:g}",
         "of the rms of the offset in all visits, which no number of visits averages; the last column leaves it out.",
-        "Reference frames take half of the time. Before the brackets a planet stands still; a search over orbits is",
-        "one over velocities up to that of escape, of visits one directly after the other (`programme_motion`).",
+        "Reference frames take half of the time. A blind search goes through velocities up to that of escape, and its",
+        "threshold pays for them (`cpic_planner.planets.orbit_search`); visits follow each other at once.",
         "",
         f"Each number is the count of rows with verdict `detected` of one command, as `{sample.command}` for the",
         f"{sample.detected} in the table.",

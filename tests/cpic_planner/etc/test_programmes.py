@@ -13,6 +13,7 @@ from cpic_planner.etc.detection import tail_share
 from cpic_planner.etc.frames import best_in_visit, least_time
 from cpic_planner.etc.planet import planets_of
 from cpic_planner.etc.programmes import groups_of
+from cpic_planner.planets import programme_motion, star_masses_msun
 from cpic_planner.queries import MAX_VISITS, Strategy
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
@@ -145,7 +146,7 @@ def test_no_programme_is_quicker(star, level):
     cases, wanted = cases_of(model, star), Wanted.of([cases_of(model, star)], level.get("snr", level.get("sigma")))
     programme = Programme.of(model.strategy, EVERY)
     problem = cases.problem(objective, programme=programme)
-    aim = np.array(wanted.of_tails(programme, np.zeros(EVERY.shape)))
+    aim = np.array(wanted.of_tails(programme, np.zeros(EVERY.shape), np.ones(EVERY.shape)))
     for _ in range(25 if "detect" in level else 1):
         choice = least_time(problem, np.broadcast_to(aim, problem.signal_e_s.shape))
         some = choice.n_frames >= 1
@@ -227,7 +228,7 @@ def test_tails_are_those_of_the_law_of_detection():
     problem = cases.problem("significance", programme=programme)
     tails = tail_share(model, "F520", np.hypot(cases.x_arcsec, cases.y_arcsec), visit, noise)
     there = wanted(programme, problem, visit, noise.significance**-2.0)
-    np.testing.assert_allclose(there, wanted.of_tails(programme, tails), rtol=1e-9)
+    np.testing.assert_allclose(there, wanted.of_tails(programme, tails, visit), rtol=1e-9)
 
 
 def test_fewest_visits_of_a_length_reach_the_level_and_one_less_does_not():
@@ -369,3 +370,55 @@ def test_a_case_of_a_programme_is_itself():
     assert float(cases.programme.visits) == 9.0
     plain = replace(cases, programme=Programme())
     assert not np.allclose(plain.problem("snr").z0, cases.problem("snr").z0)
+
+
+@pytest.mark.parametrize("gap_h", [0.0, 72.0])
+def test_a_blind_search_pays_for_the_orbits_of_its_span_and_a_known_place_for_none(gap_h):
+    asked = {"separation_arcsec": 0.55, "bands": ["F520"], "contrast": 3e-9, "detect": True}
+    blind, known, packed = (
+        questions.exposure_time(model_of(visits=16, visit_gap_h=gap, search=search), STARS["tau Cet"], **asked)[0]
+        for gap, search in ((gap_h, "blind"), (gap_h, "known_place"), (0.0, "blind"))
+    )
+    star = STARS["tau Cet"]
+    mass = star_masses_msun(star.name.tolist(), star.log_g, star.luminosity_lsun, star.teff_k)
+    width = model_of().metrics["F520"].lambda_d_arcsec
+    moves = programme_motion(0.55, star.distance_pc, mass, width, blind.time_s, 16, gap_h=gap_h)
+    assert blind.span_days == pytest.approx(float(moves.span_days[0]), rel=1e-12)
+    assert blind.span_days == pytest.approx((blind.time_s / 0.46 + 15 * 3600.0 * gap_h) / 86400.0, rel=1e-12)
+    assert blind.orbits_searched == moves.n_orbits
+    assert blind.motion_factor == pytest.approx(float(moves.sigma[0] / 5.0 / moves.kept[0]), rel=1e-5)
+    assert blind.level / blind.motion_factor == pytest.approx(packed.level / packed.motion_factor, rel=2e-2)
+    assert (blind.motion_factor > 1.1) == (blind.orbits_searched > 1) == (gap_h > 0.0)
+    assert (known.orbits_searched, known.motion_factor) == (None, 1.0)
+    assert known.time_s < blind.time_s
+
+
+def test_motion_is_what_forbids_a_programme_of_years():
+    """64 visits of alpha Cen B, ten days between them: the orbit is far from straight, one visit would be enough."""
+    star = find_target("alf Cen B")[0]
+    asked = {"separation_arcsec": 0.6, "bands": ["F520"]}
+    found = {
+        (visits, search): questions.exposure_time(
+            model_of(visits=visits, visit_gap_h=240.0, search=search), star, detect=True, **asked
+        )[0]
+        for visits, search in ((4, "blind"), (64, "blind"), (64, "known_place"))
+    }
+    assert [answer.status.value for answer in found.values()] == ["ok", "unreachable", "ok"]
+    lost = found[64, "blind"]
+    assert (lost.reason.value, lost.limited_by, lost.verdict) == ("planet_moves", "motion", "unreachable")
+    assert "stood still" in lost.message
+    seen = questions.signal_to_noise(model_of(visits=64, visit_gap_h=240.0), star, time_s=1e5, **asked)[0]
+    assert (seen.verdict, seen.limited_by) == ("measured_not_detected", "motion")
+    assert seen.detection_probability < 0.5 < seen.detection_probability_known_place
+
+
+def test_visits_that_follow_each_other_at_once_are_fewer_independent_ones():
+    """Of 8 visits with a correlation time: the variance of the mean of an exponential process, summed by hand."""
+    for gap_h in (0.0, 5.0):
+        model = model_of({"correlation_time_h": 6.0}, visits=8, visit_gap_h=gap_h)
+        answer = questions.signal_to_noise(model, STARS["tau Cet"], time_s=8 * 3600.0, **FOR_VISITS)[0]
+        gap = answer.visit_time_s / 3600.0 + gap_h
+        lags = np.abs(np.subtract.outer(np.arange(8), np.arange(8))) * gap
+        assert answer.independent_visits == pytest.approx(1.0 / np.exp(-lags / 6.0).mean(), rel=2e-3)
+    free = questions.signal_to_noise(model_of(visits=8), STARS["tau Cet"], time_s=8 * 3600.0, **FOR_VISITS)[0]
+    assert free.independent_visits == 8.0

@@ -8,6 +8,7 @@ import pytest
 from catalogs import load_known_planets
 from cpic_core import InputError
 from cpic_planner.planets import (
+    OrbitSearch,
     known_shift_arcsec,
     programme_motion,
     smeared,
@@ -136,15 +137,43 @@ def test_false_alarms_of_a_search_over_velocities_in_noise():
 
 
 def test_trials_cost_what_they_add_in_false_alarms():
-    found = programme_motion(0.5, 3.65, 0.78, LAMBDA_D, 10 * HOUR, 16, gap_h=[0.0, 24.0, 72.0])
-    tail = [math.erfc(s / math.sqrt(2.0)) / 2.0 for s in found.sigma]
-    np.testing.assert_allclose(found.trials * tail, math.erfc(5.0 / math.sqrt(2.0)) / 2.0, rtol=0.01)
-    assert found.sigma[0] == pytest.approx(5.0, abs=1e-9)
-    assert found.n_orbits[0] == 1
-    assert np.all(np.diff(found.sigma) > 0)
-    assert found.sigma[-1] < 6.5
-    assert np.all(found.kept >= smeared(0.6) - 1e-12)
-    assert np.all(found.kept >= found.kept_at_rest)
+    found = [programme_motion(0.5, 3.65, 0.78, LAMBDA_D, 10 * HOUR, 16, gap_h=gap) for gap in (0.0, 24.0, 72.0)]
+    for one in found:
+        tail = math.erfc(float(one.sigma) / math.sqrt(2.0)) / 2.0
+        assert float(one.trials) * tail == pytest.approx(math.erfc(5.0 / math.sqrt(2.0)) / 2.0, rel=0.01)
+        assert smeared(0.6) * 0.99 <= one.kept <= 1.0
+        assert one.kept >= one.kept_at_rest * (1.0 - 1e-6)
+    assert found[0].sigma == pytest.approx(5.0, abs=1e-9)
+    assert found[0].n_orbits == 1
+    assert found[0].sigma < found[1].sigma < found[2].sigma < 6.5
+
+
+def test_factor_on_the_threshold_is_that_of_trials_and_lost_light_and_never_jumps():
+    search = OrbitSearch.of(np.array([0.3, 0.6]), 1.33, 1.08, LAMBDA_D, gap_h=12.0)
+    each = np.geomspace(1e2, 1e7, 4000)[:, None]
+    factor, motion = search.threshold_factor(4, each), search.motion(4, each)
+    np.testing.assert_allclose(factor, motion.sigma / 5.0 / motion.kept, rtol=1e-5)
+    assert factor.min() >= 1.0
+    assert 1.0 < np.exp(np.diff(np.log(factor), axis=0)).max() < 1.02
+    assert np.diff(factor, axis=0).min() >= 0.0
+    still = OrbitSearch.of(0.5, 1e4, 1.0, LAMBDA_D)
+    assert still.threshold_factor(1000, 1e5) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_light_that_a_search_over_straight_lines_loses_of_an_orbit_that_bends():
+    """Of a leapfrog orbit beside its best line, with the light beside an aperture from that of smeared images."""
+    distance, mass, separation = 3.65, 0.78, 0.5
+    longest = float(programme_motion(separation, distance, mass, LAMBDA_D, 0.0).longest_span_days)
+    for days in (longest, 1.5 * longest):
+        radius = separation * distance
+        # From the middle of the path to its end; half of the bend is on each side of the line.
+        path = integrated([radius, 0.0], [0.0, math.sqrt(G_AU3_MSUN_DAY2 * mass / radius)], mass, days / 2.0)
+        off = (radius - path[:, 0]) / distance / LAMBDA_D
+        off = np.maximum(np.abs(off - off.max() / 2.0), 2e-3)
+        step = 1e-3
+        light = ((off + step) * smeared(2 * (off + step)) - (off - step) * smeared(2 * (off - step))) / (2 * step)
+        found = programme_motion(separation, distance, mass, LAMBDA_D, days * 86400.0, duty=1.0)
+        assert float(found.kept / smeared(0.6)) == pytest.approx(light.mean(), rel=0.03)
 
 
 def test_a_known_planet_goes_as_kepler_says():

@@ -20,7 +20,14 @@ from cpic_planner.etc import (
     tail_share,
     threshold_array,
 )
-from cpic_planner.planets import Planets, StarLimits, draw_population, load_population
+from cpic_planner.planets import (
+    Planets,
+    StarLimits,
+    draw_population,
+    load_population,
+    programme_motion,
+    star_masses_msun,
+)
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking import inside_zone
 from cpic_planner.ranking.completeness import completeness
@@ -104,12 +111,16 @@ def one_by_one(model, targets, band, drawn, exposure_s, n_frames, em_gain, visit
             noise = stack_noise(rates, *setting, camera, strategy, programme=programme)
             separation = math.hypot(x, y)
             margin = noise.significance[0] / threshold_array(metrics.resolution_elements(separation), strategy.sigma)
+            visit_s = n_frames[i] * (exposure_s[i] + camera.readout_s)
+            mass = star_masses_msun(target.name.tolist(), target.log_g, target.luminosity_lsun, target.teff_k)
+            around = separation, target.distance_pc, mass, metrics.lambda_d_arcsec
+            moves = programme_motion(*around, visits[i] * model.time_s(visit_s), visits[i], sigma=strategy.sigma)
+            paid = np.array([float(moves.sigma[0] / strategy.sigma / moves.kept[0]), 1.0])
             if law is None:
-                found[:2, i] += margin >= 1.0
+                found[:2, i] += margin >= paid
             elif margin > module._FAINTEST:
-                visit_s = n_frames[i] * (exposure_s[i] + camera.readout_s)
                 tails = float(np.ravel(tail_share(model, band, separation, visit_s, noise))[0])
-                of_law = margin, (False, True), tails, metrics.lambda_d_arcsec / separation
+                of_law = margin / paid, (False, True), tails, metrics.lambda_d_arcsec / separation
                 many = effective_visits(visits[i], visits[i])
                 found[:2, i] += detection_probability(law, *of_law, visits=many, calibration=law.calibration)
     return found
@@ -147,12 +158,12 @@ def test_equals_a_loop_over_single_planets(model, stars, source, strategy, hole)
         expected = one_by_one(model, stars, band, drawn, exposure, frames, gain, visits)
         both = found.completeness, found.completeness_known_place
         for value, count in zip((*both, found.in_zone, found.observable), expected, strict=True):
-            np.testing.assert_allclose(value, count / len(drawn), rtol=2e-5)
+            np.testing.assert_allclose(value, count / len(drawn), rtol=2e-5, atol=1e-30)
         np.testing.assert_array_equal(found.completeness_unconditional, found.completeness)
         detected += expected[0].sum()
         assert expected[3].sum() > 10
         assert np.any(expected[0] < expected[3] - 0.5)
-    assert detected > 3
+    assert detected > 2
 
 
 def test_chunks_change_nothing(model, everyone, monkeypatch):
@@ -221,10 +232,12 @@ def test_noise_free_giants_are_detected_wherever_statistics_are_defined(model, s
         np.testing.assert_array_equal(found.observable, there.mean(axis=1))
         # A threshold of three elements, some 10^6, is more than one planet in a hundred has.
         whole = defined & (metrics.resolution_elements(np.hypot(x, y)) >= 4)
-        assert np.all(found.completeness <= defined.mean(axis=1) * (1 + 1e-12))
-        assert np.all(found.completeness >= whole.mean(axis=1) * (1 - 1e-9))
-        assert 0 < found.completeness.max() < 1
-        assert np.any(found.completeness < found.observable) == (lambda_d is not None)
+        # At known places: the orbits of so many years forbid a blind search.
+        seen = found.completeness_known_place
+        assert np.all(seen <= defined.mean(axis=1) * (1 + 1e-12))
+        assert np.all(seen >= whole.mean(axis=1) * (1 - 1e-9))
+        assert 0 < seen.max() < 1
+        assert np.any(seen < found.observable) == (lambda_d is not None)
 
 
 def test_side_of_the_hole_and_parity(model, everyone):
@@ -341,12 +354,14 @@ def test_stars_too_far_and_no_frames_detect_nothing(model, stars):
 def test_more_frames_and_more_exposure_never_detect_fewer(model, stars):
     model = dataclasses.replace(model, strategy=IDEAL)
     drawn = planets(n=1000)
-    before = np.zeros(len(stars))
+    before = np.zeros((2, len(stars)))
     for frames in (1, 10, 100, 1000, 1e5, 1e7):
-        found = completeness(model, stars, "F520", drawn, exposure_s=20.0, n_frames=frames, em_gain=20.0).completeness
-        assert np.all(found >= before)
-        before = found
-    assert before.max() > 0.1
+        found = completeness(model, stars, "F520", drawn, exposure_s=20.0, n_frames=frames, em_gain=20.0)
+        both = np.stack([found.completeness, found.completeness_known_place])
+        assert np.all(both[1] >= before[1])
+        assert frames > 1000 or np.all(both[0] >= before[0])  # in longer visits planets leave their place
+        before = both
+    assert before[1].max() > 0.1
     before = np.zeros(len(stars))
     for exposure in (0.1, 1.0, 10.0, 60.0):
         found = completeness(model, stars, "F520", drawn, exposure_s=exposure, n_frames=1e3, em_gain=20.0).completeness
