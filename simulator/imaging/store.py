@@ -276,7 +276,7 @@ def measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
     from simulator.imaging.measure import measure_metrics
 
     imager, wide = build_imager(instrument, band), build_imager(instrument, band, Knobs(wavelength_nodes=WING_NODES))
-    announce(f"measuring the optics of {instrument.name} in {band}, once: some twenty seconds of a processor")
+    announce(f"measuring the optics of {instrument.name} in {band}, once: five to ten seconds of a processor")
     metrics = measure_metrics(imager, instrument.drift.psd_slope, wide)
     state = hole_state_of(instrument, band, float(metrics.raw_contrast[metrics.hole].mean()))
     return metrics.to_arrays() | {"hole_state": np.asarray(state)}
