@@ -4,8 +4,8 @@ Because the law is linear in flux, any band integral of the interpolated spectru
 integrals of the nodes: a table of integrals, made once, serves a whole catalogue.
 """
 
+import functools
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -89,13 +89,13 @@ class StellarGrid:
         """Number of nodes; they are numbered with [M/H] fastest and Teff slowest."""
         return self.teff_k.size * self.log_g.size * self.metallicity.size
 
-    @cached_property
+    @functools.cached_property
     def _lowest(self) -> np.ndarray:
         """Lowest gravity that exists at each temperature node, shape (teff,)."""
         exists = self.ratio.any(axis=-1).all(axis=-1)
         return np.asarray(self.log_g[np.argmax(exists, axis=1)])
 
-    @cached_property
+    @functools.cached_property
     def _line(self) -> np.ndarray:
         """Index of the line structure of each node's gravity, shape (log g,)."""
         return np.asarray(np.searchsorted(self.line_log_g, np.maximum(self.log_g, self.line_log_g[0])))
@@ -156,7 +156,12 @@ class StellarGrid:
         InputError
             If a value is not finite.
         """
-        teff, gravity, metal = self._broadcast(teff_k, log_g, metallicity)
+        stars = self._broadcast(teff_k, log_g, metallicity)
+        nodes, weights = _corners(self, *(values.tobytes() for values in stars))
+        return nodes.reshape(*stars[0].shape, 8), weights.reshape(*stars[0].shape, 8)
+
+    def corners_of(self, teff: np.ndarray, gravity: np.ndarray, metal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`corners` of finite values of one shape."""
         gravity = np.maximum(gravity, self.log_g_floor(teff))
         pairs = ((self.teff_k, teff), (self.log_g, gravity), (self.metallicity, metal))
         (it, wt), (ig, wg), (im, wm) = (bracket(nodes, values) for nodes, values in pairs)
@@ -224,6 +229,15 @@ class StellarGrid:
 
     def _broadcast(self, *values: ArrayLike) -> tuple[np.ndarray, ...]:
         return tuple(np.broadcast_arrays(*_finite(("teff_k", "log_g", "metallicity"), ("K", "dex", "dex"), *values)))
+
+
+@functools.lru_cache(maxsize=8)
+def _corners(grid: StellarGrid, *stars: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the stars last asked about: every band of a question asks about the same ones."""
+    found = grid.corners_of(*(np.frombuffer(values) for values in stars))
+    for part in found:
+        part.flags.writeable = False
+    return found
 
 
 def _finite(names: tuple[str, ...], units: tuple[str, ...], *values: ArrayLike) -> list[np.ndarray]:

@@ -77,7 +77,7 @@ class Passbands:
         """Return the passbands of an instrument configuration; see `from_bands`."""
         return cls.from_bands(_band(name, config) for name, config in instrument.bands.items())
 
-    @property
+    @functools.cached_property
     def names(self) -> tuple[str, ...]:
         """Band names in order."""
         return tuple(band.name for band in self.bands)

@@ -161,8 +161,8 @@ def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str
 
 def _cost(question: EtcQuestion, model: EtcModel, group: Group) -> FloatArray:
     """Return what to make small, one number a separation; places outside the field cost ``inf``."""
-    (cases,), every = group.cases, group.programmes
-    possible = cases.usable[0] & (np.isfinite(cases.threshold) | (group.value is not None))
+    cases, every = group.cases, group.programmes
+    possible = cases.usable[0, 0] & (np.isfinite(cases.threshold[0, 0]) | (group.value is not None))
     given = model.strategy.visits
 
     def missed(visits: FloatArray, time_s: float) -> FloatArray:
@@ -170,10 +170,10 @@ def _cost(question: EtcQuestion, model: EtcModel, group: Group) -> FloatArray:
         return np.where(possible & ~np.isnan(cost), cost, np.inf)
 
     if not question.asks_time:
-        times = times_of(question, model, cases.band)
+        times = times_of(question, model, cases.bands[0].band)
         span = Span.of(model, times["time_s"], times["visit_time_s"])
         return missed(group.visits_in(span), span.time_s or 0.0)
-    fixed = np.full((1, *cases.contrast.shape), float(given or 1))
+    fixed = np.full(cases.contrast.shape, float(given or 1))
     if question.visit_time_s is not None:
         time_s = every.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
     else:

@@ -33,8 +33,17 @@ def _default_model(bands: tuple[str, ...] | None, strategy: Strategy | None) -> 
 
 def stars_named(question: Any) -> list[Targets]:
     """Return each star that a question names as a target of its own."""
-    where = {"catalog": as_catalogue(question.catalog), "companions": question.companions}
-    return [find_target(name, date_utc=observed_utc(question), **where)[0] for name in question.target]
+    date_utc, companions = observed_utc(question), question.companions
+    if question.catalog == "snapshot":
+        return [_shipped_star(name, companions, date_utc) for name in question.target]
+    catalog = as_catalogue(question.catalog)
+    return [find_target(name, catalog=catalog, companions=companions, date_utc=date_utc)[0] for name in question.target]
+
+
+@functools.lru_cache(maxsize=256)
+def _shipped_star(name: str, companions: Literal["on", "off"], date_utc: str | None) -> Targets:
+    """Star of the shipped catalogue, which no file of the user's can change."""
+    return find_target(name, companions=companions, date_utc=date_utc)[0]
 
 
 R = TypeVar("R")

@@ -12,7 +12,6 @@ from cpic_planner.etc.cases import (
     BandCases as BandCases,
     FixedFrames as FixedFrames,
     band_cases as band_cases,
-    effective_of as effective_of,
     etc_result as etc_result,
 )
 from cpic_planner.etc.detection import (
@@ -77,11 +76,11 @@ from cpic_planner.etc.planet import (
 from cpic_planner.etc.programmes import (
     Group as Group,
     Programmes as Programmes,
-    groups_of as groups_of,
 )
-from cpic_planner.etc.questions import contrast_limit as contrast_limit
+from cpic_planner.etc.questions import contrast_limit as contrast_limit, groups_of as groups_of
 from cpic_planner.etc.rates import (
     ApertureRates as ApertureRates,
     aperture_rates as aperture_rates,
     companion_saturates as companion_saturates,
 )
+from cpic_planner.etc.together import effective_of as effective_of

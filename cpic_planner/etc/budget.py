@@ -19,14 +19,15 @@ import numpy as np
 
 from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.cases import BandCases, Wanted
+from cpic_planner.etc.cases import Cases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
 from cpic_planner.etc.model import Programme
 from cpic_planner.etc.noise import StackNoise
 from cpic_planner.etc.programmes import Programmes
 from cpic_planner.etc.rates import ApertureRates
+from cpic_planner.etc.together import CameraCases
 from cpic_planner.results import LimitText
-from simulator.signal import gain_caps, largest_gain, longest_exposure_s, programme_parts
+from simulator.signal import gain_caps, largest_gain, longest_exposure_s
 
 _EDGE = 1e-6
 EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_gain_max"
@@ -121,12 +122,12 @@ def largest_term(noise: StackNoise, index: tuple[int, ...]) -> str:
     return name if values[name] > 0 else ""
 
 
-def remedies(cases: BandCases, choice: FrameChoice, noise: StackNoise) -> dict[str, FloatArray]:
+def remedies(cases: Cases, choice: FrameChoice, noise: StackNoise) -> dict[str, FloatArray]:
     """Return the factors by which the SNR of the chosen setting grows if one thing is changed.
 
     Parameters
     ----------
-    cases : BandCases
+    cases : Cases
     choice : FrameChoice
         Frames of every case.
     noise : StackNoise
@@ -140,23 +141,19 @@ def remedies(cases: BandCases, choice: FrameChoice, noise: StackNoise) -> dict[s
         ``half_the_star_light`` (a darker hole, speckles in proportion), ``four_times_the_reference`` (frames of the
         library; their time is not counted here).
     """
-    model, band, rates = cases.model, cases.band, cases.rates
-    metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
-    camera = model.camera(band)
+    model, rates, camera = cases.model, cases.rates, cases.free_camera
 
     def snr(
         light: ApertureRates,
         cam: FrameCamera = camera,
         chosen: FrameChoice = choice,
         ratio: float = 1.0,
-        case: BandCases = cases,
+        case: Cases = cases,
     ) -> Any:
         return case.noise_of(light, cam, chosen, ratio).snr
 
-    again = Programme.of(strategy, 2.0 * cases.programme.visits, model.time_s(choice.visit_s))
-
-    place, star = cases.planets.separation_arcsec[None, :], rates.speckle
-    laws = programme_parts(metrics, drift, place, strategy.annulus_lambda_d, strategy.reference_ratio, model.timing)
+    again = Programme.of(model.strategy, 2.0 * cases.programme.visits, model.time_s(choice.visit_s))
+    star, laws = rates.speckle, cases.residual_parts
     visit = choice.n_frames * (choice.exposure_s + camera.readout_s)
     crossed, light = (cases.programme.law(part).variance(visit) for part in laws)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -165,7 +162,7 @@ def remedies(cases: BandCases, choice: FrameChoice, noise: StackNoise) -> dict[s
     darker = replace(rates, halo_e_s=rates.halo_e_s / 2.0, speckle=star.scaled(0.5), reference_light_e_s=reference_e_s)
     changed = {
         "twice_the_time": snr(rates, chosen=replace(choice, n_frames=2.0 * choice.n_frames)),
-        "twice_the_visits": snr(rates, case=replace(cases, programme=again)),
+        "twice_the_visits": snr(rates, case=cases.in_programme(again)),
         "half_the_drift": snr(replace(rates, speckle=star.scaled(share))),
         "half_the_read_noise": snr(rates, replace(camera, read_noise_e=camera.read_noise_e / 2.0)),
         "half_the_clock_charge": snr(rates, replace(camera, cic_e=camera.cic_e / 2.0)),
@@ -198,7 +195,7 @@ def without_background(problem: FrameProblem, own_e_s: FloatArray) -> FrameProbl
     """
     nothing = np.zeros_like(problem.alpha_e_s)
     own = np.array(np.broadcast_to(own_e_s, nothing.shape))
-    return replace(problem, alpha_e_s=own, beta_e=nothing, gamma_e2=nothing, counting=None)
+    return replace(problem, alpha_e_s=own, beta_e=nothing, gamma_e2=nothing, counting=None, best_s=None)
 
 
 def reached(problem: FrameProblem, visit_s: FloatArray, level: FloatArray) -> NDArray[np.bool_]:
@@ -217,25 +214,25 @@ def reached(problem: FrameProblem, visit_s: FloatArray, level: FloatArray) -> ND
         return (choice.n_frames >= 1) & (np.sqrt(choice.inverse_snr2) * level <= 1.0 + 1e-9)
 
 
-def time_at_rest_s(cases: BandCases, visit_time_s: float | None) -> FloatArray | None:
+def time_at_rest_s(cases: CameraCases, visit_time_s: float | None) -> FloatArray | None:
     """Return the wall time of a detection in so many visits if planets stood still; None where they are followed.
 
     Parameters
     ----------
-    cases : BandCases
+    cases : CameraCases
         With the visits of every case.
     visit_time_s : float or None
         Wall time of a visit, where it is given: the fewest visits are asked for.
     """
     if cases.motion is None:
         return None
-    rest = replace(Wanted.of([cases]), motion=None)
+    rest = replace(cases.search, motion=None)
 
     def problem(made: Programme) -> FrameProblem:
         return cases.problem("significance", programme=made)
 
     visits = np.broadcast_to(cases.programme.visits, cases.contrast.shape)
-    every = Programmes(cases.model, problem, lambda *case: rest(*case)[..., 0, :, :])
+    every = Programmes(cases.model, problem, rest, rest.steady)
     if visit_time_s is not None:
         return every.fewest(cases.model.visit_s(visit_time_s)) * visit_time_s
     return visits * cases.model.time_s(every.solved(visits)[0])

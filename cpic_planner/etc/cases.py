@@ -3,8 +3,9 @@
 From answers to the result that leaves the program.
 """
 
+import copy
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -12,14 +13,7 @@ import numpy as np
 
 from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.detection import (
-    DetectionLaw,
-    default_law,
-    effective_visits,
-    half_margin,
-    law_of,
-    threshold_array,
-)
+from cpic_planner.etc.detection import default_law, threshold_array
 from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
 from cpic_planner.etc.frames import FrameChoice, FrameProblem
 from cpic_planner.etc.model import (
@@ -49,7 +43,7 @@ from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
 from simulator.knobs import Dial
-from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_parts, quadrant_of
+from simulator.signal import ProgrammeLaw, programme_parts, quadrant_of
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 
@@ -62,8 +56,95 @@ class FixedFrames:
     em_gain: float | None = None
 
 
+class Cases:
+    """What cases of one band, or of several of one camera, share; all arrays broadcast against ``contrast``."""
+
+    model: EtcModel
+    fixed: FixedFrames
+    contrast: FloatArray
+    rates: ApertureRates
+    programme: Programme
+    x_arcsec: FloatArray
+    y_arcsec: FloatArray
+
+    @property
+    def camera(self) -> FrameCamera:
+        """One frame of the camera, of the exposure that is fixed."""
+        raise NotImplementedError
+
+    @property
+    def free_camera(self) -> FrameCamera:
+        """One frame of the camera, of any exposure."""
+        raise NotImplementedError
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Cases whose aperture lies in the controlled zone."""
+        raise NotImplementedError
+
+    @property
+    def residual_parts(self) -> tuple[ProgrammeLaw, ProgrammeLaw]:
+        """Residual in units of the star's light: cross term with the static field, and light of the errors."""
+        raise NotImplementedError
+
+    def in_programme(self, programme: Programme) -> Self:
+        """Return the cases in another programme."""
+        made = copy.copy(self)
+        object.__setattr__(made, "programme", programme)
+        return made
+
+    def problem(
+        self, objective: Objective, contrast: FloatArray | None = None, programme: Programme | None = None
+    ) -> FrameProblem:
+        """Return what the solver needs, for the cases' own contrasts and programme or given ones.
+
+        Parameters
+        ----------
+        objective : {"snr", "significance"}
+        contrast : ndarray, optional
+            Contrasts instead of the cases' own, of their shape.
+        programme : Programme, optional
+        """
+        rates = self.rates if contrast is None else self.rates_at(contrast)
+        made = self.programme if programme is None else programme
+        settings: dict[str, Any] = {"objective": objective, "em_gain": self.fixed.em_gain, "programme": made}
+        return frame_problem(rates, self.camera, self.model.strategy, **settings)
+
+    def rates_at(self, contrast: FloatArray) -> ApertureRates:
+        """The rates with other contrasts: only the planet's own light follows them."""
+        own = self.rates.peak_in_hole_e_s - self.rates.peak_planet_e_s
+        factor = contrast / np.maximum(self.contrast, _FAINTEST)
+        peak = self.rates.peak_planet_e_s * factor
+        planet_e_s = self.rates.planet_e_s * factor
+        return replace(self.rates, planet_e_s=planet_e_s, peak_planet_e_s=peak, peak_in_hole_e_s=own + peak)
+
+    def noise(self, choice: FrameChoice) -> StackNoise:
+        """Signal and noise of chosen frames."""
+        return self.noise_of(self.rates, self.free_camera, choice)
+
+    def noise_of(
+        self, rates: ApertureRates, camera: FrameCamera, choice: FrameChoice, ratio: float = 1.0
+    ) -> StackNoise:
+        """Return signal and noise of chosen frames, for other rates, another camera, or more reference frames.
+
+        Parameters
+        ----------
+        rates : ApertureRates
+        camera : FrameCamera
+        choice : FrameChoice
+            Frames of every case.
+        ratio : float
+            Reference frames over those of the strategy.
+        """
+        strategy = self.model.strategy
+        if ratio != 1.0:
+            strategy = strategy.model_copy(update={"reference_ratio": ratio * strategy.reference_ratio})
+        frames = choice.exposure_s, choice.n_frames, choice.em_gain
+        return stack_noise(rates, *frames, camera, strategy, self.programme)
+
+
 @dataclass(frozen=True)
-class BandCases:
+class BandCases(Cases):
     """All stars and planets in one band; arrays ``(n_star, n_planet)``, ``(1, n_planet)`` or ``(n_planet,)``."""
 
     model: EtcModel
@@ -91,61 +172,25 @@ class BandCases:
         place = np.broadcast_to(np.hypot(self.x_arcsec, self.y_arcsec), self.contrast.shape)
         return SearchMotion.asked(self.model, self.targets, self.band, place)
 
-    def problem(
-        self, objective: Objective, contrast: FloatArray | None = None, programme: Programme | None = None
-    ) -> FrameProblem:
-        """Return what the solver needs, for the cases' own contrasts and programme or given ones.
-
-        Parameters
-        ----------
-        objective : {"snr", "significance"}
-        contrast : ndarray, optional
-            Contrasts instead of the cases' own, ``(n_star, n_planet)``.
-        programme : Programme, optional
-        """
-        rates = self.rates if contrast is None else self.rates_at(contrast)
-        made = self.programme if programme is None else programme
-        settings: dict[str, Any] = {"objective": objective, "em_gain": self.fixed.em_gain, "programme": made}
-        return frame_problem(rates, self.camera, self.model.strategy, **settings)
-
     @property
     def camera(self) -> FrameCamera:
         """One frame of the band's camera, of the exposure that is fixed."""
-        camera = self.model.camera(self.band)
+        camera = self.free_camera
         if self.fixed.exposure_s is None:
             return camera
         return replace(camera, exposure_min_s=self.fixed.exposure_s, exposure_max_s=self.fixed.exposure_s)
 
-    def rates_at(self, contrast: FloatArray) -> ApertureRates:
-        """The rates with other contrasts: only the planet's own light follows them."""
-        own = self.rates.peak_in_hole_e_s - self.rates.peak_planet_e_s
-        factor = contrast / np.maximum(self.contrast, _FAINTEST)
-        peak = self.rates.peak_planet_e_s * factor
-        planet_e_s = self.rates.planet_e_s * factor
-        return replace(self.rates, planet_e_s=planet_e_s, peak_planet_e_s=peak, peak_in_hole_e_s=own + peak)
+    @property
+    def free_camera(self) -> FrameCamera:
+        """One frame of the band's camera, of any exposure."""
+        return self.model.camera(self.band)
 
-    def noise(self, choice: FrameChoice) -> StackNoise:
-        """Signal and noise of chosen frames."""
-        return self.noise_of(self.rates, self.model.camera(self.band), choice)
-
-    def noise_of(
-        self, rates: ApertureRates, camera: FrameCamera, choice: FrameChoice, ratio: float = 1.0
-    ) -> StackNoise:
-        """Return signal and noise of chosen frames, for other rates, another camera, or more reference frames.
-
-        Parameters
-        ----------
-        rates : ApertureRates
-        camera : FrameCamera
-        choice : FrameChoice
-            Frames of every case.
-        ratio : float
-            Reference frames over those of the strategy.
-        """
-        strategy = self.model.strategy
-        strategy = strategy.model_copy(update={"reference_ratio": ratio * strategy.reference_ratio})
-        frames = choice.exposure_s, choice.n_frames, choice.em_gain
-        return stack_noise(rates, *frames, camera, strategy, self.programme)
+    @functools.cached_property
+    def residual_parts(self) -> tuple[ProgrammeLaw, ProgrammeLaw]:
+        """As of `Cases`."""
+        model, strategy, place = self.model, self.model.strategy, np.hypot(self.x_arcsec, self.y_arcsec)
+        width, ratio, metrics = strategy.annulus_lambda_d, strategy.reference_ratio, model.metrics[self.band]
+        return programme_parts(metrics, model.instrument.drift, place, width, ratio, model.timing)
 
     def head(self, star: int, planet: int) -> dict[str, Any]:
         """Return the fields of an answer that do not depend on the question.
@@ -192,121 +237,15 @@ class BandCases:
         if place <= 0:
             return ()
         distance = float(reference_distance_au(target, np.array([place]), body)[0, 0])
-        excluded = excluded_by_rv(target.name.tolist(), distance, body.radius_rjup)[0]
+        excluded = _excluded(str(target.name[0]), distance, body.radius_rjup)
         notes = reference_notes(self.model, target, self.band, place, body)
         return (*notes, "excluded_by_rv") if excluded else notes
 
 
-@dataclass(frozen=True, eq=False)
-class Wanted:
-    """SNR or significance that cases have to reach; arrays ``(n_band, n_star, n_planet)``.
-
-    A search asks for more the more of the noise is light of the wavefront's errors, and for less the more visits
-    average it: its level depends on the programme (`cpic_planner.etc.detection.half_margin`).
-
-    Attributes
-    ----------
-    level : ndarray
-        What is to be reached, or thresholds of a search; infinite where no threshold is defined.
-    law : DetectionLaw, optional
-        Law of detections; without one the level is all.
-    at_place : bool
-        Whether the place of a planet is known.
-    averaging : ProgrammeLaw, optional
-        What visits average of the residual, (e-/s)^2.
-    crossed, light : SpeckleLaw, optional
-        Its two parts, of one visit: the cross term with the static field, and the light of the errors.
-    inward : ndarray, optional
-        Width of a resolution element over the separation.
-    motion : SearchMotion, optional
-        What the search pays for the motion of planets; nothing without.
-    """
-
-    level: FloatArray
-    law: DetectionLaw | None = None
-    at_place: bool = False
-    averaging: ProgrammeLaw | None = None
-    crossed: SpeckleLaw | None = None
-    light: SpeckleLaw | None = None
-    inward: FloatArray | None = None
-    motion: SearchMotion | None = None
-
-    @property
-    def steady(self) -> bool:
-        """Whether the level is the same for all programmes."""
-        return self.law is None and self.motion is None
-
-    @classmethod
-    def of(cls, every: Sequence[BandCases], value: float | None = None) -> Self:
-        """Return the level of bands of one camera: a given value, or that of a detection as the strategy searches."""
-        shape = every[0].contrast.shape
-
-        def together(arrays: Iterable[FloatArray]) -> FloatArray:
-            return np.stack([np.broadcast_to(array, shape) for array in arrays])
-
-        def laws(found: Sequence[SpeckleLaw]) -> SpeckleLaw:
-            return SpeckleLaw(*(together(parts) for parts in zip(*found, strict=True)))
-
-        if value is not None:
-            return cls(np.full((len(every), *shape), float(value)))
-        model, thresholds = every[0].model, together(cases.threshold for cases in every)
-        law, strategy = law_of(model, every[0].band), model.strategy
-        motion = SearchMotion.stacked([cases.motion for cases in every], shape)
-        if law is None:
-            return cls(thresholds, motion=motion)
-        speckle = [cases.rates.speckle.averaging().scaled(cases.rates.variance_factor) for cases in every]
-        science, reference, common = (laws(parts) for parts in zip(*(law[:3] for law in speckle), strict=True))
-        turned = [law.turned for law in speckle if law.turned is not None]
-        width, ratio, drift = strategy.annulus_lambda_d, strategy.reference_ratio, model.instrument.drift
-        separations = [np.hypot(cases.x_arcsec, cases.y_arcsec) for cases in every]
-        metrics = [model.metrics[cases.band] for cases in every]
-        parts = [
-            [part.averaging().law() for part in programme_parts(one, drift, place, width, ratio, model.timing)]
-            for one, place in zip(metrics, separations, strict=True)
-        ]
-        crossed, light = (laws(found) for found in zip(*parts, strict=True))
-        inward = together(one.lambda_d_arcsec / place for one, place in zip(metrics, separations, strict=True))
-        also = laws(turned) if turned else None
-        averaging = ProgrammeLaw(science, reference, common, drift.correlation_time_h, also)
-        at_place = strategy.search == "known_place"
-        return cls(thresholds / law.calibration, law, at_place, averaging, crossed, light, inward, motion)
-
-    def __call__(
-        self, programme: Programme, problem: FrameProblem, visit_s: FloatArray, inverse: FloatArray
-    ) -> FloatArray:
-        """Return the level of a programme whose visits have this length, and noise over signal squared."""
-        if self.averaging is None or self.crossed is None or self.light is None:
-            return self.of_tails(programme, np.zeros_like(inverse), visit_s)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            light = self.light.variance(visit_s)
-            speckle = programme.law(self.averaging).variance(visit_s) / problem.signal_e_s**2
-            tails = np.sqrt(light / (light + self.crossed.variance(visit_s)) * speckle / inverse)
-        return self.of_tails(programme, np.minimum(np.nan_to_num(tails), 1.0), visit_s)
-
-    def of_tails(self, programme: Programme, tails: FloatArray, visit_s: FloatArray) -> FloatArray:
-        """Return the level of a programme of visits of a length whose noise is light of errors in this part, as rms."""
-        at_rest = self._at_rest(programme, tails)
-        return at_rest if self.motion is None else at_rest * self.motion.factor(programme, visit_s)
-
-    def _at_rest(self, programme: Programme, tails: FloatArray) -> FloatArray:
-        """The same for planets that do not move, or that are followed."""
-        if self.law is None or self.averaging is None or self.inward is None:
-            return np.broadcast_arrays(self.level, tails)[0]
-        independent = effective_of(programme, self.averaging)
-        return self.level * half_margin(self.law, self.at_place, tails, self.inward, independent)
-
-
-def effective_of(programme: Programme, law: ProgrammeLaw) -> FloatArray:
-    """Return the number of independent wavefronts behind the noise of a programme.
-
-    Parameters
-    ----------
-    programme : Programme
-    law : ProgrammeLaw
-        Which says how long wavefronts remember each other.
-    """
-    many = (programme.visits, programme.reference_visits)
-    return effective_visits(*(law.independent(number, programme.gap_s) for number in many))
+@functools.lru_cache(maxsize=256)
+def _excluded(name: str, distance_au: float, radius_rjup: float) -> bool:
+    """Whether velocities exclude a planet: every band of a question asks about the same one."""
+    return bool(excluded_by_rv([name], distance_au, radius_rjup)[0])
 
 
 def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, fixed: FixedFrames) -> BandCases:

@@ -5,8 +5,9 @@ The law of detections that simulated images follow, for a blind search and at a 
 
 import functools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -260,13 +261,20 @@ def half_margin(
     the small-sample threshold that ``margin`` refers to. Whoever knows the place takes photometry there or the search,
     whichever asks for less.
     """
+    return margin_of(law, at_place, inward, visits)(np.asarray(tails))
+
+
+def margin_of(
+    law: DetectionLaw, at_place: ArrayLike, inward: ArrayLike, visits: ArrayLike
+) -> Callable[[FloatArray], FloatArray]:
+    """Return `half_margin` as a function of the share of the errors' light in the noise; parameters as there."""
     alone = 1.0 / np.asarray(visits, float)
     outside = np.asarray(inward) - INWARD
     single = math.log(law.blind_margin) + law.blind_inward * outside
     stack = math.log(law.stack_margin) + law.stack_inward * outside
-    harder = law.blind_tails * np.asarray(tails) * alone**law.blind_visits + alone * single + (1.0 - alone) * stack
-    blind = np.exp(harder)
-    return np.where(np.asarray(at_place, bool), np.minimum(law.known_margin, blind), blind)
+    slope, calm = law.blind_tails * alone**law.blind_visits, alone * single + (1.0 - alone) * stack
+    known = np.where(np.asarray(at_place, bool), law.known_margin, np.inf)
+    return lambda tails: np.minimum(known, np.exp(slope * tails + calm))
 
 
 def detection_probability(
@@ -324,7 +332,7 @@ def tail_share(
     """
     metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
     width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
-    share = error_light_share(metrics, drift, separation_arcsec, width, ratio, visit_s)
+    share = error_light_share(metrics, drift, separation_arcsec, width, ratio, visit_s, model.timing)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.sqrt(share * noise.terms["speckle"] / noise.quiet)
 
@@ -335,6 +343,23 @@ class Chances:
 
     blind: FloatArray
     known_place: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        law: DetectionLaw,
+        margin: FloatArray,
+        tails: FloatArray,
+        inward: FloatArray,
+        visits: ArrayLike,
+        motion: ArrayLike = 1.0,
+    ) -> Self:
+        """Return the chances of a law; parameters as of `detection_probability` and `visit_chances`."""
+        settings: dict[str, Any] = {"tails": np.nan_to_num(tails), "inward": inward}
+        settings |= {"visits": visits, "calibration": law.calibration}
+        blind = margin / np.asarray(motion, float)
+        found = (detection_probability(law, *of, **settings) for of in ((blind, False), (margin, True)))
+        return cls(*(np.broadcast_to(chance, blind.shape) for chance in found))
 
 
 def visit_chances(
@@ -369,9 +394,6 @@ def visit_chances(
     law, margins = law_of(model, band), np.asarray(margin, float)
     if law is None:
         return Chances(*np.full((2, *margins.shape), np.nan))
-    tails = np.nan_to_num(tail_share(model, band, separation_arcsec, visit_s, noise))
+    tails = tail_share(model, band, separation_arcsec, visit_s, noise)
     inward = model.metrics[band].lambda_d_arcsec / np.asarray(separation_arcsec, float)
-    settings: dict[str, Any] = {"tails": tails, "inward": inward, "visits": visits, "calibration": law.calibration}
-    blind = margins / np.asarray(motion, float)
-    chances = (detection_probability(law, *of, **settings) for of in ((blind, False), (margins, True)))
-    return Chances(*(np.broadcast_to(chance, blind.shape) for chance in chances))
+    return Chances.of(law, margins, tails, inward, visits, motion)

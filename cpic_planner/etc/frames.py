@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray
-from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.camera import FrameCamera, best_gain
 from cpic_planner.etc.photon_counting import CountingLight
-from cpic_planner.etc.searches import CaseArrays, best_gain, first_root, lowest
+from cpic_planner.etc.searches import CaseArrays, first_root, lowest, taken
 from simulator.detectors import frame_variance_e2, frames_per_clean, noise_factor2
 from simulator.signal import largest_gain, longest_exposure_s
 
@@ -55,6 +55,8 @@ class FrameProblem(CaseArrays):
         Fixed gain.
     counting : CountingLight, optional
         Photons are counted at the largest gain instead of measured.
+    best_s : ndarray, optional
+        Exposure of most SNR per time, where it is known.
     """
 
     alpha_e_s: FloatArray
@@ -72,6 +74,7 @@ class FrameProblem(CaseArrays):
     camera: FrameCamera
     em_gain: float | None = None
     counting: CountingLight | None = None
+    best_s: FloatArray | None = None
 
     def fixed_gain(self) -> float | None:
         """Gain that is not to be chosen; counting uses the largest one."""
@@ -149,6 +152,9 @@ def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
     camera = problem.camera
     longest = problem.longest_s()
     usable = (longest >= camera.exposure_min_s * (1.0 - _ROUNDING)) & (problem.signal_e_s > 0)
+    if problem.best_s is not None:
+        t = np.array(problem.best_s)
+        return t, np.where(usable, problem.frame_noise(t)[0] * (t + camera.readout_s), np.inf)
     low = np.full(longest.shape, camera.exposure_min_s)
     high = np.maximum(longest, low)
 
@@ -181,7 +187,8 @@ def peak_visit_s(problem: FrameProblem, cost: FloatArray, elasticity: float = 0.
 
 def _slope(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArray) -> FloatArray:
     """``d ln h / d ln v`` of a whole number of frames, by a central difference."""
-    after, before = (problem.inverse_snr2(exposure_s * factor, n_frames) for factor in (1.0 + _STEP, 1.0 - _STEP))
+    steps = np.array([1.0 + _STEP, 1.0 - _STEP]).reshape((2,) + (1,) * exposure_s.ndim)
+    after, before = problem.inverse_snr2(exposure_s * steps, n_frames)
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = (np.log(after) - np.log(before)) / (2.0 * _STEP) * (1.0 + problem.camera.readout_s / exposure_s)
     # Beyond the light that can be counted nothing pays.
@@ -250,10 +257,24 @@ def best_in_visit(
         t = _paying_exposure_s(wide, frames, top, np.broadcast_to(np.maximum(longest, shortest), top.shape))
     value = wide.inverse_snr2(t, frames)
     chosen = _pick(problem, t, frames, np.where(feasible, value, np.inf), value)
-    stopped = (chosen.n_frames > 0) & (chosen.visit_s < visit * (1.0 - 1e-9)) & (chosen.exposure_s < longest)
-    if whole or not quickest or not stopped.any():
+    return chosen if whole or not quickest else shortened(problem, chosen, visit)
+
+
+def shortened(problem: FrameProblem, chosen: FrameChoice, visit_s: FloatArray) -> FrameChoice:
+    """Return frames that reach as much as chosen ones in the least time: the inverse question has the same answer.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    chosen : FrameChoice
+        Best frames in a visit.
+    visit_s : ndarray
+        Its length.
+    """
+    short = (chosen.n_frames > 0) & (chosen.visit_s < visit_s * (1.0 - 1e-9))
+    stopped = short & (chosen.exposure_s < problem.longest_s())
+    if not stopped.any():
         return chosen
-    # The inverse question has the same answer.
     again = least_time(problem.at(stopped), 1.0 / np.sqrt(chosen.inverse_snr2[stopped]))
     use = (again.n_frames > 0) & (again.visit_s <= chosen.visit_s[stopped])
     for name in FrameChoice.__dataclass_fields__:
@@ -368,12 +389,8 @@ def solve_together(
 
 def _pick(problem: FrameProblem, t: FloatArray, n: FloatArray, rank: FloatArray, value: FloatArray) -> FrameChoice:
     """Along the first axis the candidate of least rank, of exposures ``t`` and numbers of frames ``n``."""
-    best = np.argmin(rank, axis=0)[None]
-
-    def take(array: FloatArray) -> FloatArray:
-        return np.asarray(np.take_along_axis(array, best, axis=0)[0])
-
-    t, n = take(t), np.where(np.isfinite(take(rank)), take(n), 0.0)
+    best = np.argmin(rank, axis=0)
+    t, n = taken(t, best), np.where(np.isfinite(taken(rank, best)), taken(n, best), 0.0)
     gain = problem.frame_noise(t)[1]
     visit = n * (t + problem.camera.readout_s)
-    return FrameChoice(t, n, gain, visit, np.where(n > 0, take(value), np.inf))
+    return FrameChoice(t, n, gain, visit, np.where(n > 0, taken(value, best), np.inf))

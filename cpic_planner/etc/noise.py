@@ -273,7 +273,12 @@ def _throughput_loss(rates: ApertureRates) -> float:
 
 def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
     """Named arrays of one shape, that of all of them and of the others."""
-    return dict(zip(values, np.broadcast_arrays(*values.values(), *others), strict=False))
+    arrays = [np.asarray(value) for value in values.values()]
+    shape = np.broadcast(*arrays, *others).shape
+    return {
+        name: array if array.shape == shape else np.broadcast_to(array, shape)
+        for name, array in zip(values, arrays, strict=True)
+    }
 
 
 def _residual(rates: ApertureRates, level: FloatArray | float, programme: Programme) -> list[FloatArray]:

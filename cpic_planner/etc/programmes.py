@@ -10,13 +10,13 @@ in on it. In the middle of the valley, with as many references and no walk, a vi
 the residual of one visit. Frames need not be whole in this search.
 """
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray
-from cpic_planner.etc.cases import BandCases, FixedFrames, Wanted, band_cases
+from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
@@ -24,14 +24,14 @@ from cpic_planner.etc.frames import (
     best_in_visit,
     least_time,
     peak_visit_s,
+    shortened,
     smooth_least_visit_s,
 )
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme, Span
 from cpic_planner.etc.noise import Objective
-from cpic_planner.etc.planet import Planets
-from cpic_planner.etc.searches import around_lowest, lowest_whole
+from cpic_planner.etc.searches import around_lowest, lowest_whole, taken
+from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import MAX_VISITS
-from cpic_planner.targets import Targets
 
 _LEVEL_STEPS, _SAME = 60, 1e-10
 _ROUNDS, _POINTS = 3, 18
@@ -39,8 +39,9 @@ _STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3
 _SHORT, _BEYOND, _LONGEST_S = 0.98, (1.03, 1.04), 1e15
 
 
-Level = Callable[[Programme, FrameProblem, FloatArray, FloatArray], FloatArray]
-"""SNR or significance to reach, of a programme, its problem, the length of its visits (s), and ``1 / SNR^2`` there."""
+Level = Callable[[Programme, FrameProblem], Callable[[FloatArray, FloatArray], FloatArray]]
+"""SNR or significance to reach of a programme and its problem, for lengths of its visits (s) and ``1 / SNR^2`` there.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +56,14 @@ class Programmes:
         Problem of the frames of a programme, whose arrays may have one more axis in front than the cases.
     level : callable
         Level to reach.
+    steady : bool
+        Whether that is the same for all programmes.
     """
 
     model: EtcModel
     problem: Callable[[Programme], FrameProblem]
     level: Level
+    steady: bool = False
 
     def best_in_time(self, time_s: ArrayLike) -> FloatArray:
         """Return the numbers of visits that come nearest to the level, or most above it, in a wall time.
@@ -142,7 +146,7 @@ class Programmes:
             low, high = np.where(enough, low, middle), np.where(enough, middle, high)
         return np.where(possible, high, np.inf)
 
-    @property
+    @functools.cached_property
     def _exposure_s(self) -> FloatArray:
         """Exposures of most SNR per time, which depend little on the programme."""
         return best_exposure_s(self.problem(ONE_VISIT))[0]
@@ -161,7 +165,7 @@ class Programmes:
         visit = np.minimum(visit, peak_visit_s(problem, cost))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             inverse = np.where(possible & np.isfinite(cost), cost / visit + problem.residual(visit), np.inf)
-            return inverse * self.level(programme, problem, visit, inverse) ** 2, visit
+            return inverse * self.level(programme, problem)(visit, inverse) ** 2, visit
 
     def _solved(self, visits: FloatArray, best_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         drift, wall_s = self.model.instrument.drift, np.array(np.inf)
@@ -184,15 +188,19 @@ class Programmes:
 
         White noise alone falls with the slope -1, which no step overshoots.
         """
+        wanted = self.level(programme, problem)
+        if self.steady:
+            most = wanted(np.ones_like(cost), np.zeros_like(cost))
+            return smooth_least_visit_s(problem, most, cost), most
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
 
             def excess(log_visit: FloatArray) -> tuple[FloatArray, FloatArray]:
                 visit = np.exp(log_visit)
                 inverse = cost / visit + problem.residual(visit)
-                level = self.level(programme, problem, visit, inverse)
+                level = wanted(visit, inverse)
                 return np.log(inverse) + 2.0 * np.log(level), level
 
-            least = self.level(programme, problem, np.ones_like(cost), np.full(cost.shape, np.inf))
+            least = wanted(np.ones_like(cost), np.full(cost.shape, np.inf))
             x = np.log(cost * least**2)
             solvable = np.isfinite(x)
             x = np.where(solvable, x, 0.0)
@@ -207,7 +215,7 @@ class Programmes:
                 x, f = new, g
             visit = np.where(solvable & (f < 1e-8), np.exp(x), np.inf)
             # At a known place the level stops growing: longer ones may reach it.
-            most = self.level(programme, problem, np.ones_like(cost), np.zeros_like(cost))
+            most = wanted(np.ones_like(cost), np.zeros_like(cost))
             longer = np.where(np.isfinite(visit), visit, smooth_least_visit_s(problem, most, cost))
             there = np.where(np.isfinite(longer), longer, np.exp(x))
             missed, at_end = excess(np.log(there))  # of longer ones the level of a search over orbits is higher
@@ -231,33 +239,38 @@ class Found:
     choice: FrameChoice
     level: FloatArray
 
+    def taken(self, index: NDArray[np.int_]) -> "Found":
+        """Return one element of the first axis of every case."""
+
+        def take(array: FloatArray) -> FloatArray:
+            return taken(np.broadcast_to(array, self.level.shape), index)
+
+        programme, problem = self.programme._combined(take), self.problem._combined(take)
+        return Found(self.group, programme, problem, self.choice._combined(take), take(self.level))
+
 
 @dataclass(frozen=True, eq=False)
 class Group:
     """Cases of bands of one camera, which are solved at once; arrays ``(..., n_band, n_star, n_planet)``."""
 
     model: EtcModel
-    cases: list[BandCases]
+    cases: CameraCases
     objective: Objective
     value: float | None
     wanted: Wanted
 
     @property
     def _shape(self) -> tuple[int, ...]:
-        return (len(self.cases), *self.cases[0].contrast.shape)
+        return self.cases.contrast.shape
 
     def problem(self, programme: Programme, contrast: FloatArray | None = None) -> FrameProblem:
         """Return the problem of a programme, for the cases' own contrasts or given ones."""
-        parts = [
-            cases.problem(self.objective, None if contrast is None else contrast[i], of_band(programme, i))
-            for i, cases in enumerate(self.cases)
-        ]
-        return FrameProblem.stacked(parts, axis=-3)
+        return self.cases.problem(self.objective, contrast, programme)
 
-    @property
+    @functools.cached_property
     def programmes(self) -> Programmes:
         """All programmes of the cases."""
-        return Programmes(self.model, self.problem, self.wanted)
+        return Programmes(self.model, self.problem, self.wanted, self.wanted.steady)
 
     def visits_in(self, span: Span) -> FloatArray:
         """Return the given number of visits, or the best ones in the time."""
@@ -289,20 +302,24 @@ class Group:
         """Level that chosen frames have to reach; of frames that there are none of, as if visits were short."""
         some = choice.n_frames >= 1
         visit, inverse = np.where(some, choice.visit_s, 1.0), np.where(some, choice.inverse_snr2, np.inf)
-        return self.wanted(programme, problem, visit, inverse)
+        return self.wanted(programme, problem)(visit, inverse)
 
     def in_time(self, visits: FloatArray, span: Span, exact: bool) -> Found:
         """Return the best frames of a programme in its time; of a chosen number of visits, the best of those beside."""
         assert span.time_s is not None
         if span.visits is None:
-            near = np.stack([np.ones_like(visits), *(np.clip(visits + step, 1, MAX_VISITS) for step in (-1, 0, 1))])
-            programme, problem, visit_s = self.spread(near, span.time_s)
-            choice = best_in_visit(problem, visit_s, whole=exact, quickest=False)
-            missed = choice.inverse_snr2 * self.level_of(programme, problem, choice) ** 2
-            visits = _taken(near, np.argmin(np.where(visit_s > 0, missed, np.inf), axis=0))
+            visits = np.stack(_beside(visits))
         programme, problem, visit_s = self.spread(visits, span.time_s)
-        choice = best_in_visit(problem, visit_s, whole=exact)
-        return Found(self, programme, problem, choice, self.level_of(programme, problem, choice))
+        choice = best_in_visit(problem, visit_s, whole=exact, quickest=False)
+        found = Found(self, programme, problem, choice, self.level_of(programme, problem, choice))
+        if span.visits is None:
+            missed = np.where(visit_s > 0, choice.inverse_snr2 * found.level**2, np.inf)
+            index = np.argmin(missed, axis=0)
+            found, visit_s = found.taken(index), taken(visit_s, index)
+        if exact:
+            return found
+        choice = shortened(found.problem, found.choice, visit_s)
+        return replace(found, choice=choice, level=self.level_of(found.programme, found.problem, choice))
 
     def spread(self, visits: FloatArray, time_s: float) -> tuple[Programme, FrameProblem, FloatArray]:
         """Programmes of so many visits in a time, with the length of their science visits."""
@@ -320,12 +337,12 @@ class Group:
         if span.visits is not None:
             return self.at_level(np.full(self._shape, float(span.visits)))
         best = every.quickest()
-        near = np.stack([np.ones_like(best), *(np.clip(best + step, 1, MAX_VISITS) for step in (-1, 0, 1))])
+        near = np.stack([*_beside(best), np.full_like(best, MAX_VISITS)])
         found = self.at_level(near)
         cost = np.where(found.choice.n_frames >= 1, near * model.time_s(found.choice.visit_s), np.inf)
         # Where none reaches it, as many visits as there may be say what forbids it.
-        last = np.where(np.isfinite(cost).any(axis=0), _taken(near, np.argmin(cost, axis=0)), float(MAX_VISITS))
-        return self.at_level(last)
+        cost[-1] = _LONGEST_S
+        return found.taken(np.argmin(cost, axis=0))
 
     def _in_visits(self, visits: FloatArray, visit_time_s: float) -> Found:
         """Programmes of the fewest visits of one length that reach the level, of whole frames: one more at most."""
@@ -345,9 +362,12 @@ class Group:
     def at_level(self, visits: FloatArray) -> Found:
         """Return the quickest frames of so many visits that reach the level, which may depend on them."""
         model, last = self.model, None
-        visit_s, level = self.programmes.solved(visits)
-        wall_s, steady = model.time_s(visit_s), self.wanted.steady
-        steady &= model.instrument.drift.correlation_time_h == 0.0
+        steady = self.wanted.steady and model.instrument.drift.correlation_time_h == 0.0
+        if steady:
+            wall_s, level = np.array(np.inf), np.broadcast_to(self.wanted.level, visits.shape)
+        else:
+            visit_s, level = self.programmes.solved(visits)
+            wall_s = model.time_s(visit_s)
         for _ in range(_LEVEL_STEPS):
             programme = Programme.of(model.strategy, visits, wall_s)
             problem = self.problem(programme)
@@ -368,33 +388,6 @@ class Group:
         return Found(self, programme, problem, choice, level)
 
 
-def of_band(programme: Programme, index: int) -> Programme:
-    """One band of programmes ``(..., n_band, n_star, n_planet)``; what is the same for all bands stays."""
-    return programme._combined(lambda array: array[..., index, :, :] if array.ndim > 2 else array)
-
-
-def _taken(array: FloatArray, index: NDArray[np.int_]) -> FloatArray:
-    """Elements of the first axis."""
-    return np.asarray(np.take_along_axis(array, index[None], axis=0)[0])
-
-
-def groups_of(
-    model: EtcModel,
-    target: Targets,
-    bands: Sequence[str] | None,
-    planets: Planets,
-    fixed: FixedFrames,
-    objective: Objective,
-    value: float | None,
-) -> list[Group]:
-    """Cases of every camera."""
-    if len(target) < 1:
-        raise InputError("target", len(target), allowed="at least one star")
-    every = [band_cases(model, target, band, planets, fixed) for band in model.named(bands)]
-    alike = [[one for one in every if one.camera == camera] for camera in dict.fromkeys(one.camera for one in every)]
-    groups = []
-    for cases in alike:
-        wanted = Wanted.of(cases, value)
-        solvable = replace(wanted, level=np.where(np.isfinite(wanted.level), wanted.level, 1.0))
-        groups.append(Group(model, cases, objective, value, solvable))
-    return groups
+def _beside(visits: FloatArray) -> list[FloatArray]:
+    """One visit, and numbers of visits as they are, one less and one more."""
+    return [np.ones_like(visits), *(np.clip(visits + step, 1.0, MAX_VISITS) for step in (-1, 0, 1))]

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, InputError
-from cpic_planner.etc.cases import FixedFrames
+from cpic_planner.etc.cases import FixedFrames, band_cases
 from cpic_planner.etc.frames import FrameChoice, best_in_visit
 from cpic_planner.etc.model import EtcModel, Programme, Span, check_range
 from cpic_planner.etc.noise import Objective
-from cpic_planner.etc.planet import planets_of
-from cpic_planner.etc.programmes import Found, Group, Programmes, groups_of, of_band
+from cpic_planner.etc.planet import Planets, planets_of
+from cpic_planner.etc.programmes import Found, Group, Programmes
 from cpic_planner.etc.solved import Solved
+from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.results import EtcAnswer, Question
 from cpic_planner.targets import Targets
@@ -81,13 +82,13 @@ def signal_to_noise(
     """
     span = Span.of(model, time_s, visit_time_s)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
-    parts = []
+    parts: dict[str, list[EtcAnswer]] = {}
     for group in groups_of(model, target, bands, planets, fixed, "snr", 1.0):
         visits = group.visits_in(span)
         solved = group.in_time(visits, span, exact)
         with np.errstate(divide="ignore"):
             value = 1.0 / np.sqrt(solved.choice.inverse_snr2)
-        parts += _parts(solved, "signal_to_noise", value, span)
+        parts |= _answers(solved, "signal_to_noise", value, span)
     return _in_order(parts, model.named(bands), len(target), len(planets))
 
 
@@ -141,11 +142,11 @@ def exposure_time(
     span = Span.of(model, None, visit_time_s, asked=True)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
     objective: Objective = "significance" if snr is None else "snr"
-    parts = []
+    parts: dict[str, list[EtcAnswer]] = {}
     for group in groups_of(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
         solved = group.for_level(span)
         wall_s = solved.programme.visits * model.time_s(solved.choice.visit_s)
-        parts += _parts(solved, "exposure_time", wall_s, span)
+        parts |= _answers(solved, "exposure_time", wall_s, span)
     return _in_order(parts, model.named(bands), len(target), len(planets))
 
 
@@ -188,12 +189,35 @@ def contrast_limit(
     span = Span.of(model, time_s, visit_time_s)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, None, _START)
     objective: Objective = "significance" if snr is None else "snr"
-    parts = []
+    parts: dict[str, list[EtcAnswer]] = {}
     for group in groups_of(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
         solved, contrast = _limit(group, span, exact)
         limit = np.where(contrast < 1.0, contrast, math.inf)
-        parts += _parts(solved, "contrast_limit", limit, span)
+        parts |= _answers(solved, "contrast_limit", limit, span)
     return _in_order(parts, model.named(bands), len(target), len(planets))
+
+
+def groups_of(
+    model: EtcModel,
+    target: Targets,
+    bands: Sequence[str] | None,
+    planets: Planets,
+    fixed: FixedFrames,
+    objective: Objective,
+    value: float | None,
+) -> list[Group]:
+    """Cases of every camera."""
+    if len(target) < 1:
+        raise InputError("target", len(target), allowed="at least one star")
+    every = [band_cases(model, target, band, planets, fixed) for band in model.named(bands)]
+    alike = [[one for one in every if one.camera == camera] for camera in dict.fromkeys(one.camera for one in every)]
+    groups = []
+    for same in alike:
+        cases = CameraCases.of(same)
+        wanted = cases.search if value is None else Wanted.of(cases, value)
+        solvable = replace(wanted, level=np.where(np.isfinite(wanted.level), wanted.level, 1.0))
+        groups.append(Group(model, cases, objective, value, solvable))
+    return groups
 
 
 def _limit(group: Group, span: Span, exact: bool) -> tuple[Found, FloatArray]:
@@ -211,10 +235,7 @@ def _limit(group: Group, span: Span, exact: bool) -> tuple[Found, FloatArray]:
         contrast, choice = _limits(group, programme, visit_s, exact)
     # Beyond contrast 1 there is no planet: refused below.
     ratio = np.minimum(contrast, 1.0)
-    shown = [
-        replace(cases, contrast=one, rates=cases.rates_at(one)) for cases, one in zip(group.cases, ratio, strict=True)
-    ]
-    there, problem = replace(group, cases=shown), group.problem(programme, ratio)
+    there, problem = replace(group, cases=group.cases.of_contrast(ratio)), group.problem(programme, ratio)
     level = group.level_of(programme, problem, choice)
     stopped = (choice.n_frames > 0) & (choice.visit_s < longest_s * (1.0 - 1e-9))
     if np.any(stopped) and not exact:
@@ -253,24 +274,23 @@ def _limits(group: Group, programme: Programme, visit_s: FloatArray, whole: bool
     return np.where(np.isfinite(f) & (f < 1e-9), np.exp(x), math.inf), choice
 
 
-def _parts(found: Found, question: Question, value: FloatArray, span: Span) -> list[Solved]:
-    """The programmes and frames that answer a question, band by band."""
-    group, parts = found.group, []
-    for i, cases in enumerate(group.cases):
-        solved = found.problem.at(i), found.choice.at(i)
-        level = None
-        if question != "signal_to_noise":
-            undefined = (group.value is None) & ~np.isfinite(cases.threshold)
-            level = np.where(undefined, math.inf, found.level[i])
-        own, by_snr = replace(cases, programme=of_band(found.programme, i)), group.objective == "snr"
-        searched = question == "exposure_time" and group.value is None
-        parts.append(Solved(own, *solved, question, value[i], span, level, by_snr, searched))
-    return parts
+def _answers(found: Found, question: Question, value: FloatArray, span: Span) -> dict[str, list[EtcAnswer]]:
+    """Answers of the programmes and frames that were found, band by band, planets within stars."""
+    group, level = found.group, None
+    if question != "signal_to_noise":
+        undefined = (group.value is None) & ~np.isfinite(group.cases.threshold)
+        level = np.where(undefined, math.inf, found.level)
+    cases, by_snr = group.cases.in_programme(found.programme), group.objective == "snr"
+    searched = question == "exposure_time" and group.value is None
+    answers = Solved(cases, found.problem, found.choice, question, value, span, level, by_snr, searched).answers()
+    each = len(answers) // len(cases.bands)
+    return {one.band: answers[i * each : (i + 1) * each] for i, one in enumerate(cases.bands)}
 
 
-def _in_order(parts: Sequence[Solved], bands: Sequence[str], n_stars: int, n_planets: int) -> list[EtcAnswer]:
+def _in_order(
+    by_band: dict[str, list[EtcAnswer]], bands: Sequence[str], n_stars: int, n_planets: int
+) -> list[EtcAnswer]:
     """From bands x (stars x planets) to stars x bands x planets."""
-    by_band = {part.cases.band: part.answers() for part in parts}
     rows = [slice(star * n_planets, (star + 1) * n_planets) for star in range(n_stars)]
     return [answer for row in rows for band in bands for answer in by_band[band][row]]
 

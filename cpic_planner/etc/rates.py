@@ -157,8 +157,8 @@ def aperture_rates(
     sky = sky.reshape(sky.shape + (1,) * (dims - 1))
     companion = _companions(model, targets, band, x, y)
     halo = star * metrics.halo_aperture(x, y)
-    exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis, x, y)
     area, core = metrics.aperture_pixels, metrics.core_throughput(x, y)
+    exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis, x, y, core)
     dark = np.full((1,) * dims, model.camera(band).dark_e_s * area)
     width, ratio_of_lengths = strategy.annulus_lambda_d, strategy.reference_ratio
     law = programme_law(metrics, instrument.drift, separation, width, ratio_of_lengths, model.timing)

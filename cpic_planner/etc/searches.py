@@ -1,24 +1,25 @@
-"""Many cases at once: their arrays, least values and first roots of functions of one argument, the gain of least noise.
+"""Many cases at once: their arrays, least values and first roots of functions of one argument.
 
-Functions are searched in the logarithm of their argument. A frame has the variance ``F^2(g) A + B / g^2``, so that the
-best gain depends on ``u = B / A`` and on the largest gain alone. ``F^2`` rises from 1 to a broad top (1.98 near gain
-300 of 604 stages) and falls a little beyond it, so there can be two minima: one where reading is beaten, one at the
-largest gain.
+Functions are searched in the logarithm of their argument.
 """
 
-import functools
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
 from cpic_core import FloatArray, NDArray
-from simulator.detectors import frame_variance_e2, noise_factor2
 
-_COARSE, _FINE, _ROUNDS = 24, 17, 6
+_COARSE = 24
+_BITS, _FEW_CASES, _MANY_CASES = 18, 16, 300
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _NUDGE = 1e-7
+_AT_ONCE = 2000
 _MAX_STEPS = 200
+_ULPS = 8e-16
+# A root is often just above its lower bracket, where the function falls with a slope of some -1.
+_START = 3.0
 
 
 class CaseArrays:
@@ -96,8 +97,8 @@ def lowest(
     Notes
     -----
     The upper bound is where saturation or the visit ends, and nearly always the answer: it is taken where the function
-    still falls there and no point of a grid lies below it. The others are searched on grids that close in on the lowest
-    point, to some 3e-6 of it.
+    still falls there and no point of a grid lies below it. The others are closed in on from the lowest point of the
+    grid, to some 3e-6 of it.
     """
     at_high = function(problem, high, *more)
     falling = (function(problem, np.maximum(high * (1.0 - _NUDGE), low), *more) >= at_high) & np.isfinite(at_high)
@@ -113,21 +114,55 @@ def lowest(
     part, others = problem.at(search), [array[search] for array in more]
     lo, hi = low[search], high[search]
     if coarse:
-        lo = np.take_along_axis(grid, np.maximum(k - 1, 0)[None], axis=0)[0][search]
-        hi = np.take_along_axis(grid, np.minimum(k + 1, _COARSE - 1)[None], axis=0)[0][search]
-    share = np.linspace(0.0, 1.0, _FINE)
-    for _ in range(_ROUNDS if coarse else _ROUNDS + 1):
-        fine = _between(lo, hi, share)
-        found = function(part, fine, *others)
-        j = np.argmin(np.where(np.isnan(found), np.inf, found), axis=0)
-        lo = np.take_along_axis(fine, np.maximum(j - 1, 0)[None], axis=0)[0]
-        hi = np.take_along_axis(fine, np.minimum(j + 1, _FINE - 1)[None], axis=0)[0]
-    best_t = np.take_along_axis(fine, j[None], axis=0)[0]
-    best_value = np.take_along_axis(found, j[None], axis=0)[0]
+        lo = taken(grid, np.maximum(k - 1, 0))[search]
+        hi = taken(grid, np.minimum(k + 1, _COARSE - 1))[search]
+    best_t, best_value = _closed_in(lambda t: function(part, t, *others), lo, hi, _BITS if coarse else _BITS + 3)
     better = best_value < value[search]
     t[search] = np.where(better, best_t, t[search])
     value[search] = np.where(better, best_value, value[search])
     return t, value
+
+
+def _closed_in(
+    function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, bits: int
+) -> tuple[FloatArray, FloatArray]:
+    """Argument of least value in one valley, to ``2^-bits`` of the logarithm of its width, and the value.
+
+    Many cases are searched by golden sections, which take the fewest values; a few cost as much as one, and close in by
+    whole grids.
+    """
+    if low.size >= _MANY_CASES:
+        return _golden(function, np.log(low), np.log(high), math.ceil(bits * math.log(2.0) / -math.log(_GOLDEN)))
+    step = 6 if low.size < _FEW_CASES else 3
+    share = np.linspace(0.0, 1.0, 2 ** (step + 1) + 1)
+    for _ in range(math.ceil(bits / step)):
+        fine = _between(low, high, share)
+        found = function(fine)
+        j = np.argmin(np.where(np.isnan(found), np.inf, found), axis=0)
+        low, high = taken(fine, np.maximum(j - 1, 0)), taken(fine, np.minimum(j + 1, len(share) - 1))
+    return taken(fine, j), taken(found, j)
+
+
+def _golden(
+    function: Callable[[FloatArray], FloatArray], a: FloatArray, b: FloatArray, steps: int
+) -> tuple[FloatArray, FloatArray]:
+    """`_closed_in` between logarithms."""
+
+    def value(x: FloatArray) -> FloatArray:
+        found = function(np.exp(x))
+        return np.where(np.isnan(found), np.inf, found)
+
+    left, right = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
+    at_left, at_right = value(left), value(right)
+    for _ in range(steps):
+        down = at_left <= at_right
+        a, b = np.where(down, a, left), np.where(down, right, b)
+        new = np.where(down, b - _GOLDEN * (b - a), a + _GOLDEN * (b - a))
+        there = value(new)
+        left, right = np.where(down, new, right), np.where(down, left, new)
+        at_left, at_right = np.where(down, there, at_right), np.where(down, at_left, there)
+    down = at_left <= at_right
+    return np.exp(np.where(down, left, right)), np.where(down, at_left, at_right)
 
 
 def _between(low: FloatArray, high: FloatArray, share: FloatArray) -> FloatArray:
@@ -164,11 +199,47 @@ def around_lowest(grid: FloatArray, values: FloatArray) -> tuple[FloatArray, Flo
     grid, values : ndarray
         NaN is never least.
     """
-    k = np.argmin(np.where(np.isnan(values), np.inf, values), axis=0)[None]
+    k = np.argmin(np.where(np.isnan(values), np.inf, values), axis=0)
     wide = np.broadcast_to(grid, values.shape)
-    last = len(grid) - 1
-    before, best, after = (np.take_along_axis(wide, np.clip(k + step, 0, last), axis=0)[0] for step in (-1, 0, 1))
-    return before, best, after
+    return taken(wide, np.maximum(k - 1, 0)), taken(wide, k), taken(wide, np.minimum(k + 1, len(grid) - 1))
+
+
+def taken(array: FloatArray, index: NDArray[np.int_]) -> FloatArray:
+    """Return one element of the first axis for every case.
+
+    Parameters
+    ----------
+    array : ndarray
+    index : ndarray of int
+        Of the shape of the other axes.
+    """
+    flat = array.reshape(len(array), -1)[index.reshape(-1), np.arange(index.size)]
+    return np.asarray(flat.reshape(index.shape))
+
+
+def last_true(condition: Callable[[FloatArray], NDArray[np.bool_]], shape: tuple[int, ...], bits: int) -> FloatArray:
+    """Return the largest whole multiple of ``2^-bits`` below 1 at which a condition holds that holds up to some number.
+
+    Parameters
+    ----------
+    condition : callable
+        Of numbers with one more axis in front than ``shape``.
+    shape : tuple of int
+    bits : int
+
+    Returns
+    -------
+    ndarray
+        0 where it holds nowhere else; whether it does there is not asked.
+    """
+    found, left = np.zeros(shape), bits
+    while left:
+        # As many at once as cost little more than one.
+        step = min(left, max(1, int(np.log2(_AT_ONCE / max(found.size, 1)))) if found.size < _AT_ONCE else 1)
+        left -= step
+        points = np.arange(1.0, 2.0**step).reshape((-1,) + (1,) * len(shape)) * 2.0 ** (left - bits)
+        found = found + np.count_nonzero(condition(found + points), axis=0) * 2.0 ** (left - bits)
+    return found
 
 
 def first_root(
@@ -217,7 +288,11 @@ def first_root(
             break
         with np.errstate(invalid="ignore", divide="ignore"):
             x = b - fb * (b - a) / (fb - fa)
-        x = np.where((x > a) & (x < b) & (step % 4 != 3), x, 0.5 * (a + b))
+        # A root that rounding puts on an end is a few roundings inside of it, not halfway to the other one.
+        within = np.minimum(_ULPS * np.maximum(np.abs(b), 1.0), 0.25 * (b - a))
+        if step == 0:
+            x = a + _START * fa
+        x = np.where((x >= a) & (x <= b) & (step % 4 != 3), np.clip(x, a + within, b - within), 0.5 * (a + b))
         fx = np.log(function(part, np.exp(x), *others))
         right = fx <= 0.0
         move_a, move_b = ~right & ~done, right & ~done
@@ -228,103 +303,3 @@ def first_root(
         last = np.where(right, 1, -1)
     t[mask] = np.where(at_low, low[mask], np.minimum(np.exp(b), high[mask]))
     return t
-
-
-_N_RATIOS, _N_GAINS = 3000, 300
-_STEP = 1e-4
-_BISECTIONS = 45
-
-
-@dataclass(frozen=True, eq=False)
-class GainTable:
-    """Logarithms of the best gains for logarithms of ``B / A``.
-
-    ``near`` is the first minimum of the variance, ``far`` the largest gain where that has less, else ``near``.
-    """
-
-    log_ratio: FloatArray
-    near: FloatArray
-    far: FloatArray
-    stages: int
-
-
-@functools.lru_cache(maxsize=16)
-def gain_table(gain_max: float, stages: int) -> GainTable:
-    """Return a table of the best gains of a register.
-
-    Parameters
-    ----------
-    gain_max : float
-        Largest gain, above 1.
-    stages : int
-        Of the register.
-    """
-    log_ratio = np.linspace(np.log(0.1), np.log(1e8), _N_RATIOS)
-    ratio, top = np.exp(log_ratio), np.log(gain_max)
-
-    def variance(log_gain: FloatArray) -> FloatArray:
-        result: FloatArray = noise_factor2(np.exp(log_gain), stages) + ratio * np.exp(-2.0 * log_gain)
-        return result
-
-    def rises(log_gain: FloatArray) -> NDArray[np.bool_]:
-        return variance(log_gain + _STEP) > variance(log_gain - _STEP)
-
-    grid = np.linspace(0.0, top, _N_GAINS)
-    on_grid = noise_factor2(np.exp(grid), stages)[:, None] + ratio * np.exp(-2.0 * grid)[:, None]
-    # First minimum: where the variance first rises; the largest gain where it never does.
-    rising = np.diff(on_grid, axis=0) > 0
-    k = np.where(rising.any(axis=0), rising.argmax(axis=0), _N_GAINS - 1)
-    low, high = grid[np.maximum(k - 1, 0)], grid[np.minimum(k + 1, _N_GAINS - 1)]
-    first = np.where(k == 0, 0.0, np.where(k == _N_GAINS - 1, top, _switch(rises, low, high)))
-    far = np.where(variance(np.full(_N_RATIOS, top)) < variance(first), top, first)
-    return GainTable(log_ratio, first, far, stages)
-
-
-def _switch(true: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, high: FloatArray) -> FloatArray:
-    """Where a condition that holds from some point on becomes true, by bisection; ``low`` where it holds at once."""
-    at_low = true(low)
-    a, b = low.copy(), high.copy()
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (a + b)
-        yes = true(middle)
-        a, b = np.where(yes, a, middle), np.where(yes, middle, b)
-    return np.where(at_low, low, b)
-
-
-def best_gain(
-    light_variance_e2: FloatArray, read_variance_e2: FloatArray, gain_cap: FloatArray, gain_max: float, stages: int
-) -> tuple[FloatArray, FloatArray]:
-    """Gain of least variance up to a cap, and that variance.
-
-    Parameters
-    ----------
-    light_variance_e2 : ndarray
-        ``A``: variance of a frame that the register multiplies, at ``F^2 = 1``.
-    read_variance_e2 : ndarray
-        ``B``: variance added at the output.
-    gain_cap : ndarray
-        Largest gain that saturates nothing; below 1 there is none, and gain 1 is returned for the caller to refuse.
-    gain_max : float
-        Largest gain of the register.
-    stages : int
-        Stages of the register; 0 for none.
-
-    Returns
-    -------
-    gain, variance : ndarray
-        Exact but for the table between its points.
-    """
-    if stages == 0 or gain_max <= 1.0:
-        return np.ones(np.broadcast(light_variance_e2, gain_cap).shape), light_variance_e2 + read_variance_e2
-    table = gain_table(gain_max, stages)
-    with np.errstate(divide="ignore"):
-        where = np.log(read_variance_e2) - np.log(light_variance_e2)
-    cap = np.maximum(gain_cap, 1.0)
-    gain = np.minimum(np.exp(np.interp(where, table.log_ratio, table.near)), cap)
-    variance = frame_variance_e2(light_variance_e2, noise_factor2(gain, stages), read_variance_e2, gain)
-    other = np.minimum(np.exp(np.interp(where, table.log_ratio, table.far)), cap)
-    if np.any(other > gain):
-        there = frame_variance_e2(light_variance_e2, noise_factor2(other, stages), read_variance_e2, other)
-        better = there < variance
-        gain, variance = np.where(better, other, gain), np.where(better, there, variance)
-    return gain, variance

@@ -8,17 +8,18 @@ import numpy as np
 
 from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc import budget
-from cpic_planner.etc.cases import BandCases, Wanted, effective_of
-from cpic_planner.etc.detection import Chances, law_of, verdict_of, visit_chances
+from cpic_planner.etc.detection import Chances, law_of, verdict_of
 from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.model import Programme, Span
 from cpic_planner.etc.motion import motion_factor, programme_days
 from cpic_planner.etc.noise import StackNoise, own_noise, snr_paper, stack_noise
 from cpic_planner.etc.programmes import Programmes
+from cpic_planner.etc.searches import last_true
+from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import MAX_VISITS
 from cpic_planner.results import DetectionMode, EtcAnswer, Question
-from simulator.signal import frame_limit, programme_parts
+from simulator.signal import frame_limit
 
 _NO_THRESHOLD = "fewer than three resolution elements at this separation: no threshold is defined (give a plain sigma)"
 _MOVES = (
@@ -35,7 +36,7 @@ _UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "cont
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Frames that answer a question in one band, planets within stars.
+    """Frames that answer a question in bands of one camera, planets within stars within bands.
 
     Attributes
     ----------
@@ -54,7 +55,7 @@ class Solved:
         Whether the level is that of a detection.
     """
 
-    cases: BandCases
+    cases: CameraCases
     problem: FrameProblem
     choice: FrameChoice
     question: Question
@@ -65,10 +66,10 @@ class Solved:
     searched: bool = False
 
     def answers(self) -> list[EtcAnswer]:
-        """Return the answers, planets within stars."""
+        """Return the answers, planets within stars within bands."""
         cases, problem, choice, question = self.cases, self.problem, self.choice, self.question
         model, time_s, limit = cases.model, self.span.time_s, question == "contrast_limit"
-        strategy, programme, camera = model.strategy, cases.programme, model.camera(cases.band)
+        strategy, programme, camera = model.strategy, cases.programme, cases.free_camera
         noise = cases.noise(choice)
         factors = budget.remedies(cases, choice, noise)
         setting, ratio = (choice.exposure_s, choice.n_frames, choice.em_gain), strategy.reference_ratio
@@ -94,10 +95,11 @@ class Solved:
         most = _Most.of(cases, problem, lost, self.level if question == "exposure_time" else None)
         still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
         detection = None if limit else _Detection.of(cases, choice, noise, self)
-        unmeasured = strategy.search == "blind" and law_of(model, cases.band) is None
+        unmeasured = strategy.search == "blind" and law_of(model, cases.bands[0].band) is None
         answers = []
         for case in np.ndindex(*cases.contrast.shape):
-            head = cases.head(*case) | {"question": question, "unit": _UNIT[question]}
+            own, place = cases.bands[case[0]], case[1:]
+            head = own.head(*place) | {"question": question, "unit": _UNIT[question]}
             head["contrast"] = None if limit else float(cases.contrast[case])
             level = None if self.level is None else float(self.level[case])
             head["level"] = level if level is not None and math.isfinite(level) else None
@@ -113,7 +115,7 @@ class Solved:
                 answers.append(EtcAnswer(value=None, **head))
                 continue
             if not limit:
-                head["flags"] += cases.planet_notes(*case)
+                head["flags"] += own.planet_notes(*place)
             room = float(left_s[case]) > float(choice.exposure_s[case]) + camera.readout_s  # for another frame
             if time_s is not None and visits[case] * wall[case] < 0.999 * time_s and room:
                 head["flags"] += ("shorter_visit_is_better",)
@@ -123,7 +125,7 @@ class Solved:
                 head["flags"] += ("visits_at_limit",)
             if choice.exposure_s[case] > camera.exposure_max_s * (1.0 + 1e-12):
                 head["flags"] += ("exposure_beyond_max",)
-            if speckle_error_extrapolated(cases.band, head["separation_arcsec"]):
+            if speckle_error_extrapolated(own.band, head["separation_arcsec"]):
                 head["flags"] += ("speckle_error_extrapolated",)
             binding = budget.binding_limits(problem, cases.rates, choice, case)
             value, frames, many = float(self.value[case]), int(choice.n_frames[case]), int(visits[case])
@@ -154,7 +156,7 @@ class Solved:
 
     def _standing(self, most: "_Most", index: tuple[int, ...], level: float | None) -> tuple[Status, Reason, str]:
         """Status of one case, with the reason and a sentence where it is not ok."""
-        place = self.cases.places[index[1]]
+        place = self.cases.bands[index[0]].places[index[2]]
         if place[0] is not Status.OK:
             return place
         if self.question != "contrast_limit" and self.cases.contrast[index] <= 0.0:
@@ -221,7 +223,9 @@ class _Most:
     dark_visit_s: FloatArray
 
     @classmethod
-    def of(cls, cases: BandCases, problem: FrameProblem, lost: NDArray[np.bool_], level: FloatArray | None) -> "_Most":
+    def of(
+        cls, cases: CameraCases, problem: FrameProblem, lost: NDArray[np.bool_], level: FloatArray | None
+    ) -> "_Most":
         parts = np.zeros((7, *lost.shape))
         parts[5:] = np.inf
         if lost.any():
@@ -241,7 +245,7 @@ class _Most:
         return cls(*parts)
 
 
-def programme_floor(cases: BandCases, visits: float) -> FloatArray:
+def programme_floor(cases: CameraCases, visits: float) -> FloatArray:
     """Highest significance of any number of frames in so many visits, whatever their length."""
     law = Programme.of(cases.model.strategy, visits).law(cases.rates.residual)
     with np.errstate(divide="ignore"):
@@ -263,19 +267,17 @@ class _Detection:
     required: dict[str, FloatArray]
 
     @classmethod
-    def of(cls, cases: BandCases, choice: FrameChoice, noise: StackNoise, solved: Solved) -> "_Detection":
-        model, band, programme, strategy = cases.model, cases.band, cases.programme, cases.model.strategy
+    def of(cls, cases: CameraCases, choice: FrameChoice, noise: StackNoise, solved: Solved) -> "_Detection":
+        model, programme, strategy = cases.model, cases.programme, cases.model.strategy
         possible = (choice.n_frames >= 1) & cases.usable & np.isfinite(cases.threshold)
-        wanted = Wanted.of([cases])
+        wanted = cases.search
         with np.errstate(invalid="ignore", divide="ignore"):
             margin = np.where(possible, noise.significance / cases.threshold, 0.0)
             inverse = np.where(possible, noise.significance**-2.0, np.inf)
         visit = np.where(possible, choice.visit_s, 1.0)
-        level = wanted(programme, solved.problem, visit, inverse)[0]
+        level = wanted(programme, solved.problem)(visit, inverse)
         detected = possible & (noise.significance >= level * (1.0 - _ROUNDING))
-        place, averaging = np.hypot(cases.x_arcsec, cases.y_arcsec), cases.rates.speckle
-        paid, effective = motion_factor(cases.motion, programme, visit), effective_of(programme, averaging)
-        chances = visit_chances(model, band, place, visit, noise, margin, effective, motion=paid)
+        chances, paid = wanted.chances(programme, visit, noise, margin), motion_factor(cases.motion, programme, visit)
         calm, common, dark, moving = np.zeros((4, *margin.shape), bool)
         lost, required = possible & ~detected, {}
         if lost.any():
@@ -287,7 +289,7 @@ class _Detection:
             each = np.broadcast_to(model.visit_s(total_s / visits), margin.shape)
             whole = np.broadcast_to(model.visit_s(total_s), margin.shape) if chosen else each
             own = np.broadcast_to(own_noise(cases.rates, problem.camera), lost.shape)[lost]
-            least = wanted.of_tails(programme, np.zeros_like(level), visit)[0]
+            least = wanted.of_tails(programme)(np.zeros_like(level), visit)
             calm[lost] = budget.reached(budget.without_speckles(alone.at(lost)), whole[lost], least[lost])
             dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
             floor = np.broadcast_to(programme_floor(cases, _ENDLESS), level.shape)
@@ -323,7 +325,7 @@ class _Detection:
 
 
 def _required(
-    cases: BandCases,
+    cases: CameraCases,
     choice: FrameChoice,
     noise: StackNoise,
     wanted: Wanted,
@@ -341,21 +343,18 @@ def _required(
     def problem(made: Programme) -> FrameProblem:
         return cases.problem("significance", programme=made)
 
-    every = Programmes(model, problem, lambda *case: wanted(*case)[..., 0, :, :])
+    every = Programmes(model, problem, wanted)
     visits = np.broadcast_to(programme.visits, level.shape)
     required["time_s"] = visits * model.time_s(every.solved(visits)[0])
     return {name: np.where(lost, value, np.inf) for name, value in required.items()}
 
 
-def _calmer(cases: BandCases, choice: FrameChoice, noise: StackNoise, wanted: Wanted) -> FloatArray:
+def _calmer(cases: CameraCases, choice: FrameChoice, noise: StackNoise, wanted: Wanted) -> FloatArray:
     """Largest factor on the drift with which the same frames detect the planet; ``inf`` where not even 0 does."""
-    model, programme, strategy = cases.model, cases.programme, cases.model.strategy
-    place, width = np.hypot(cases.x_arcsec, cases.y_arcsec), strategy.annulus_lambda_d
-    metrics, drift = model.metrics[cases.band], model.instrument.drift
-    laws = programme_parts(metrics, drift, place, width, strategy.reference_ratio, model.timing)
+    programme, laws = cases.programme, cases.residual_parts
     crossed, light = (programme.law(law).variance(choice.visit_s) for law in laws)
     beating, shining = (law.averaging().law().variance(choice.visit_s) for law in laws)
-    speckle = noise.terms["speckle"]
+    speckle, of_tails = noise.terms["speckle"], wanted.of_tails(programme)
     with np.errstate(divide="ignore", invalid="ignore"):
         whole = speckle + noise.terms["common_speckle"]
         lit = np.nan_to_num(whole * light / (crossed + light))
@@ -365,19 +364,15 @@ def _calmer(cases: BandCases, choice: FrameChoice, noise: StackNoise, wanted: Wa
         quiet = noise.quiet - whole + square * (whole - lit) + square**2 * lit
         with np.errstate(divide="ignore", invalid="ignore"):
             tails = np.nan_to_num(square * np.sqrt(tailed / quiet))
-            return np.asarray(noise.signal_e / np.sqrt(quiet) >= wanted.of_tails(programme, tails, choice.visit_s)[0])
+            return np.asarray(noise.signal_e / np.sqrt(quiet) >= of_tails(tails, choice.visit_s))
 
-    low, high = np.zeros((2, *noise.quiet.shape)) + np.array([0.0, 1.0])[:, None, None]
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        enough = reached(middle)
-        low, high = np.where(enough, middle, low), np.where(enough, high, middle)
+    low = last_true(reached, noise.quiet.shape, _HALVINGS)
     return np.where(reached(np.zeros_like(low)) & (low > 0.0), np.sqrt(low), np.inf)
 
 
-def _more_visits(cases: BandCases, choice: FrameChoice, wanted: Wanted) -> FloatArray:
+def _more_visits(cases: CameraCases, choice: FrameChoice, wanted: Wanted) -> FloatArray:
     """Fewest visits of these frames that detect the planet, to 0.3 % beyond some 300; ``inf`` where no number does."""
-    model, camera = cases.model, cases.model.camera(cases.band)
+    model, camera = cases.model, cases.free_camera
     wall_s, problem = model.time_s(choice.visit_s), cases.problem("significance")
     frames = choice.exposure_s, choice.n_frames, choice.em_gain, camera, model.strategy
 
@@ -386,13 +381,13 @@ def _more_visits(cases: BandCases, choice: FrameChoice, wanted: Wanted) -> Float
         significance = stack_noise(cases.rates, *frames, programme).significance
         with np.errstate(divide="ignore"):
             inverse = significance**-2.0
-        return np.asarray(significance >= wanted(programme, problem, choice.visit_s, inverse) * (1.0 - _ROUNDING))
+        return np.asarray(significance >= wanted(programme, problem)(choice.visit_s, inverse) * (1.0 - _ROUNDING))
 
     grid = np.unique(np.round(np.geomspace(1.0, _MOST_VISITS, _N_VISITS))).reshape(-1, 1, 1, 1)
-    reached = enough(grid)[:, 0]
+    reached = enough(grid)
     first = np.argmax(reached, axis=0)
     high, low = grid[first, 0, 0, 0], grid[np.maximum(first - 1, 0), 0, 0, 0]
     share = np.linspace(0.0, 1.0, _N_VISITS)[:, None, None, None]
     fine = np.ceil(low + share * (high - low))
-    first = np.argmax(enough(fine)[:, 0], axis=0)[None]
-    return np.where(reached.any(axis=0), np.take_along_axis(fine[:, 0], first, axis=0)[0], np.inf)
+    first = np.argmax(enough(fine), axis=0)[None]
+    return np.where(reached.any(axis=0), np.take_along_axis(fine, first, axis=0)[0], np.inf)

@@ -166,11 +166,10 @@ class StarLimits:
 
         Poles are isotropic: the mean is one over the cosine of the inclination, by Gauss-Legendre quadrature.
         """
-        node, weight = np.polynomial.legendre.leggauss(_POLES)
         stars, axis, mass = np.broadcast_arrays(star, np.asarray(semi_major_axis_au), np.asarray(mass_mjup))
-        tilt_deg = np.rad2deg(np.arccos(0.5 * (1.0 + node)))
+        tilt_deg, weight = _poles()
         missed = self.missed_probability(stars[..., None], axis[..., None], mass[..., None], tilt_deg)
-        return np.asarray(missed @ (0.5 * weight) < EXCLUDED_BELOW)
+        return np.asarray(missed @ weight < EXCLUDED_BELOW)
 
     def digest(self) -> str:
         """Hash of all that is known of these stars, for content hashes."""
@@ -191,6 +190,13 @@ class StarLimits:
         margin = _HILL_RADII * np.cbrt(ratio) * 0.5 * (own + axis)
         near = (own + margin >= axis * (1.0 - eccentricity)) & (own - margin <= axis * (1.0 + eccentricity))
         return np.asarray(np.any(near, axis=-1))
+
+
+@functools.cache
+def _poles() -> tuple[FloatArray, FloatArray]:
+    """Inclinations, degrees, and weights that average over the cosine from 0 to 1."""
+    node, weight = np.polynomial.legendre.leggauss(_POLES)
+    return np.rad2deg(np.arccos(0.5 * (1.0 + node))), 0.5 * weight
 
 
 def excluded_by_rv(names: Sequence[str], semi_major_axis_au: ArrayLike, radius_rjup: ArrayLike) -> BoolArray:

@@ -324,8 +324,9 @@ def rank_targets(
     settings = [setting_fields(model, found.best, i, *standing) for i, standing in enumerate(said)]
     blooming = {band: etc.companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
     velocities = reference_velocities(targets, found.best.separation_arcsec, found.setting.planet)
+    clamped = model.passbands.grid_flags(targets.teff_k, targets.log_g, targets.metallicity).any.tolist()
     rows = [
-        _row(found, targets, i, rank, settings[i], velocities, bool(blooming[str(found.best.band[i])][i]))
+        _row(found, targets, i, rank, settings[i], velocities, bool(blooming[str(found.best.band[i])][i]), clamped[i])
         for rank, i in enumerate(ranked_order(found, targets), start=1)
     ]
     counts = Counter("ok" if row.status == "ok" else row.reason for row in rows)
@@ -357,6 +358,7 @@ def _row(
     setting: dict[str, Any],
     velocities: ReferenceVelocities,
     companion_blooms: bool,
+    clamped: bool,
 ) -> RankedTarget:
     best, model, planet = found.best, found.setting.model, found.setting.planet
     star = targets.select([i])
@@ -366,8 +368,7 @@ def _row(
     luminosity = finite(targets.luminosity_lsun[i])
     flags = [*targets.flags[i], *model.strategy.reference_library.flags]
     flags += etc.reference_notes(model, star, band, float(separation[0]), planet) + etc.hole_notes(model, band)
-    clamped = model.passbands.grid_flags(targets.teff_k[i], targets.log_g[i], targets.metallicity[i]).any
-    if bool(np.any(clamped)) and "stellar_grid_clamped" not in flags:
+    if clamped and "stellar_grid_clamped" not in flags:
         flags.append("stellar_grid_clamped")
     if companion_blooms:
         flags.append("companion_saturates")

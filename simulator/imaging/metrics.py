@@ -229,8 +229,12 @@ class PsfMetrics(StampMetrics):
         margin = self.aperture_radius_arcsec / self.pixel_scale_arcsec + 1
         inside = (np.minimum(row, column) >= margin) & (np.maximum(row, column) <= n - 1 - margin)
         row, column = np.where(inside, row, 0.0), np.where(inside, column, 0.0)
-        near = np.exp(bilinear(np.log(np.maximum(self.halo_map, TINY)), row, column))
+        near = np.exp(bilinear(self._log_halo, row, column))
         return np.where(inside, near, self.wing(np.hypot(x, y)) * self.aperture_pixels)
+
+    @functools.cached_property
+    def _log_halo(self) -> FloatArray:
+        return np.log(np.maximum(self.halo_map, TINY))
 
     @functools.cached_property
     def _columns_under_aperture(self) -> tuple[FloatArray, FloatArray]:

@@ -139,7 +139,9 @@ def exozodi_disc(n_zodis: float) -> DiscSource | None:
     return DiscSource(name="exozodi", contrast=light, inner_arcsec=INNER_ARCSEC, outer_arcsec=OUTER_ARCSEC, slope=-2.0)
 
 
-def aperture_exozodi(metrics: PsfMetrics, n_zodis: float, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+def aperture_exozodi(
+    metrics: PsfMetrics, n_zodis: float, x_arcsec: ArrayLike, y_arcsec: ArrayLike, core: FloatArray | None = None
+) -> FloatArray:
     """Return the detected light of the dust in an aperture, over the star's detected light on the clear disc.
 
     Parameters
@@ -149,6 +151,8 @@ def aperture_exozodi(metrics: PsfMetrics, n_zodis: float, x_arcsec: ArrayLike, y
         Dust in units of the solar system's, at least 0.
     x_arcsec, y_arcsec : array_like
         Centres of apertures on the detector relative to the star; broadcast.
+    core : ndarray, optional
+        ``metrics.core_throughput`` there, where it is known.
 
     Returns
     -------
@@ -169,7 +173,8 @@ def aperture_exozodi(metrics: PsfMetrics, n_zodis: float, x_arcsec: ArrayLike, y
     if n_zodis == 0.0:
         return np.zeros(separation.shape)
     radius = metrics.aperture_radius_arcsec
-    behind = _energy_nearby(metrics) * metrics.core_throughput(x, y) / metrics.core_open
+    left = metrics.core_throughput(x, y) if core is None else core
+    behind = _energy_nearby(metrics) * left / metrics.core_open
     return exozodi_fraction_arcsec2(np.maximum(separation, radius), n_zodis) * math.pi * radius**2 * behind
 
 

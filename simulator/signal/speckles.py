@@ -127,11 +127,12 @@ class ProgrammeLaw(NamedTuple):
         many = np.asarray(visits, float)
         others = many if reference_visits is None else np.asarray(reference_visits, float)
         length = many / others if reference_length is None else reference_length
-        parts = (
-            self.science.scaled(1.0 / self.independent(many, gap_s)),
-            self.reference.stretched(length).scaled(1.0 / self.independent(others, gap_s)),
-            self.common,
-        )
+        own, later = 1.0 / self.independent(many, gap_s), 1.0 / self.independent(others, gap_s)
+        second = self.reference.stretched(length)
+        if others is many and np.all(np.asarray(length) == 1.0):
+            parts = (_summed(self.science, second).scaled(own), self.common)
+        else:
+            parts = (_summed(self.science.scaled(own), second.scaled(later)), self.common)
         return _summed(*parts, *(() if self.turned is None else (self.turned.scaled(1.0 / many**2),)))
 
     def scaled(self, factor: ArrayLike) -> "ProgrammeLaw":

@@ -101,6 +101,11 @@ _ANSWERS = {
     for name in ("SNR for a time", "time for an SNR", "contrast limit")
     for count in ("one band", "four bands")
 }
+_PROGRAMMES = tuple(
+    f"one star, programme {how}, four bands: {question}"
+    for how in ("chosen", "given")
+    for question in ("signal_to_noise", "exposure_time", "detection_time", "contrast_limit")
+)
 _TIERS = ("quick", "standard", "reference")
 _SOURCES = (1, 10, 100, 1000)
 _REGIONS, _MODES = ("quadrant", "annulus", "whole stamp"), (1, 10, 29)
@@ -136,6 +141,7 @@ JOBS: dict[str, Job] = {
     ),
     "active pixels: flat of 1000 e-, gain 20": Job("draws"),
     **{job: Job("python", (row(ETC, name),)) for job, name in _ANSWERS.items()},
+    **{job: Job("python") for job in _PROGRAMMES},
     "etc: catalogue x 8 bands": Job("copy", (row(ETC, r"rates and least times, catalogue \(\d+\) x 8 bands"),)),
     "etc: best frames of the catalogue": Job("copy"),
     "ranking of the catalogue": Job("copy", (row(ETC, "full ranking of the catalogue"),), LOOSE),

@@ -1,5 +1,6 @@
 """Answers of the exposure-time calculator, the solver of frames over the catalogue, and the ranking."""
 
+import itertools
 import os
 import subprocess
 import sys
@@ -7,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 
+import cpic_planner as api
 from cpic_planner.etc import FixedFrames, band_cases, best_in_visit, build_model, contrast_limit, least_time, planets_of
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.ranking import rank_targets
@@ -31,6 +33,27 @@ def test_one_answer(timed, question, count, bands):
     ask, asked = ASKED[question]
     found = timed(f"etc: {question}, {count}", lambda: ask(MODEL, STAR, bands=bands, **PLACE, **asked), repeats=5)
     assert len(found) == len(bands)
+
+
+QUESTIONS = {
+    "signal_to_noise": (api.signal_to_noise, {"time_s": 36e3}),
+    "exposure_time": (api.exposure_time, {"snr": 5.0}),
+    "detection_time": (api.exposure_time, {"detect": True}),
+    "contrast_limit": (api.contrast_limit, {"time_s": 36e3}),
+}
+
+
+@pytest.mark.parametrize(("how", "visits"), [("chosen", {}), ("given", {"visits": 4})])
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_one_star_by_name(timed, question, how, visits):
+    """As a user asks, at another place each time: nothing but the star and the instrument is known."""
+    (ask, asked), place = QUESTIONS[question], itertools.count()
+
+    def once():
+        return ask("tau Cet", separation_arcsec=0.4 + 1e-4 * next(place), **asked, **visits)
+
+    found = timed(f"one star, programme {how}, four bands: {question}", once, repeats=3)
+    assert len(found) == 4
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,12 @@ import pytest
 
 from cpic_core import InputError
 from cpic_planner.etc import FixedFrames, Programme, Span, build_model, questions, stack_noise
-from cpic_planner.etc.cases import Wanted, band_cases
+from cpic_planner.etc.cases import band_cases
 from cpic_planner.etc.detection import tail_share
 from cpic_planner.etc.frames import best_in_visit, least_time
 from cpic_planner.etc.planet import planets_of
-from cpic_planner.etc.programmes import groups_of
+from cpic_planner.etc.questions import groups_of
+from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.planets import programme_motion, star_masses_msun
 from cpic_planner.queries import MAX_VISITS, Strategy
 from cpic_planner.targets import find_target
@@ -101,14 +102,14 @@ ASKED = {"time_s": 36000.0, "separation_arcsec": 0.55, "bands": ["F520"], "contr
 EVERY = np.unique(np.concatenate([np.arange(1, 30), np.geomspace(30, MAX_VISITS, 30).round()])).reshape(-1, 1, 1)
 
 
-def brute_in_time(model, cases, time_s, objective, level=lambda *_: 1.0):
+def brute_in_time(model, cases, time_s, objective, level=lambda *_: lambda *_: 1.0):
     """Least ``(level / SNR)^2`` over many numbers of visits and lengths of them."""
     programme = Programme.of(model.strategy, EVERY, time_s / EVERY)
     problem, best = cases.problem(objective, programme=programme), math.inf
     longest = np.broadcast_to(model.visit_s(time_s / EVERY), problem.signal_e_s.shape)
     for part in (1.0, 0.98, 0.9, 0.7, 0.4):
         choice = best_in_visit(problem, longest * part, quickest=False)
-        wanted = level(programme, problem, choice.visit_s, choice.inverse_snr2)
+        wanted = level(programme, problem)(choice.visit_s, choice.inverse_snr2)
         best = min(best, float(np.min(np.where(choice.n_frames >= 1, choice.inverse_snr2 * wanted**2, np.inf))))
     return best
 
@@ -128,7 +129,7 @@ def test_no_programme_reaches_more_in_the_time(star, overhead_s):
 def test_no_programme_has_a_fainter_limit(search):
     model = model_of(search=search)
     cases = cases_of(model)
-    wanted = Wanted.of([cases])
+    wanted = Wanted.of(CameraCases.of([cases]))
     asked = {name: value for name, value in ASKED.items() if name != "contrast"}
     answer = questions.contrast_limit(model, STARS["tau Cet"], **asked)[0]
     missed = brute_in_time(model, cases, 36000.0, "significance", wanted)
@@ -143,15 +144,18 @@ def test_no_programme_is_quicker(star, level):
     asked = {name: value for name, value in ASKED.items() if name != "time_s"}
     answer = questions.exposure_time(model, STARS[star], **level, **asked)[0]
     objective = "snr" if "snr" in level else "significance"
-    cases, wanted = cases_of(model, star), Wanted.of([cases_of(model, star)], level.get("snr", level.get("sigma")))
+    cases, wanted = (
+        cases_of(model, star),
+        Wanted.of(CameraCases.of([cases_of(model, star)]), level.get("snr", level.get("sigma"))),
+    )
     programme = Programme.of(model.strategy, EVERY)
     problem = cases.problem(objective, programme=programme)
-    aim = np.array(wanted.of_tails(programme, np.zeros(EVERY.shape), np.ones(EVERY.shape)))
+    aim = np.array(wanted.of_tails(programme)(np.zeros(EVERY.shape), np.ones(EVERY.shape)))
     for _ in range(25 if "detect" in level else 1):
         choice = least_time(problem, np.broadcast_to(aim, problem.signal_e_s.shape))
         some = choice.n_frames >= 1
         visit, inverse = np.where(some, choice.visit_s, 1.0), np.where(some, choice.inverse_snr2, np.inf)
-        aim = np.where(some, wanted(programme, problem, visit, inverse), aim)
+        aim = np.where(some, wanted(programme, problem)(visit, inverse), aim)
     best = float(np.min(np.where(some, EVERY * model.time_s(visit), np.inf)))
     assert best * (1.0 - 0.01) <= answer.value <= best * (1.0 + 0.01)
 
@@ -222,13 +226,13 @@ def test_limit_and_time_are_inverses(visits, search, band):
 def test_tails_are_those_of_the_law_of_detection():
     model = model_of()
     cases = cases_of(model)
-    wanted, programme = Wanted.of([cases]), Programme.of(model.strategy, 4.0)
+    wanted, programme = Wanted.of(CameraCases.of([cases])), Programme.of(model.strategy, 4.0)
     noise = seen(model, cases, 4.0)
     visit = np.full((1, 1), 20.0 * (60.0 + model.camera("F520").readout_s))
     problem = cases.problem("significance", programme=programme)
     tails = tail_share(model, "F520", np.hypot(cases.x_arcsec, cases.y_arcsec), visit, noise)
-    there = wanted(programme, problem, visit, noise.significance**-2.0)
-    np.testing.assert_allclose(there, wanted.of_tails(programme, tails, visit), rtol=1e-9)
+    there = wanted(programme, problem)(visit, noise.significance**-2.0)
+    np.testing.assert_allclose(there, wanted.of_tails(programme)(tails, visit), rtol=1e-9)
 
 
 def test_fewest_visits_of_a_length_reach_the_level_and_one_less_does_not():

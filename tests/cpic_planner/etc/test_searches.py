@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from cpic_planner.etc.searches import best_gain, first_root, gain_table, lowest
+from cpic_planner.etc.camera import best_gain, gain_table
+from cpic_planner.etc.searches import first_root, lowest
 from simulator.detectors import excess_noise_factor2
 
 

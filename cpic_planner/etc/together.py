@@ -1,0 +1,259 @@
+"""Cases of several bands of one camera at once, and the level that they have to reach."""
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+
+from cpic_core import FloatArray, NDArray
+from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.cases import BandCases, Cases, FixedFrames
+from cpic_planner.etc.detection import Chances, DetectionLaw, effective_visits, law_of, margin_of
+from cpic_planner.etc.frames import FrameProblem, best_exposure_s
+from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme
+from cpic_planner.etc.motion import SearchMotion, motion_factor
+from cpic_planner.etc.noise import Objective, StackNoise
+from cpic_planner.etc.rates import ApertureRates
+from simulator.signal import ProgrammeLaw, SpeckleLaw
+
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class CameraCases(Cases):
+    """All stars and planets in bands of one camera; arrays broadcast to ``(n_band, n_star, n_planet)``.
+
+    Attributes
+    ----------
+    model, fixed
+        As of `BandCases`.
+    bands : tuple of BandCases
+        The same band by band.
+    x_arcsec, y_arcsec, contrast, threshold, rates
+        As of `BandCases`.
+    programme : Programme
+    """
+
+    model: EtcModel
+    fixed: FixedFrames
+    bands: tuple[BandCases, ...]
+    x_arcsec: FloatArray
+    y_arcsec: FloatArray
+    contrast: FloatArray
+    threshold: FloatArray
+    rates: ApertureRates
+    programme: Programme
+
+    @classmethod
+    def of(cls, bands: Sequence[BandCases]) -> Self:
+        """Return the bands together, with the programme of the first.
+
+        Parameters
+        ----------
+        bands : sequence of BandCases
+            Of one model and camera, of the same stars and planets.
+        """
+        shape = bands[0].contrast.shape
+        names = ("x_arcsec", "y_arcsec", "contrast", "threshold", "rates")
+        arrays = {name: together([getattr(cases, name) for cases in bands], shape) for name in names}
+        first = bands[0]
+        return cls(model=first.model, fixed=first.fixed, bands=tuple(bands), programme=first.programme, **arrays)
+
+    @functools.cached_property
+    def camera(self) -> FrameCamera:
+        """As of `Cases`."""
+        return self.bands[0].camera
+
+    @property
+    def free_camera(self) -> FrameCamera:
+        """As of `Cases`."""
+        return self.bands[0].free_camera
+
+    @functools.cached_property
+    def usable(self) -> NDArray[np.bool_]:
+        """As of `Cases`."""
+        return np.stack([cases.usable for cases in self.bands])
+
+    @functools.cached_property
+    def residual_parts(self) -> tuple[ProgrammeLaw, ProgrammeLaw]:
+        """As of `Cases`."""
+        crossed, light = together([cases.residual_parts for cases in self.bands], self.contrast.shape[1:])
+        return crossed, light
+
+    @functools.cached_property
+    def inward(self) -> FloatArray:
+        """Width of a resolution element over the separation."""
+        width = np.array([cases.model.metrics[cases.band].lambda_d_arcsec for cases in self.bands])
+        return np.asarray(width[:, None, None] / np.hypot(self.x_arcsec, self.y_arcsec))
+
+    @functools.cached_property
+    def motion(self) -> SearchMotion | None:
+        """As of `BandCases`."""
+        return SearchMotion.stacked([cases.motion for cases in self.bands], self.contrast.shape[1:])
+
+    @functools.cached_property
+    def search(self) -> "Wanted":
+        """Level of a detection as the strategy searches."""
+        return Wanted.of(self)
+
+    @functools.cached_property
+    def _best_s(self) -> dict[Objective, FloatArray]:
+        """Exposures of most SNR per time in a single visit, as far as they were asked for."""
+        return {}
+
+    def problem(
+        self, objective: Objective, contrast: FloatArray | None = None, programme: Programme | None = None
+    ) -> FrameProblem:
+        """As of `Cases`, with the exposure of most SNR per time where it is that of a single visit."""
+        made, ratio = super().problem(objective, contrast, programme), self.model.strategy.reference_ratio
+        if contrast is not None:
+            return made
+        shares = (self.programme if programme is None else programme).frame_ratio(ratio)
+        if np.any(np.abs(shares / ratio - 1.0) > _ROUNDING):
+            return made
+        # As many references a frame: a visit has the white noise of a single one.
+        if objective not in self._best_s:
+            self._best_s[objective] = best_exposure_s(super().problem(objective, None, ONE_VISIT))[0]
+        return replace(made, best_s=np.broadcast_to(self._best_s[objective], made.signal_e_s.shape))
+
+    def of_contrast(self, contrast: FloatArray) -> Self:
+        """Return the cases with other contrasts, ``(n_band, n_star, n_planet)``."""
+        return replace(self, contrast=contrast, rates=self.rates_at(contrast))
+
+
+def together(parts: Sequence[Any], shape: tuple[int, ...]) -> Any:
+    """Return arrays of one shape on a new first axis, part by part of tuples and rates; equal numbers stay one.
+
+    Parameters
+    ----------
+    parts : sequence
+        Arrays and numbers that broadcast to the shape, or tuples of such, or rates.
+    shape : tuple of int
+    """
+    first: Any = parts[0]
+    if isinstance(first, ApertureRates):
+        names = [item.name for item in fields(first)]
+        return replace(first, **{name: together([getattr(part, name) for part in parts], shape) for name in names})
+    if isinstance(first, tuple):
+        every = [together(of_one, shape) for of_one in zip(*parts, strict=True)]
+        return type(first)(*every) if hasattr(first, "_fields") else tuple(every)
+    if first is None or (not isinstance(first, np.ndarray) and all(part == first for part in parts)):
+        return first
+    whole = np.empty((len(parts), *shape))
+    for place, part in zip(whole, parts, strict=True):
+        place[...] = part
+    return whole
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """SNR or significance that cases have to reach; arrays ``(n_band, n_star, n_planet)``.
+
+    A search asks for more the more of the noise is light of the wavefront's errors, and for less the more visits
+    average it: its level depends on the programme (`cpic_planner.etc.detection.half_margin`).
+
+    Attributes
+    ----------
+    level : ndarray
+        What is to be reached, or thresholds of a search; infinite where no threshold is defined.
+    law : DetectionLaw, optional
+        Law of detections; without one the level is all.
+    at_place : bool
+        Whether the place of a planet is known.
+    averaging : ProgrammeLaw, optional
+        What visits average of the residual, (e-/s)^2.
+    crossed, light : SpeckleLaw, optional
+        Its two parts, of one visit: the cross term with the static field, and the light of the errors.
+    inward : ndarray, optional
+        Width of a resolution element over the separation.
+    motion : SearchMotion, optional
+        What the search pays for the motion of planets; nothing without.
+    """
+
+    level: FloatArray
+    law: DetectionLaw | None = None
+    at_place: bool = False
+    averaging: ProgrammeLaw | None = None
+    crossed: SpeckleLaw | None = None
+    light: SpeckleLaw | None = None
+    inward: FloatArray | None = None
+    motion: SearchMotion | None = None
+
+    @property
+    def steady(self) -> bool:
+        """Whether the level is the same for all programmes."""
+        return self.law is None and self.motion is None
+
+    @classmethod
+    def of(cls, cases: CameraCases, value: float | None = None) -> Self:
+        """Return the level of cases: a given value, or that of a detection as the strategy searches."""
+        shape = cases.contrast.shape
+        if value is not None:
+            return cls(np.full(shape, float(value)))
+        model, law = cases.model, law_of(cases.model, cases.bands[0].band)
+        thresholds = np.broadcast_to(cases.threshold, shape)
+        if law is None:
+            return cls(thresholds, motion=cases.motion)
+        averaging = cases.rates.speckle.averaging().scaled(cases.rates.variance_factor)
+        crossed, light = (part.averaging().law() for part in cases.residual_parts)
+        at_place = model.strategy.search == "known_place"
+        return cls(thresholds / law.calibration, law, at_place, averaging, crossed, light, cases.inward, cases.motion)
+
+    def __call__(self, programme: Programme, problem: FrameProblem) -> Callable[[FloatArray, FloatArray], FloatArray]:
+        """Return the level of a programme: of the length of its visits, and of noise over signal squared."""
+        of_tails = self.of_tails(programme)
+        if self.averaging is None or self.crossed is None or self.light is None:
+            return lambda visit_s, inverse: of_tails(np.zeros_like(inverse), visit_s)
+        averaging, light, crossed = programme.law(self.averaging), self.light, self.crossed
+        signal2 = problem.signal_e_s**2
+
+        def level(visit_s: FloatArray, inverse: FloatArray) -> FloatArray:
+            lit = light.variance(visit_s)
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                speckle = averaging.variance(visit_s) / signal2
+                tails = np.sqrt(lit / (lit + crossed.variance(visit_s)) * speckle / inverse)
+            return of_tails(np.where(tails >= 0.0, np.minimum(tails, 1.0), 0.0), visit_s)
+
+        return level
+
+    def of_tails(self, programme: Programme) -> Callable[[FloatArray, FloatArray], FloatArray]:
+        """Return the level of a programme: of the errors' light in its noise, as rms, and the length of its visits."""
+        at_rest, motion = self._at_rest(programme), self.motion
+        if motion is None:
+            return lambda tails, visit_s: at_rest(tails)
+        return lambda tails, visit_s: at_rest(tails) * motion.factor(programme, visit_s)
+
+    def _at_rest(self, programme: Programme) -> Callable[[FloatArray], FloatArray]:
+        """The same for planets that do not move, or that are followed."""
+        own = self.level
+        if self.law is None or self.averaging is None or self.inward is None:
+            return lambda tails: np.broadcast_arrays(own, tails)[0]
+        margin = margin_of(self.law, self.at_place, self.inward, effective_of(programme, self.averaging))
+        return lambda tails: own * margin(tails)
+
+    def chances(self, programme: Programme, visit_s: FloatArray, noise: StackNoise, margin: FloatArray) -> Chances:
+        """Return the probabilities of a detection in a programme, by the significance over threshold it has."""
+        if self.law is None or self.averaging is None or self.crossed is None or self.light is None:
+            return Chances(*np.full((2, *margin.shape), np.nan))
+        assert self.inward is not None
+        light = self.light.variance(visit_s)
+        whole = light + self.crossed.variance(visit_s)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            tails = np.sqrt(light / np.where(whole > 0.0, whole, 1.0) * noise.terms["speckle"] / noise.quiet)
+        paid = motion_factor(self.motion, programme, visit_s)
+        return Chances.of(self.law, margin, tails, self.inward, effective_of(programme, self.averaging), paid)
+
+
+def effective_of(programme: Programme, law: ProgrammeLaw) -> FloatArray:
+    """Return the number of independent wavefronts behind the noise of a programme.
+
+    Parameters
+    ----------
+    programme : Programme
+    law : ProgrammeLaw
+        Which says how long wavefronts remember each other.
+    """
+    many = (programme.visits, programme.reference_visits)
+    return effective_visits(*(law.independent(number, programme.gap_s) for number in many))
