@@ -220,11 +220,11 @@ class SearchField:
         sigma_e = factor / (np.sqrt(spread) * self._response)
         return FilteredState(normal, assumed, sigma_e, fit, self._roughness(gauss))
 
-    def _filtered(self, image: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _filtered(self, images: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Matched sums over their standard deviation, with these inverse variances; and the sums of weights."""
         inside, around = self.region[self._box], self.unfold(inverse)[self._box]
         spread = matched_sum(around, self._kernel**2)[inside]
-        return matched_sum(image[self._box] * around, self._kernel)[inside] / np.sqrt(spread), spread
+        return matched_sum(images[..., *self._box] * around, self._kernel)[..., inside] / np.sqrt(spread), spread
 
     def _visit_scatter(self) -> tuple[FloatArray, FloatArray]:
         """Mean square deviation of the filtered visits from their mean, times their number; and the variance assumed.
@@ -239,8 +239,8 @@ class SearchField:
         power = float(whole @ whole)
         scale = float(self._stack.image_e[self.region] @ whole) / power if power > 0 else 0.0
         assumed = self.terms.variance(np.zeros(len(self.terms.believed)))
-        parts = (scale * part.sum(axis=0) for part in np.array_split(frames, visits))
-        sums = np.stack([self._filtered(part, 1.0 / assumed)[0][self._thin] for part in parts])
+        parts = np.stack([scale * part.sum(axis=0) for part in np.array_split(frames, visits)])
+        sums = self._filtered(parts, 1.0 / assumed)[0][:, self._thin]
         return sums.var(axis=0, ddof=1) * visits, assumed[self._thin]
 
     def _fit(self, ratio: FloatArray, before: FloatArray, weight: FloatArray, logs: FloatArray) -> NoiseFit:
