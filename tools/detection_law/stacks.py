@@ -1,56 +1,42 @@
-"""Measure the law of detection on stacks of visits: ``python -m tools.detection_law`` (half an hour on one core).
+"""Stacks of visits of some stars and bands, with and without planets, as the law of detection is measured on them."""
 
-Stacks of V science and V reference visits are searched blind, without planets for false alarms and with four planets
-each for the probability of a detection. A visit is the star behind the mask to second order in its own wavefront
-offset, drawn from a pool, plus white noise of the camera; science and reference have nothing in common.
-
-Writes ``reports/detection_law/law.json`` and ``report.md``; the fitted numbers go by hand to the preset strategy
-``default``. ``--write`` writes the report of what ``law.json`` holds.
-"""
-
-import argparse
 import dataclasses
-import json
 import math
-import platform
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, IntArray, stream, write_text
+from cpic_core import FloatArray, IntArray, stream
 from cpic_planner.etc import EtcModel, Programme, aperture_rates, build_model, stack_noise, threshold_array
-from cpic_planner.etc.detection import (
-    INWARD,
-    DetectionLaw,
-    default_law,
-    detection_probability,
-    half_margin,
-    tail_share,
-)
+from cpic_planner.etc.detection import tail_share
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.targets import Targets, find_target
-from cpic_planner.validation import ConfirmTask, Frames, RdiResult, ReducedStack, prepare_task, visit_pair
+from cpic_planner.validation import (
+    ConfirmTask,
+    Frames,
+    PlanetTemplate,
+    RdiResult,
+    Realisation,
+    ReducedStack,
+    aperture_weights,
+    prepare_task,
+    visit_pair,
+)
+from cpic_planner.validation.apertures import outside_discs
 from cpic_planner.validation.detection import BlindSearch, search
-from cpic_planner.validation.injection import recovered
-from cpic_planner.validation.search import search_threshold
+from cpic_planner.validation.measure import forced_photometry
+from cpic_planner.validation.photometry import EXCLUSION_RADII
 from cpic_planner.validation.speckle_maps import SpeckleMaps, speckle_maps
 from simulator.config import load_instrument
 from simulator.detectors import excess_noise_factor2
-from simulator.imaging import Psf, centred_axis, visit_responses
+from simulator.imaging import Psf, PsfMetrics, centred_axis, visit_responses
 from simulator.observing import hole_stacks
 
-HERE = Path(__file__).resolve().parents[1] / "reports" / "detection_law"
 VISITS = (1, 4, 16)
-LEVELS = (3.0, 3.5, 4.0, 5.0)
 POOL, DRAWN, PLACES = 800, 48, 160  # visits of a band that are combined, drawn by frames, and places of planets
-MARGINS = (0.35, 3.5)
-NULLS = {1: 30, 4: 100, 16: 100}  # stacks of each case without planets
-INJECTED = {1: (150, 1), 4: (150, 1), 16: (40, 4)}  # stacks with planets, and planets in each
-_SEED, _RAREST = 4, 1e-12
+SEED = 4
 
 
 @dataclass(frozen=True)
@@ -95,6 +81,7 @@ class Field:
 
     psf: Psf
     maps: SpeckleMaps
+    slope: float
     linear: FloatArray
     square: FloatArray
     place_arcsec: FloatArray
@@ -103,19 +90,28 @@ class Field:
     @classmethod
     def of(cls, psf: Psf, maps: SpeckleMaps, slope: float) -> "Field":
         """Draw the pool; other screens than those of the maps."""
-        hole, imager = psf.geometry.hole, psf.imager
-        rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
-        offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
-        axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
-        inside = hole[np.ix_(rows, columns)]
-        _, linear, square = visit_responses(imager, axes[0], axes[1], slope, POOL, _SEED)
-        rng, metrics = stream(_SEED, "places"), psf.metrics
-        low = metrics.zone.inner_arcsec + metrics.aperture_radius_arcsec
-        high = metrics.zone.outer_arcsec - metrics.aperture_radius_arcsec
-        signs = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])[np.arange(PLACES) % 4]
-        place = signs * rng.uniform(low, high, (PLACES, 2))
-        planet = np.stack([np.asarray(psf.at(*one))[hole] for one in place])
-        return cls(psf, maps, linear[:, inside].astype("f4"), square[:, inside].astype("f4"), place, planet)
+        place = places_arcsec(psf.metrics)
+        planet = np.stack([np.asarray(psf.at(*one))[psf.geometry.hole] for one in place])
+        return cls(psf, maps, slope, *_pool(psf, slope, SEED), place, planet)
+
+    def renewed(self, number: int) -> "Field":
+        """Return the same optics with another pool of visits, the same for the same number."""
+        linear, square = _pool(self.psf, self.slope, SEED + 1 + number)
+        return dataclasses.replace(self, linear=linear, square=square)
+
+    def template(self, place: int, others: IntArray, width_lambda_d: float) -> PlanetTemplate:
+        """Return what forced photometry at one of the places needs, where planets stand at others."""
+        geometry = self.psf.geometry
+        radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
+        pixel = self.place_arcsec / geometry.pixel_scale_arcsec + geometry.stamp_pixels // 2
+        here = float(pixel[place, 0]), float(pixel[place, 1])
+        image, weights = np.zeros(geometry.hole.shape), aperture_weights(geometry.hole.shape, *here, radius)
+        image[geometry.hole] = self.planet[place]
+        x, y = (float(part) for part in self.place_arcsec[place])
+        beside = tuple((float(pixel[k, 0]), float(pixel[k, 1])) for k in others if k != place)
+        ring = outside_discs(geometry.annulus(math.hypot(x, y), width_lambda_d), beside, EXCLUSION_RADII * radius)
+        core = float(np.sum(image * weights))
+        return PlanetTemplate("planet", ((x, y),), (image,), (weights,), (core,), ring, beside)
 
     def places(self, rng: np.random.Generator) -> IntArray:
         """Places of four planets, one a quadrant, no two near each other's mirror image."""
@@ -125,6 +121,17 @@ class Field:
             at = self.place_arcsec[chosen]
             if all(np.hypot(*(at[k] + at[k + 2])) > reach for k in (0, 1)):
                 return chosen
+
+
+def _pool(psf: Psf, slope: float, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Responses of the pixels of the hole to offsets of 1 nm, to first and to second order."""
+    hole, imager = psf.geometry.hole, psf.imager
+    rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
+    offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
+    axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
+    inside = hole[np.ix_(rows, columns)]
+    _, linear, square = visit_responses(imager, axes[0], axes[1], slope, POOL, seed)
+    return linear[:, inside].astype("f4"), square[:, inside].astype("f4")
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +147,10 @@ class Scene:
     white_e2: FloatArray
     stages: int
     drawn: tuple[FloatArray, FloatArray] | None
+
+    def renewed(self, number: int) -> "Scene":
+        """Return the same case with another pool of visits."""
+        return dataclasses.replace(self, field=self.field.renewed(number))
 
     def visits_of(self, visits: int, rng: np.random.Generator) -> FloatArray:
         """Science visits less the mean of as many reference visits, electrons, shape (visits, pixels of the hole)."""
@@ -181,37 +192,68 @@ class Scene:
             reference_visits=visits,
         )
 
-    def expected(self, visits: int, x: FloatArray, y: FloatArray) -> dict[str, FloatArray]:
-        """Margin of a planet of contrast 1, share of tails, and element over separation, at places."""
-        band, separation = self.case.band, np.hypot(x, y)
-        camera, metrics = self.model.camera(band), self.model.metrics[band]
-        rates = aperture_rates(self.model, self.target, band, x[None], y[None], np.full((1, x.size), 1e-9))
-        made = Programme(np.array(float(visits)), np.array(float(visits)))
-        noise = stack_noise(rates, *_setting(self.frames), camera, self.model.strategy, made)
-        threshold = threshold_array(metrics.resolution_elements(separation), self.model.strategy.sigma)
-        visit_s = self.frames.n_frames * (self.frames.exposure_s + camera.readout_s)
-        tails = tail_share(self.model, band, separation[None], np.array(visit_s), noise)[0]
-        return {
-            "margin": noise.significance[0] / threshold / 1e-9,
-            "tails": tails,
-            "inward": metrics.lambda_d_arcsec / separation,
-        }
+    def seen_at_place(self, stack: ReducedStack, place: int, others: IntArray) -> bool:
+        """Whether photometry at a place exceeds the threshold of small samples there."""
+        strategy, metrics = self.model.strategy, self.model.metrics[self.case.band]
+        template = self.field.template(place, others, strategy.annulus_lambda_d)
+        seen = Realisation(stack, None, stack.image_e, stack.image_e)
+        found = forced_photometry(seen, template, self.field.psf.geometry, strategy.filter)
+        separation = float(np.hypot(*self.field.place_arcsec[place]))
+        return found.significance >= float(threshold_array(metrics.resolution_elements(separation), strategy.sigma))
 
 
-def _setting(frames: Frames) -> tuple[float, float, float]:
-    return frames.exposure_s, float(frames.n_frames), frames.em_gain
+def model_of(case: Case) -> EtcModel:
+    """Return the calculator of single visits of a case."""
+    walk_nm = case.drift_nm if case.part == "frames" else 0.0
+    drift = {"visit_nm": case.drift_nm, "walk_nm_per_sqrt_hour": walk_nm, "common_fraction": 0.0, "orbital_nm": 0.0}
+    # Frames and white noise of one visit, of which stacks are made.
+    one = load_instrument().changed({"drift": drift, "overhead_s": 0.0})
+    return build_model(one, [case.band], Strategy(visits=1))
+
+
+def star_of(case: Case) -> Targets:
+    """Return the star of a case."""
+    return dataclasses.replace(find_target(case.star)[0], v_mag=np.array([case.v_mag]))
+
+
+def places_arcsec(metrics: PsfMetrics) -> FloatArray:
+    """Return the places of planets in the hole of a band, one quadrant after the other, shape (PLACES, 2)."""
+    low = metrics.zone.inner_arcsec + metrics.aperture_radius_arcsec
+    high = metrics.zone.outer_arcsec - metrics.aperture_radius_arcsec
+    signs = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])[np.arange(PLACES) % 4]
+    return np.asarray(signs * stream(SEED, "places").uniform(low, high, (PLACES, 2)))
+
+
+def expected(case: Case, frames: Frames, visits: int) -> dict[str, FloatArray]:
+    """Margin of a planet of contrast 1, share of tails, and element over separation, at every place.
+
+    Parameters
+    ----------
+    case : Case
+    frames : Frames
+        Of each visit.
+    visits : int
+        Of science, and as many of references.
+    """
+    model, x, y = model_of(case), *places_arcsec(model_of(case).metrics[case.band]).T
+    separation, camera, metrics = np.hypot(x, y), model.camera(case.band), model.metrics[case.band]
+    rates = aperture_rates(model, star_of(case), case.band, x[None], y[None], np.full((1, x.size), 1e-9))
+    made = Programme(np.array(float(visits)), np.array(float(visits)))
+    noise = stack_noise(rates, *frames[:3], camera, model.strategy, made)
+    threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
+    visit_s = frames.n_frames * (frames.exposure_s + camera.readout_s)
+    return {
+        "margin": noise.significance[0] / threshold / 1e-9,
+        "tails": tail_share(model, case.band, separation[None], np.array(visit_s), noise)[0],
+        "inward": metrics.lambda_d_arcsec / separation,
+    }
 
 
 def scenes() -> Iterator[Scene]:
     """All cases; those of one star and band share their optics."""
-    instrument, field, key = load_instrument(), None, None
+    field, key = None, None
     for case in CASES:
-        walk_nm = case.drift_nm if case.part == "frames" else 0.0
-        drift = {"visit_nm": case.drift_nm, "walk_nm_per_sqrt_hour": walk_nm, "common_fraction": 0.0, "orbital_nm": 0.0}
-        # Frames and white noise of one visit, of which stacks are made.
-        one = instrument.changed({"drift": drift, "overhead_s": 0.0})
-        model = build_model(one, [case.band], Strategy(visits=1))
-        target = dataclasses.replace(find_target(case.star)[0], v_mag=np.array([case.v_mag]))
+        model, target = model_of(case), star_of(case)
         task = prepare_task(
             model, target, case.band, time_s=case.time_s, planet=ReferencePlanet(), seed=1, fidelity="standard",
             realisations=1, audit=False, overrides=None,
@@ -219,10 +261,10 @@ def scenes() -> Iterator[Scene]:
         if not isinstance(task, ConfirmTask):
             raise RuntimeError(f"{case}: {task.message}")
         pair = visit_pair(dataclasses.replace(task, scene=task.scene | {"planets": []}, predictions=[], planets=[]))
+        maps = speckle_maps(pair.optics, model.instrument.drift)
         if field is None or key != (case.star, case.band):
-            maps = speckle_maps(pair.optics, model.instrument.drift)
             field, key = Field.of(pair.optics, maps, model.instrument.drift.psd_slope), (case.star, case.band)
-        field = dataclasses.replace(field, psf=pair.optics, maps=speckle_maps(pair.optics, model.instrument.drift))
+        field = dataclasses.replace(field, psf=pair.optics, maps=maps)
         reduced, hole, drawn = pair.draw(0).reduced, pair.geometry.hole, None
         if case.part == "frames":
             roles = (hole_stacks(seen, epochs=2) for seen in (pair.science, pair.reference))
@@ -239,234 +281,3 @@ def scenes() -> Iterator[Scene]:
             stages=reduced.stages,
             drawn=drawn,
         )
-
-
-def nulls(scene: Scene, visits: int, count: int, rng: np.random.Generator) -> dict[str, Any]:
-    """False alarms of stacks without planets."""
-    found: dict[str, Any] = {"elements": 0.0, "dof": [], "drift_nm": []} | {f"{level:g}": 0 for level in LEVELS}
-    for _ in range(count):
-        answer = scene.searched(scene.stack(visits, rng), visits, LEVELS[0])
-        found["elements"] += answer.region.n_elements
-        found["dof"].append(answer.dof)
-        found["drift_nm"].append(answer.drift_nm)
-        for level in LEVELS:
-            asked = search_threshold(answer.region, answer.roughness, sigma=level).unwrap()
-            found[f"{level:g}"] += sum(one.significance >= asked for one in answer.candidates)
-    return found | {"dof": float(np.median(found["dof"])), "drift_nm": float(np.median(found["drift_nm"]))}
-
-
-def injections(scene: Scene, visits: int, rng: np.random.Generator) -> list[dict[str, float]]:
-    """Planets put into stacks, and whether a blind search finds them.
-
-    One stack holds several only where its visits tell the noise without them: others raise the noise of a single visit.
-    """
-    count, planets = INJECTED[visits]
-    field, rows = scene.field, []
-    known = scene.expected(visits, *field.place_arcsec.T)
-    integration_s = scene.frames.exposure_s * scene.frames.n_frames
-    reach = field.psf.geometry.lambda_d_arcsec
-    for _ in range(count):
-        chosen = rng.permutation(field.places(rng))[:planets]
-        margin = np.exp(rng.uniform(math.log(MARGINS[0]), math.log(MARGINS[1]), planets))
-        flux_e = margin / known["margin"][chosen] * scene.rate_e_s * integration_s
-        answer = scene.searched(scene.stack(visits, rng, flux_e @ field.planet[chosen]), visits, 5.0)
-        for k, place in enumerate(chosen):
-            x, y = (float(part) for part in field.place_arcsec[place])
-            best = recovered(answer, x, y, reach)
-            rows.append(
-                {
-                    "margin": float(margin[k]),
-                    **{name: float(known[name][place]) for name in ("tails", "inward")},
-                    "found": float(best is not None and best.detected),
-                }
-            )
-    return rows
-
-
-def measured() -> dict[str, Any]:
-    """All stacks, and how long they took."""
-    start, stacks = time.monotonic(), []
-    for number, scene in enumerate(scenes()):
-        for visits in VISITS:
-            rng = stream(_SEED, "alarms", number, visits)
-            alarms = nulls(scene, visits, NULLS[visits], rng) if scene.drawn is None else None
-            rows = injections(scene, visits, stream(_SEED, "planets", number, visits))
-            columns = {name: [float(f"{row[name]:.3g}") for row in rows] for name in rows[0]}
-            stacks.append({"case": number, "visits": visits, "nulls": alarms} | columns)
-        print(f"{scene.case}: {time.monotonic() - start:.0f} s", flush=True)
-    minutes = (time.monotonic() - start) / 60.0
-    return {"stacks": stacks, "minutes": round(minutes), "machine": f"{platform.machine()}, one core"}
-
-
-COLUMNS = ("case", "visits", "margin", "tails", "inward", "found")
-
-
-def table_of(found: dict[str, Any], parts: tuple[str, ...]) -> dict[str, FloatArray]:
-    """Columns of all planets of some parts of the cases."""
-    chosen = [one for one in found["stacks"] if CASES[one["case"]].part in parts]
-    size = [len(one["found"]) for one in chosen]
-    return {
-        name: np.concatenate([np.broadcast_to(one[name], n) for one, n in zip(chosen, size, strict=True)]).astype(float)
-        for name in COLUMNS
-    }
-
-
-_NUMBERS = "blind_margin blind_tails blind_inward blind_visits blind_width stack_margin stack_inward stack_width"
-FITTED = tuple(_NUMBERS.split())
-_START = (-0.3, 1.0, 3.0, 0.25, -1.1, -0.4, 0.0, -1.4)  # logarithms of margins and widths
-
-
-def law_of_numbers(numbers: FloatArray) -> DetectionLaw:
-    """Return the law of fitted numbers, where margins and widths are logarithms."""
-    pairs = zip(FITTED, map(float, numbers), strict=True)
-    own: dict[str, Any] = {name: math.exp(x) if name.endswith(("margin", "width")) else x for name, x in pairs}
-    return DetectionLaw.model_construct(**own)
-
-
-def most_likely(rows: dict[str, FloatArray], start: ArrayLike = _START) -> FloatArray:
-    """Numbers of `law_of_numbers` of maximum likelihood."""
-    from scipy.optimize import minimize
-
-    hits = rows["found"] > 0.5
-
-    def loss(numbers: FloatArray) -> float:
-        chance = np.clip(chances(law_of_numbers(numbers), rows), _RAREST, 1.0 - _RAREST)
-        return -float(np.log(np.where(hits, chance, 1.0 - chance)).sum())
-
-    return np.asarray(minimize(loss, np.asarray(start, float), method="BFGS", options={"gtol": 0.05}).x)
-
-
-def fitted(rows: dict[str, FloatArray]) -> dict[str, list[float]]:
-    """Fitted numbers of the law, with errors of a jackknife over cases: their planets share star, band and drift."""
-    best, cases = most_likely(rows), np.unique(rows["case"])
-    parts = [{name: part[rows["case"] != case] for name, part in rows.items()} for case in cases]
-    others, groups = np.array([most_likely(part, best) for part in parts]), len(parts)
-    spread = np.sqrt((groups - 1) / groups * ((others - others.mean(axis=0)) ** 2).sum(axis=0))
-    own = rows["tails"], rows["inward"], rows["visits"]
-    # The middle of the sample is known best.
-    middles = [float(np.log(half_margin(law_of_numbers(one), False, *own)).mean()) for one in others]
-    error = math.sqrt((groups - 1) / groups * float(np.sum((np.array(middles) - np.mean(middles)) ** 2)))
-    law = law_of_numbers(best)
-    found = {}
-    for name, deviation in zip(FITTED, spread, strict=True):
-        value = float(getattr(law, name))
-        found[name] = [value, float(deviation) * (value if name.endswith(("margin", "width")) else 1.0)]
-    return found | {"blind_margin_error": [error, 0.0]}
-
-
-def chances(law: DetectionLaw, rows: dict[str, FloatArray]) -> FloatArray:
-    """Probabilities that a law gives to the planets."""
-    expected = rows["margin"], False, rows["tails"], rows["inward"]
-    return detection_probability(law, *expected, visits=rows["visits"])
-
-
-LEAST = 400  # planets in a bin
-
-
-def bins_of(law: DetectionLaw, rows: dict[str, FloatArray]) -> list[list[float]]:
-    """Visits, planets, and their predicted and found fraction in bins of the predicted probability."""
-    made = []
-    for visits in VISITS:
-        own = rows["visits"] == visits
-        chance, hits = chances(law, rows)[own], rows["found"][own]
-        for part in np.array_split(np.argsort(chance), max(int(own.sum()) // LEAST, 1)):
-            made.append([visits, part.size, float(chance[part].mean()), float(hits[part].mean())])
-    return made
-
-
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    return "\n".join(f"| {' | '.join(line)} |" for line in [head, ["---"] * len(head), *rows])
-
-
-def _alarms(found: dict[str, Any]) -> list[list[str]]:
-    from scipy.stats import norm, poisson
-
-    rows = []
-    for many in ((1,), (4,), (16,), (4, 16)):
-        own = [one["nulls"] for one in found["stacks"] if one["nulls"] and one["visits"] in many]
-        elements = sum(one["elements"] for one in own)
-        for level in LEVELS:
-            count, mean = sum(one[f"{level:g}"] for one in own), elements * float(norm.sf(level))
-            low, high = poisson.interval(0.95, mean)
-            inside = "yes" if low <= count <= high else "no"
-            visits = " and ".join(map(str, many))
-            cells = [visits, f"{elements:.0f}", f"{level:g}", str(count), f"{mean:.1f}", f"{low:.0f} to {high:.0f}"]
-            rows.append([*cells, inside])
-    return rows
-
-
-def _cases(found: dict[str, Any], law: DetectionLaw) -> list[list[str]]:
-    every = table_of(found, ("fit", "test", "frames"))
-    chance, rows = chances(law, every), []
-    for number, case in enumerate(CASES):
-        cells = [case.part, case.star, case.band, f"{case.v_mag:g}", f"{case.drift_nm:g}", f"{case.time_s / 3600.0:g}"]
-        for visits in VISITS:
-            own = (every["case"] == number) & (every["visits"] == visits)
-            hits, mean = float(every["found"][own].sum()), float(chance[own].sum())
-            apart = (hits - mean) / math.sqrt(float((chance[own] * (1.0 - chance[own])).sum()))
-            cells.append(f"{hits:.0f} of {mean:.1f} ({apart:+.1f})")
-        rows.append(cells)
-    return rows
-
-
-def text(found: dict[str, Any]) -> str:
-    """The report."""
-    law = default_law()
-    rows = [
-        [f"`{name}`", f"{value:.3f}" + (f" ± {error:.3f}" if error else ""), f"{getattr(law, name):g}"]
-        for name, (value, error) in found["law"].items()
-    ]
-    parts = {part: bins_of(law, table_of(found, (part,))) for part in ("fit", "test", "frames")}
-    shown = [
-        [part, str(line[0]), str(line[1]), f"{line[2]:.3f}", f"{line[3]:.3f}", f"{line[3] - line[2]:+.3f}"]
-        for part, lines in parts.items()
-        for line in lines
-    ]
-    squares = [float(cell.split("(")[1][:-1]) ** 2 for line in _cases(found, law) for cell in line[6:]]
-    return (
-        "# The law of detection on stacks of visits\n\n"
-        "Regenerate with `python -m tools.detection_law`; everything below is written by it "
-        f"({found['minutes']} min; {found['machine']}).\n\n"
-        "Stacks of V science visits less the mean of V reference visits, every visit with a wavefront offset of its "
-        "own and nothing in common, searched blind with `visits` and `reference_visits` stated. Visits are the star "
-        f"behind the mask to second order in the offset, from {POOL} offsets a star and band, with white noise of the "
-        f"camera; those of the part `frames` are sums of frames of the image simulator ({DRAWN} of science and of "
-        "reference), with a walk as large as the offset in an hour. The part `test` has stars, bands and drifts that "
-        "the fit knows nothing of.\n\n"
-        "## False alarms\n\nPeaks above the level in stacks without planets, all cases but `frames`.\n\n"
-        + _table(
-            ["visits", "resolution elements", "level (sigma)", "found", "expected", "95 % of Poisson", "within"],
-            _alarms(found),
-        )
-        + "\n\n## The law\n\nA blind search finds a planet of margin x (predicted significance over threshold) with "
-        "the probability `Phi(ln(x / m) / w)`, `ln m = t blind_tails V^-blind_visits + g(blind) / V + g(stack) "
-        f"(1 - 1/V)`, `g = ln(margin) + inward (i - {INWARD:g})`, `w^2 = blind_width^2 / V + stack_width^2 (1 - 1/V)`, "
-        "with t the share of the noise (as rms) that is light of the wavefront's errors, and i the resolution element "
-        "over the separation. Fitted to the part `fit`; errors of a jackknife over its cases.\n\n"
-        + _table(["number of the preset", "fitted", "preset"], rows)
-        + "\n\n## Found against predicted\n\nBy the numbers of the preset, in bins of the predicted probability with "
-        f"at least {LEAST} planets where there are as many.\n\n"
-        + _table(["part", "visits", "planets", "predicted", "found", "found - predicted"], shown)
-        + "\n\nBy case: planets found, of expected, and standard deviations of their difference; the mean of its "
-        f"square is {np.mean(squares):.2f}. \n\n".replace(". \n", ".\n")
-        + _table(
-            ["part", "star", "band", "V (mag)", "drift (nm)", "wall hours a visit", *(f"V = {n}" for n in VISITS)],
-            _cases(found, law),
-        )
-        + "\n"
-    )
-
-
-def main() -> None:
-    """Measure, or write the report of what was measured."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="fit and write the report of what law.json holds")
-    file = HERE / "law.json"
-    found = json.loads(file.read_text(encoding="utf-8")) if parser.parse_args().write else measured()
-    found["law"] = fitted(table_of(found, ("fit",)))
-    write_text(file, json.dumps(found, separators=(",", ":")).replace('{"case"', '\n{"case"') + "\n")
-    write_text(HERE / "report.md", text(found))
-
-
-if __name__ == "__main__":
-    main()

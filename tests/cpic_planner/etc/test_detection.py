@@ -127,6 +127,7 @@ def test_form_of_the_law(seed):
         blind_margin_error=rng.uniform(0, 0.5),
         known_margin=rng.uniform(0.1, 5),
         known_width=rng.uniform(0.05, 2),
+        known_stack_width=rng.uniform(0.05, 2),
         known_margin_error=rng.uniform(0, 0.5),
     )
     many = rng.choice([1.0, 4.0, 16.0, 300.0], 400)
@@ -144,7 +145,8 @@ def test_form_of_the_law(seed):
         width = math.hypot(law.blind_width * alone**0.5, law.stack_width * (1 - alone) ** 0.5)
         ways = [(tails * single * others, width, law.blind_margin_error)]
         if at_place:  # photometry at the place, or the search
-            ways.append((law.known_margin, law.known_width, law.known_margin_error))
+            width = math.hypot(law.known_width * alone**0.5, law.known_stack_width * (1 - alone) ** 0.5)
+            ways.append((law.known_margin, width, law.known_margin_error))
         least = min(middle for middle, _, _ in ways)
         assert half_margin(law, at_place, share, width_over_separation, visits) == pytest.approx(least, rel=1e-12)
         for shifts, times, one in ((errors, c, found), (0.0, 1.0, found_plain)):
