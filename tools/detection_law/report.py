@@ -143,7 +143,7 @@ Fitted to the part `fit`; errors of a jackknife over its cases.
 
 ## Found by a blind search against predicted
 
-By the numbers of the preset, in bins of the predicted probability with at least {least} planets where there are so many.
+By the numbers of the preset, in bins of the predicted probability with at least {least} planets where they suffice.
 
 {_found(found, law, "found")}
 
