@@ -109,8 +109,8 @@ def text(found: dict[str, Any]) -> str:
     either = _table(["visits", "planets", "search", "photometry at the place", "either", "both"], _either(found))
     return f"""# The law of detection on stacks of visits
 
-Regenerate with `python -m tools.detection_law`; everything below is written by it ({minutes["planets"]:.0f} min for
-planets, {minutes["alarms"]:.0f} min for false alarms; {found["machine"]}, beside other work).
+Regenerate with `python -m tools.detection_law`; everything below is written by it ({minutes["planets"]:.0f} min of a
+processor for planets, {minutes["alarms"]:.0f} min for false alarms; {found["machine"]}).
 
 Stacks of V science visits less the mean of V reference visits, every visit with a wavefront offset of its own and
 nothing in common, searched blind with `visits` and `reference_visits` stated. Visits are the star behind the mask to

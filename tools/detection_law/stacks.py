@@ -4,11 +4,10 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, IntArray, stream
+from cpic_core import FloatArray, InputError, IntArray, stream
 from cpic_planner.etc import EtcModel, Programme, aperture_rates, build_model, stack_noise, threshold_array
 from cpic_planner.etc.detection import tail_share
 from cpic_planner.queries import ReferencePlanet, Strategy
@@ -24,10 +23,8 @@ from cpic_planner.validation import (
     prepare_task,
     visit_pair,
 )
-from cpic_planner.validation.apertures import outside_discs
 from cpic_planner.validation.detection import BlindSearch, search
 from cpic_planner.validation.measure import forced_photometry
-from cpic_planner.validation.photometry import EXCLUSION_RADII
 from cpic_planner.validation.speckle_maps import SpeckleMaps, speckle_maps
 from simulator.config import load_instrument
 from simulator.detectors import excess_noise_factor2
@@ -99,19 +96,16 @@ class Field:
         linear, square = _pool(self.psf, self.slope, SEED + 1 + number)
         return dataclasses.replace(self, linear=linear, square=square)
 
-    def template(self, place: int, others: IntArray, width_lambda_d: float) -> PlanetTemplate:
-        """Return what forced photometry at one of the places needs, where planets stand at others."""
+    def template(self, place: int, width_lambda_d: float) -> PlanetTemplate:
+        """Return what forced photometry at one of the places needs."""
         geometry = self.psf.geometry
-        radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
-        pixel = self.place_arcsec / geometry.pixel_scale_arcsec + geometry.stamp_pixels // 2
-        here = float(pixel[place, 0]), float(pixel[place, 1])
-        image, weights = np.zeros(geometry.hole.shape), aperture_weights(geometry.hole.shape, *here, radius)
-        image[geometry.hole] = self.planet[place]
         x, y = (float(part) for part in self.place_arcsec[place])
-        beside = tuple((float(pixel[k, 0]), float(pixel[k, 1])) for k in others if k != place)
-        ring = outside_discs(geometry.annulus(math.hypot(x, y), width_lambda_d), beside, EXCLUSION_RADII * radius)
-        core = float(np.sum(image * weights))
-        return PlanetTemplate("planet", ((x, y),), (image,), (weights,), (core,), ring, beside)
+        scale, middle = geometry.pixel_scale_arcsec, geometry.stamp_pixels // 2
+        image, radius = np.zeros(geometry.hole.shape), geometry.aperture_radius_arcsec / scale
+        image[geometry.hole] = self.planet[place]
+        weights = aperture_weights(geometry.hole.shape, middle + x / scale, middle + y / scale, radius)
+        ring, core = geometry.annulus(math.hypot(x, y), width_lambda_d), float(np.sum(image * weights))
+        return PlanetTemplate("planet", ((x, y),), (image,), (weights,), (core,), ring, ())
 
     def places(self, rng: np.random.Generator) -> IntArray:
         """Places of four planets, one a quadrant, no two near each other's mirror image."""
@@ -163,14 +157,15 @@ class Scene:
         light = light + np.sqrt(0.5 * self.white_e2) * rng.standard_normal(light.shape)
         return np.asarray(light[:visits] - light[visits:].mean(axis=0))
 
-    def stack(self, visits: int, rng: np.random.Generator, planets: Any = None) -> ReducedStack:
-        """V science visits less the mean of as many reference visits, with planets of so many electrons a visit."""
-        hole, left = self.field.psf.geometry.hole, self.visits_of(visits, rng)
-        if planets is not None:
-            mean = visits * planets
-            drawn = rng.poisson(np.maximum(mean, 0.0)).astype(float)
-            spread = float(excess_noise_factor2(self.frames.em_gain, self.stages)) - 1.0
-            left += (drawn + np.sqrt(spread * drawn) * rng.standard_normal(drawn.shape)) / visits
+    def light_of(self, visits: int, planet_e: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Light of a planet of so many electrons a visit in the pixels of the hole, mean of the visits."""
+        drawn = rng.poisson(np.maximum(visits * planet_e, 0.0)).astype(float)
+        spread = float(excess_noise_factor2(self.frames.em_gain, self.stages)) - 1.0
+        return np.asarray((drawn + np.sqrt(spread * drawn) * rng.standard_normal(drawn.shape)) / visits)
+
+    def stack(self, left: FloatArray) -> ReducedStack:
+        """Sum of visits as `visits_of` gives them, with what planets add."""
+        hole, visits = self.field.psf.geometry.hole, len(left)
         images = np.zeros((visits, *hole.shape))
         images[:, hole] = left
         variance = np.zeros(hole.shape)
@@ -192,12 +187,15 @@ class Scene:
             reference_visits=visits,
         )
 
-    def seen_at_place(self, stack: ReducedStack, place: int, others: IntArray) -> bool:
-        """Whether photometry at a place exceeds the threshold of small samples there."""
+    def seen_at_place(self, stack: ReducedStack, place: int) -> bool:
+        """Whether photometry at a place exceeds the threshold of small samples; no other planet is in the stack."""
         strategy, metrics = self.model.strategy, self.model.metrics[self.case.band]
-        template = self.field.template(place, others, strategy.annulus_lambda_d)
+        template = self.field.template(place, strategy.annulus_lambda_d)
         seen = Realisation(stack, None, stack.image_e, stack.image_e)
-        found = forced_photometry(seen, template, self.field.psf.geometry, strategy.filter)
+        try:
+            found = forced_photometry(seen, template, self.field.psf.geometry, strategy.filter)
+        except InputError:  # too few apertures beside the planet: the noise is not known there
+            return False
         separation = float(np.hypot(*self.field.place_arcsec[place]))
         return found.significance >= float(threshold_array(metrics.resolution_elements(separation), strategy.sigma))
 
