@@ -124,7 +124,9 @@ def _scaled_tail(level: FloatArray, free: FloatArray) -> FloatArray:
 def _log_sum(logs: FloatArray) -> FloatArray:
     """Logarithm of the sum of exponentials over the first axis."""
     top = logs.max(axis=0)
-    return np.asarray(top + np.log(np.exp(logs - top).sum(axis=0)))
+    # Rows in memory are added alike, one or many: a sum over the first axis takes another order for a single column.
+    terms = np.ascontiguousarray(np.exp(logs - top).T)
+    return np.asarray(top + np.log(terms.sum(axis=-1)))
 
 
 def equivalent_sigma(
