@@ -11,7 +11,7 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray, load_quietly
 from cpic_planner.etc import effective_visits
 from cpic_planner.validation.noise_law import equivalent_sigma
-from cpic_planner.validation.reduced import ReducedStack
+from cpic_planner.validation.reduced import ReducedStack, smoothed
 from cpic_planner.validation.search import NoiseFit, NoiseTerms, fit_noise, searched_region
 from cpic_planner.validation.speckle_maps import SpeckleMaps, matched_sum
 from simulator.imaging import AnyPsf
@@ -155,7 +155,9 @@ class SearchField:
         self._index = np.full(self.region.shape, -1)
         self._index[self.region] = np.arange(self._y.size)
         nominal, stray = maps.nominal[self.region], maps.stray[self.region]
-        pattern = np.stack([np.ones(self._y.size), self._y, self._x, nominal, stray])
+        # What the star does not light, such as the wings of a companion, is seen in the variance itself.
+        wings = smoothed(stack.white_variance_e2, self.region, self._lambda_d)[self.region]
+        pattern = np.stack([np.ones(self._y.size), self._y, self._x, nominal, stray, wings])
         white = smooth_white(stack.white_variance_e2[self.region], pattern) if self._y.size else pattern[0]
         least = _LEAST_DYNAMIC * float(np.abs(stack.image_e).max(initial=0.0))
         white = np.maximum(white, max(least**2, np.finfo(float).tiny))
