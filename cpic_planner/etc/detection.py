@@ -126,6 +126,8 @@ class DetectionLaw(FrozenModel):
         Power of the number of independent wavefronts with which the gain by that light falls.
     stack_margin, stack_inward, stack_width : float
         The same as of ``blind_*`` for so many visits that their scatter tells the noise.
+    known_stack_width : float
+        The same as ``known_width`` for many visits: the middle is that of a single one.
     blind_margin_error, known_margin_error : float
         Relative standard errors of the middles.
     """
@@ -143,6 +145,7 @@ class DetectionLaw(FrozenModel):
     blind_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
     known_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
     known_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
+    known_stack_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
     known_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
 
 
@@ -290,8 +293,10 @@ def detection_probability(
 ) -> FloatArray:
     """Return the probability that a search detects planets, ``Phi(ln(c margin / m) / w)`` with m of `half_margin`.
 
-    The square of a blind search's width is that of one visit over V, and that of a stack for the rest. At a known place
-    the larger of two probabilities counts, of photometry there and of the search: neither sees less for knowing more.
+    The square of a width is that of one visit over V, and that of a stack for the rest: light of the wavefront's errors
+    has heavy tails in one visit, and its mean over many has not. At a known place the larger of two probabilities
+    counts, of photometry there and of the search: neither sees less for knowing more. Photometry takes the noise from
+    apertures of the summed image, not from the scatter of the visits: its middle knows nothing of their number.
 
     Parameters
     ----------
@@ -307,13 +312,20 @@ def detection_probability(
     """
     from scipy.special import ndtr
 
-    alone, off = 1.0 / np.asarray(visits, float), np.asarray(shift, float)
-    width = np.sqrt(np.maximum(alone * law.blind_width**2 + (1.0 - alone) * law.stack_width**2, _LEAST_WIDTH2))
+    off = np.asarray(shift, float)
     with np.errstate(divide="ignore"):
         reached = np.log(np.asarray(margin) * np.asarray(calibration, float))
-    blind = (reached - np.log(half_margin(law, False, tails, inward, visits)) - law.blind_margin_error * off) / width
-    known = (reached - math.log(law.known_margin) - law.known_margin_error * off) / law.known_width
+    blind = reached - np.log(half_margin(law, False, tails, inward, visits)) - law.blind_margin_error * off
+    blind = blind / _width(law.blind_width, law.stack_width, visits)
+    known = reached - math.log(law.known_margin) - law.known_margin_error * off
+    known = known / _width(law.known_width, law.known_stack_width, visits)
     return np.asarray(ndtr(np.where(np.asarray(at_place, bool), np.fmax(known, blind), blind)))
+
+
+def _width(single: float, stack: float, visits: ArrayLike) -> FloatArray:
+    """Width of a law of so many visits."""
+    alone = 1.0 / np.asarray(visits, float)
+    return np.sqrt(np.maximum(alone * single**2 + (1.0 - alone) * stack**2, _LEAST_WIDTH2))
 
 
 def tail_share(

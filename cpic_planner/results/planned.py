@@ -70,8 +70,9 @@ class BandConfirmation(Row):
     recovered_significance: float | None = None
     threshold: float | None = optional("small-sample threshold for significance")
     predicted_verdict: VerdictText | None = optional(
-        "what the calculator expects of these frames at the planet's known place: detected or "
-        "measured_not_detected; detected and verdict are what the images say; null without frames"
+        "what the calculator expects of these frames: detected where half of such observations detect the planet, by "
+        "the search that was asked for, else measured_not_detected; detected and verdict are what the images say; null "
+        "without frames"
     )
     predicted_detection_probability: float | None = None
     predicted_detection_probability_known_place: float | None = None

@@ -6,7 +6,7 @@ import numpy as np
 
 from catalogs import KnownPlanetTable, star_key
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray
-from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, frame_problem, planet_offsets
+from cpic_planner.etc import EtcModel, Programme, aperture_rates, best_in_visit, frame_problem, planet_offsets
 from cpic_planner.planets import StarLimits, draw_population
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
@@ -122,9 +122,13 @@ def _fixed(model: EtcModel, targets: Targets, visit: VisitRule, best: OptimalSet
         camera = replace(camera, exposure_min_s=visit.exposure_s, exposure_max_s=visit.exposure_s)
     x, y = planet_offsets(model, targets, band, best.separation_arcsec[:, None])
     rates = aperture_rates(model, targets, band, x, y, best.contrast[:, None])
-    problem = frame_problem(rates, camera, model.strategy, objective="significance", em_gain=visit.em_gain)
     visits = best.visits[:, None]
-    choice = best_in_visit(problem, model.visit_s(best.time_s[:, None] / visits))
+    each_s = best.time_s[:, None] / visits
+    programme = Programme.of(model.strategy, visits, each_s)
+    problem = frame_problem(
+        rates, camera, model.strategy, objective="significance", em_gain=visit.em_gain, programme=programme
+    )
+    choice = best_in_visit(problem, model.visit_s(each_s))
     time_s = visits * model.time_s(choice.visit_s)
     return [part[:, 0] for part in (choice.exposure_s, choice.n_frames, choice.em_gain, time_s)]
 

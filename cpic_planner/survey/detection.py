@@ -16,7 +16,7 @@ from cpic_planner.etc import (
     StackNoise,
     aperture_rates,
     detection,
-    effective_visits,
+    effective_of,
     mixture_contrast,
     stack_noise,
     threshold_array,
@@ -32,9 +32,9 @@ from simulator.target import sky_to_detector
 
 @dataclass(frozen=True)
 class Setting:
-    """Frames of one visit of a star in a band.
+    """Frames of one observation of a star in a band: of each of the visits that are reduced together.
 
-    ``time_s`` is wall time with readouts and reference frames; no frames: the visit is not possible.
+    ``time_s`` is wall time of them all with readouts and reference frames; no frames: it is not possible.
     """
 
     band: str
@@ -61,7 +61,8 @@ class ExpectedSignals:
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
     threshold is defined there; ``tails`` the share of the noise, as rms, that is light of the wavefront's errors, and
     ``inward`` the width of a resolution element over the separation, both 0 there too. The others are the planet's own,
-    ``pa_deg`` east of north. ``visits`` are the independent wavefronts behind the noise.
+    ``pa_deg`` east of north. ``visits`` are the independent wavefronts behind the noise (`effective_of`), 1 where
+    nothing is seen.
     """
 
     margin: FloatArray
@@ -76,10 +77,21 @@ class ExpectedSignals:
     visits: FloatArray = field(default_factory=lambda: np.ones(()))
 
 
-def wavefronts(model: EtcModel) -> float:
-    """Return the independent wavefronts that the reduction of a model brings together (`effective_visits`)."""
-    made = Programme.of(model.strategy)
-    return float(effective_visits(made.visits, made.reference_visits))
+def programme_of(model: EtcModel, setting: Setting) -> Programme:
+    """Return the visits of a setting that are reduced together, each begun after the one before it.
+
+    Parameters
+    ----------
+    model : EtcModel
+        Its strategy says how many there are, and how long the telescope waits between them.
+    setting : Setting
+    """
+    return Programme.of(model.strategy, visit_time_s=model.time_s(_visit_s(model, setting)))
+
+
+def _visit_s(model: EtcModel, setting: Setting) -> float:
+    """Length of the science part of a visit."""
+    return setting.n_frames * (setting.exposure_s + model.camera(setting.band).readout_s)
 
 
 def expected_signals(
@@ -128,6 +140,7 @@ def expected_signals(
     pa_deg = np.rad2deg(np.arctan2(places.east_au, places.north_au))
     x, y = sky_to_detector(separation, pa_deg - roll, parity=model.instrument.detector.parity)
     margin, tails, inward, snr, contrast = np.zeros((5, *shape))
+    visits = np.ones(shape)
     usable = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
     first = model.strategy.rolls_deg[-1]
     if len(model.strategy.rolls_deg) > 1:
@@ -141,16 +154,18 @@ def expected_signals(
         # Only a companion's wings care for the roll, with two of them that of the places x and y.
         wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
         turns = (roll + first)[usable] if wings else np.zeros(light.shape)
+        made = programme_of(model, setting)
         for angle in np.unique(turns):
             here = turns == angle
             put = (visit[here], planet[here])
             rates = aperture_rates(model, rolled(star, angle), band, x[put][None], y[put][None], light[here][None])
-            noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy)
+            noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
             elements = metrics.resolution_elements(separation[put])
             margin[put] = noise.significance[0] / threshold_array(elements, model.strategy.sigma)
             tails[put] = tail_share(model, setting, separation[put][None], noise)[0]
             inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[0]
+            visits[put] = effective_of(made, rates.speckle)
     return ExpectedSignals(
         margin,
         tails,
@@ -161,7 +176,7 @@ def expected_signals(
         pa_deg,
         places.distance_au,
         places.phase_deg,
-        np.full(shape, wavefronts(model)),
+        visits,
     )
 
 
@@ -202,8 +217,7 @@ def tail_share(model: EtcModel, setting: Setting, separation_arcsec: FloatArray,
         Projected separation from the star, arcsec, above 0.
     noise : StackNoise
     """
-    visit_s = setting.n_frames * (setting.exposure_s + model.camera(setting.band).readout_s)
-    return detection.tail_share(model, setting.band, separation_arcsec, visit_s, noise)
+    return detection.tail_share(model, setting.band, separation_arcsec, _visit_s(model, setting), noise)
 
 
 def half_margin(
@@ -356,11 +370,12 @@ def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: De
     if not x.size:
         return 0.0
     rates = aperture_rates(model, star, band, x[None], y[None], np.full((1, x.size), _PROBE))
-    noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy)
+    made = programme_of(model, setting)
+    noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
     separation = np.hypot(x, y)
     threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
     tails, inward = tail_share(model, setting, separation[None], noise)[0], metrics.lambda_d_arcsec / separation
-    middle = half_margin(rule, np.zeros(x.size, bool), tails, inward, wavefronts(model))
+    middle = half_margin(rule, np.zeros(x.size, bool), tails, inward, effective_of(made, rates.speckle))
     with np.errstate(divide="ignore"):
         faintest = middle * _PROBE * threshold / noise.significance[0]
     good = np.isfinite(faintest) & (faintest > 0.0)

@@ -124,7 +124,9 @@ def _scaled_tail(level: FloatArray, free: FloatArray) -> FloatArray:
 def _log_sum(logs: FloatArray) -> FloatArray:
     """Logarithm of the sum of exponentials over the first axis."""
     top = logs.max(axis=0)
-    return np.asarray(top + np.log(np.exp(logs - top).sum(axis=0)))
+    # Rows in memory are added alike, one or many: a sum over the first axis takes another order for a single column.
+    terms = np.ascontiguousarray(np.exp(logs - top).T)
+    return np.asarray(top + np.log(terms.sum(axis=-1)))
 
 
 def equivalent_sigma(
@@ -172,18 +174,19 @@ def snr_at(sigma: float, laplace: ArrayLike, dof: ArrayLike = np.inf, visits: Ar
         low, below = np.where(short, high, low), np.where(short, above, below)
         high = np.where(short, high + (high - math.log(sigma)), high)
         above = np.where(short, excess(high), above)
-    middle, found = low, np.zeros(low.shape, bool)
+    middle, found, side = low, np.zeros(low.shape, bool), np.zeros(low.shape)
     for _ in range(_MOST_ROUNDS):
         middle = np.where(found, middle, (low * above - high * below) / (above - below))
         value = excess(middle)
         found |= np.abs(value) < _CLOSE
         if found.all():
             break
-        right = value > 0.0
-        # Illinois: an end that stays counts half, so that it moves soon.
-        below = np.where(right, 0.5 * below, value)
-        above = np.where(right, value, 0.5 * above)
-        low, high = np.where(right, low, middle), np.where(right, middle, high)
+        # Illinois: an end that stays twice counts half, so that it moves soon.
+        now = np.where(value > 0.0, 1.0, -1.0)
+        again, right = now == side, now > 0.0
+        below = np.where(right, np.where(again, 0.5 * below, below), value)
+        above = np.where(right, value, np.where(again, 0.5 * above, above))
+        low, high, side = np.where(right, low, middle), np.where(right, middle, high), now
     return np.asarray(np.exp(middle))
 
 

@@ -308,7 +308,7 @@ def reduce_stack(
     library = (reference / reference_n[:, None, None] - dark_e) * reference_scale + dark_e
     cut = rdi_subtract(science / science_n[:, None, None], library, n_modes, region=region, centering="temporal")
     total, library_total = float(science_n.sum()), float(reference_n.sum())
-    light = _smoothed((library * reference_n[:, None, None]).sum(axis=0) / library_total - dark_e, region)
+    light = smoothed((library * reference_n[:, None, None]).sum(axis=0) / library_total - dark_e, region)
     seen = np.maximum(light, 0.0)
     variance = total * noise.charge_variance_e2(seen + dark_e + smear_e[0])
     if not noise_free_reference:
@@ -341,11 +341,19 @@ def pedestal_e(detector: Detector, exposure_s: float) -> float:
     return FrameNoise.of(detector, 1.0, exposure_s).pedestal_e
 
 
-def _smoothed(image: FloatArray, region: BoolArray) -> FloatArray:
-    """Gaussian mean over the pixels of the region alone."""
+def smoothed(image: FloatArray, region: BoolArray, width_pixels: float = SMOOTHING_PIXELS) -> FloatArray:
+    """Return the Gaussian mean over the pixels of a region alone, 0 outside.
+
+    Parameters
+    ----------
+    image : ndarray, shape (y, x)
+    region : ndarray of bool, shape (y, x)
+    width_pixels : float
+        Standard deviation of the Gaussian, above 0.
+    """
     from scipy.ndimage import gaussian_filter
 
     inside = np.where(region, image, 0.0)
-    weight = gaussian_filter(region.astype(float), SMOOTHING_PIXELS)
-    smooth = gaussian_filter(inside, SMOOTHING_PIXELS) / np.where(region, weight, 1.0)
+    weight = gaussian_filter(region.astype(float), width_pixels)
+    smooth = gaussian_filter(inside, width_pixels) / np.where(region, weight, 1.0)
     return np.where(region, smooth, 0.0)

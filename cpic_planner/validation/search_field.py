@@ -11,7 +11,7 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray, load_quietly
 from cpic_planner.etc import effective_visits
 from cpic_planner.validation.noise_law import equivalent_sigma
-from cpic_planner.validation.reduced import ReducedStack
+from cpic_planner.validation.reduced import ReducedStack, smoothed
 from cpic_planner.validation.search import NoiseFit, NoiseTerms, fit_noise, searched_region
 from cpic_planner.validation.speckle_maps import SpeckleMaps, matched_sum
 from simulator.imaging import AnyPsf
@@ -155,7 +155,9 @@ class SearchField:
         self._index = np.full(self.region.shape, -1)
         self._index[self.region] = np.arange(self._y.size)
         nominal, stray = maps.nominal[self.region], maps.stray[self.region]
-        pattern = np.stack([np.ones(self._y.size), self._y, self._x, nominal, stray])
+        # What the star does not light, such as the wings of a companion, is seen in the variance itself.
+        wings = smoothed(stack.white_variance_e2, self.region, self._lambda_d)[self.region]
+        pattern = np.stack([np.ones(self._y.size), self._y, self._x, nominal, stray, wings])
         white = smooth_white(stack.white_variance_e2[self.region], pattern) if self._y.size else pattern[0]
         least = _LEAST_DYNAMIC * float(np.abs(stack.image_e).max(initial=0.0))
         white = np.maximum(white, max(least**2, np.finfo(float).tiny))
@@ -220,11 +222,11 @@ class SearchField:
         sigma_e = factor / (np.sqrt(spread) * self._response)
         return FilteredState(normal, assumed, sigma_e, fit, self._roughness(gauss))
 
-    def _filtered(self, image: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _filtered(self, images: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Matched sums over their standard deviation, with these inverse variances; and the sums of weights."""
         inside, around = self.region[self._box], self.unfold(inverse)[self._box]
         spread = matched_sum(around, self._kernel**2)[inside]
-        return matched_sum(image[self._box] * around, self._kernel)[inside] / np.sqrt(spread), spread
+        return matched_sum(images[..., *self._box] * around, self._kernel)[..., inside] / np.sqrt(spread), spread
 
     def _visit_scatter(self) -> tuple[FloatArray, FloatArray]:
         """Mean square deviation of the filtered visits from their mean, times their number; and the variance assumed.
@@ -239,8 +241,8 @@ class SearchField:
         power = float(whole @ whole)
         scale = float(self._stack.image_e[self.region] @ whole) / power if power > 0 else 0.0
         assumed = self.terms.variance(np.zeros(len(self.terms.believed)))
-        parts = (scale * part.sum(axis=0) for part in np.array_split(frames, visits))
-        sums = np.stack([self._filtered(part, 1.0 / assumed)[0][self._thin] for part in parts])
+        parts = np.stack([scale * part.sum(axis=0) for part in np.array_split(frames, visits)])
+        sums = self._filtered(parts, 1.0 / assumed)[0][:, self._thin]
         return sums.var(axis=0, ddof=1) * visits, assumed[self._thin]
 
     def _fit(self, ratio: FloatArray, before: FloatArray, weight: FloatArray, logs: FloatArray) -> NoiseFit:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, Reason
+from cpic_planner.queries import Strategy
 from cpic_planner.results import AuditRecord, BandConfirmation
 from cpic_planner.validation import findings
 from cpic_planner.validation.astrometry import Astrometry
@@ -16,6 +17,7 @@ from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStatistics
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.task import ConfirmTask
+from simulator.config import validate
 
 AT_KNOWN_PLACE = "seen at its known place, not confirmed blind"
 _ADVICE = {
@@ -122,7 +124,7 @@ def confirmation_of(
         found_separation_error_arcsec=sky and sky.separation_error_arcsec,
         found_pa_deg=sky and sky.pa_deg % 360.0,
         found_pa_error_deg=sky and sky.pa_error_deg,
-        verdict=_verdict(expected, detected, (found, at_place, n), ratio, ratio_error),
+        verdict=_verdict(_predicted(task, expected), detected, (found, at_place, n), _etc(ratio, ratio_error)),
         audit=audit,
     )
 
@@ -226,17 +228,28 @@ def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
     return answers
 
 
-def _verdict(expected: dict[str, Any], detected: bool, counts: tuple[int, int, int], ratio: float, error: float) -> str:
+def _predicted(task: ConfirmTask, expected: dict[str, Any]) -> tuple[bool, str]:
+    """Whether a detection was predicted, in the way in which the images decide, and what was predicted in words."""
+    strategy = validate(Strategy, task.strategy, where="strategy")
+    # Two rolls show every planet twice: the threshold at the known place decides there.
+    at_place = strategy.search == "known_place" or len(strategy.rolls_deg) > 1
+    chance = expected["chance_known_place" if at_place else "chance_blind"]
+    if chance is None:
+        return expected["significance"] >= expected["threshold"], "a significance below the threshold"
+    return chance >= 0.5, f"a probability of {chance:.2f}"
+
+
+def _verdict(predicted: tuple[bool, str], detected: bool, counts: tuple[int, int, int], etc: str) -> str:
     found, at_place, realisations = counts
-    likely = expected["significance"] >= expected["threshold"]
+    likely, expected = predicted
     if detected:
-        word = "confirmed" if likely else "detected, though predicted below threshold"
+        word = "confirmed" if likely else f"detected, though {expected} was predicted"
     elif 2 * at_place >= realisations:
         word = AT_KNOWN_PLACE
     else:
         word = "not confirmed" if likely else "not detected, as predicted"
     counted = f" ({found} of {realisations})" if realisations > 1 else ""
-    return f"{word}{counted}; {_etc(ratio, error)}"
+    return f"{word}{counted}; {etc}"
 
 
 def _etc(ratio: float, error: float) -> str:

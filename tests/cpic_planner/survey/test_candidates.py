@@ -183,6 +183,17 @@ def test_frames_of_a_visit(model, everyone):
         assert 20.0 * setting.n_frames <= 3600.0
 
 
+def test_frames_of_each_of_several_visits(model, everyone):
+    """Those given, and as many of them as one of four visits holds, each with references and overheads of its own."""
+    stars = everyone.select(np.flatnonzero(np.isin(everyone.name, ["tau Cet", "eps Eri"])))
+    many = replace(model, strategy=model.strategy.model_copy(update={"visits": 4}))
+    for setting in settings_of(many, stars, "F520", VisitRule(exposure_s=10.0, em_gain=100.0), 14400.0):
+        visit_s = setting.n_frames * (10.0 + model.camera("F520").readout_s)
+        assert setting.n_frames >= 1
+        assert setting.time_s == pytest.approx(4.0 * float(model.time_s(visit_s)), rel=1e-9)
+        assert setting.time_s <= 14400.0 * (1 + 1e-9)
+
+
 def test_visits_that_end_with_their_goal(model, everyone):
     stars = everyone.select(np.flatnonzero(np.isin(everyone.name, ["alf Cen A", "eps Eri"])))
     most = settings_of(model, stars, "F520", VisitRule(), 36000.0)

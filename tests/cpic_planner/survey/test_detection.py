@@ -24,7 +24,6 @@ from cpic_planner.survey.detection import (
     reach_au,
     rolled,
     tail_share,
-    wavefronts,
 )
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import NEW, PlanetSample
@@ -84,6 +83,28 @@ def test_as_many_planets_as_completeness_counts(model, name, population, band):
         # Completeness leaves out planets that are too faint to matter, and takes thresholds from a table.
         assert chance.mean() == pytest.approx(share[0], rel=1e-5, abs=2e-6)
     assert np.count_nonzero(seen.contrast[0]) <= round(counted.observable[0] * 3000)
+
+
+@pytest.mark.parametrize("correlation_time_h", [0.0, 12.0])
+def test_a_programme_of_visits_is_that_of_every_other_command(correlation_time_h):
+    """Visits that follow each other at once share some of their wavefront: as in a ranking, by the same law."""
+    remembering = load_instrument().changed({"drift": {"correlation_time_h": correlation_time_h}})
+    model, one = build_model(remembering, ("F520",), Strategy(visits=16)), star("eps Eri")
+    planets = draw_population(load_population("giants"), 3000, 7)
+    frames = {"exposure_s": 20.0, "n_frames": 100.0, "em_gain": 300.0}
+    counted = completeness(model, one, "F520", planets, **frames, visits=16.0)
+    setting = Setting("F520", *frames.values(), 16.0 * float(model.time_s(100.0 * 21.1)))
+    seen = expected_signals(model, one, setting, bodies_of(planets), planets.albedos, places_of(planets), [0.0])
+    law = default_law()
+    own = DetectionRule(rule="blind", **law.model_dump())
+    chance = detection_chance(seen, own, np.zeros(3000, bool), calibration=law.calibration)
+    assert chance.mean() == pytest.approx(counted.completeness[0], rel=1e-5, abs=2e-6)
+    # Mean of 16 offsets a step apart, from science and references alike: the sum over all pairs of visits.
+    step_h = float(model.time_s(100.0 * (20.0 + model.camera("F520").readout_s))) / 3600.0
+    apart = np.abs(np.subtract.outer(np.arange(16), np.arange(16))) * step_h
+    alike = np.exp(-apart / correlation_time_h) if correlation_time_h else np.eye(16)
+    np.testing.assert_allclose(np.unique(seen.visits[seen.margin > 0.0]), 256.0 / alike.sum(), rtol=1e-9)
+    assert np.all(seen.visits[seen.margin == 0.0] == 1.0)
 
 
 @pytest.mark.parametrize("name", ["tau Cet", "alf Cen A"])
@@ -380,13 +401,11 @@ def test_a_blind_search_is_harder_in_tails_and_near_the_star():
     np.testing.assert_array_equal(half_margin(sure, np.zeros(2, bool), np.array([0.0, 1.0]), np.array([0.1, 0.3])), 1.0)
 
 
-def test_visits_that_are_reduced_together_are_searched_as_such(model):
+def test_visits_that_are_reduced_together_are_searched_as_such():
     """Sixteen wavefronts instead of one: half as much light of errors counts where its power is a quarter.
 
     Nothing else of the law knows how many visits there are, where a stack has the numbers of a single visit.
     """
-    many = build_model(load_instrument(), ("F520",), Strategy(visits=16))
-    assert (wavefronts(model), wavefronts(many)) == (1.0, 16.0)
     same = {f"stack_{name}": getattr(RULE, f"blind_{name}") for name in ("margin", "inward", "width")}
     rule, new = RULE.model_copy(update=same), np.array([False])
     seen = replace(expecting(np.array([1.0])), tails=np.array([0.6]), inward=np.array([0.1]))

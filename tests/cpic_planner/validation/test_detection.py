@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -66,6 +67,23 @@ def test_white_noise_gives_the_false_alarms_that_were_asked_for(psf, still):
         found += len(answer.detections)
         elements += answer.region.n_elements
         assert all(one.significance < 5.5 for one in answer.candidates)
+    expected = elements * norm.sf(3.0)
+    assert abs(found - expected) < 4.0 * math.sqrt(expected)
+
+
+def test_wings_of_a_companion_are_noise_where_they_fall(psf, still):
+    """Noise in stripes as wide as three resolution elements, twice as strong in one as in the next: as many alarms."""
+    hole, geometry = psf.metrics.hole, psf.geometry
+    row, column = np.indices(hole.shape)
+    period = 6.0 * geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
+    sigma_e = 10.0 * 4.0 ** (0.5 * np.sin(2.0 * np.pi * (row + column) / math.sqrt(2.0) / period))
+    found, elements = 0, 0.0
+    for seed in range(80):
+        rng = np.random.default_rng(seed)
+        stack = replace(residual(psf, sigma_e * rng.standard_normal(hole.shape)), white_variance_e2=hole * sigma_e**2)
+        answer = search(stack, psf, still, star_rate_e_s=STAR_E_S, sigma=3.0)
+        found += len(answer.detections)
+        elements += answer.region.n_elements
     expected = elements * norm.sf(3.0)
     assert abs(found - expected) < 4.0 * math.sqrt(expected)
 

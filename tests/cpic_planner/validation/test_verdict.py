@@ -86,18 +86,20 @@ def realisations(n=24, factor=1.0, found=lambda k: True):
 
 
 @pytest.mark.parametrize(
-    ("seen", "expected", "measured", "word"),
+    ("seen", "chance", "measured", "word"),
     [
-        (8, 12.0, 12.0, "confirmed (8 of 8)"),
-        (4, 12.0, 12.0, "confirmed (4 of 8)"),
-        (3, 12.0, 12.0, "seen at its known place, not confirmed blind (3 of 8)"),
-        (3, 12.0, 4.0, "not confirmed (3 of 8)"),
-        (0, 3.0, 4.0, "not detected, as predicted (0 of 8)"),
-        (8, 3.0, 12.0, "detected, though predicted below threshold (8 of 8)"),
+        (8, 0.8, 12.0, "confirmed (8 of 8)"),
+        (4, 0.5, 12.0, "confirmed (4 of 8)"),
+        (3, 0.8, 12.0, "seen at its known place, not confirmed blind (3 of 8)"),
+        (3, 0.5, 4.0, "not confirmed (3 of 8)"),
+        (0, 0.49, 4.0, "not detected, as predicted (0 of 8)"),
+        (8, 0.125, 12.0, "detected, though a probability of 0.12 was predicted (8 of 8)"),
     ],
 )
-def test_the_blind_search_decides(seen, expected, measured, word):
-    task = replace(TASK, predictions=[EXPECTED | {"significance": expected}])
+@pytest.mark.parametrize("significance", [3.0, 12.0])
+def test_the_blind_search_decides(seen, chance, measured, word, significance):
+    """What was likely is what the predicted probability says, whether significance is above its threshold or not."""
+    task = replace(TASK, predictions=[EXPECTED | {"significance": significance, "chance_blind": chance}])
     drawn = [replace(item, significance=measured) for item in realisations(8, found=lambda k: k < seen)]
     found = answer(drawn, task=task)
     assert found.verdict.startswith(word)
@@ -105,6 +107,30 @@ def test_the_blind_search_decides(seen, expected, measured, word):
     assert found.n_detected == seen
     assert found.n_significant == (8 if measured == 12.0 else 0)
     assert (found.search_snr, found.search_threshold) == (9.0, 8.0)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "chances", "word"),
+    [
+        ({}, (0.2, 0.9), "detected, though a probability of 0.20 was predicted"),
+        ({"search": "known_place"}, (0.2, 0.9), "confirmed"),
+        ({"library": "roll"}, (0.2, 0.9), "confirmed"),
+        ({"library": "roll"}, (0.1, 0.3), "detected, though a probability of 0.30 was predicted"),
+    ],
+)
+def test_what_was_likely_is_asked_in_the_way_that_decides(strategy, chances, word):
+    expected = EXPECTED | {"chance_blind": chances[0], "chance_known_place": chances[1]}
+    task = replace(TASK, predictions=[expected], strategy=TASK.strategy | strategy)
+    assert answer(realisations(8), task=task).verdict.startswith(f"{word} (8 of 8)")
+
+
+@pytest.mark.parametrize(
+    ("significance", "word"),
+    [(6.0, "confirmed"), (5.9, "detected, though a significance below the threshold was predicted")],
+)
+def test_where_no_law_was_measured_the_threshold_says_what_was_likely(significance, word):
+    expected = EXPECTED | {"significance": significance, "chance_blind": None, "chance_known_place": None}
+    assert answer(realisations(8), task=replace(TASK, predictions=[expected])).verdict.startswith(f"{word} (8 of 8)")
 
 
 def test_numbers_are_those_of_one_observation():
