@@ -19,7 +19,6 @@ from cpic_planner.etc.detection import (
     DetectionLaw as DetectionLaw,
     default_law as default_law,
     detection_probability as detection_probability,
-    effective_visits as effective_visits,
     law_of as law_of,
     needed_margin as needed_margin,
     tail_share as tail_share,
@@ -83,4 +82,4 @@ from cpic_planner.etc.rates import (
     aperture_rates as aperture_rates,
     companion_saturates as companion_saturates,
 )
-from cpic_planner.etc.together import effective_of as effective_of
+from cpic_planner.etc.together import effective_of as effective_of, effective_visits as effective_visits

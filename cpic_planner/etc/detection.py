@@ -216,28 +216,6 @@ def verdict_of(status: Status, detected: bool) -> VerdictText:
     return "detected" if detected else "measured_not_detected"
 
 
-def effective_visits(visits: ArrayLike, reference_visits: ArrayLike) -> FloatArray:
-    """Return the number of pairs of visits whose mean difference has tails like that of science and reference visits.
-
-    Parameters
-    ----------
-    visits, reference_visits : array_like
-        Independent wavefronts of the science frames and of the reference frames, at least 1.
-
-    Returns
-    -------
-    ndarray
-        ``(1/V + 1/R)^2 / [2 (1/V^3 + 1/R^3)]``: V for R = V, and V/2 for a library of many reference visits.
-
-    Notes
-    -----
-    The light of the wavefront's errors is exponential in a visit. Means of V and of R such variates differ by one of
-    excess kurtosis ``6 (1/V^3 + 1/R^3) / (1/V + 1/R)^2``; that of n pairs of visits, each a Laplace variate, has 3/n.
-    """
-    science, reference = 1.0 / np.asarray(visits, float), 1.0 / np.asarray(reference_visits, float)
-    return np.asarray((science + reference) ** 2 / (2.0 * (science**3 + reference**3)))
-
-
 def half_margin(
     law: DetectionLaw, at_place: ArrayLike, tails: ArrayLike, inward: ArrayLike, visits: ArrayLike = 1.0
 ) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from cpic_core import FloatArray, NDArray
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases, Cases, FixedFrames
-from cpic_planner.etc.detection import Chances, DetectionLaw, effective_visits, law_of, margin_of
+from cpic_planner.etc.detection import Chances, DetectionLaw, law_of, margin_of
 from cpic_planner.etc.frames import FrameProblem, best_exposure_s
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme
 from cpic_planner.etc.motion import SearchMotion, motion_factor
@@ -257,3 +257,25 @@ def effective_of(programme: Programme, law: ProgrammeLaw) -> FloatArray:
     """
     many = (programme.visits, programme.reference_visits)
     return effective_visits(*(law.independent(number, programme.gap_s) for number in many))
+
+
+def effective_visits(visits: ArrayLike, reference_visits: ArrayLike) -> FloatArray:
+    """Return the number of pairs of visits whose mean difference has tails like that of science and reference visits.
+
+    Parameters
+    ----------
+    visits, reference_visits : array_like
+        Independent wavefronts of the science frames and of the reference frames, at least 1.
+
+    Returns
+    -------
+    ndarray
+        ``(1/V + 1/R)^2 / [2 (1/V^3 + 1/R^3)]``: V for R = V, and V/2 for a library of many reference visits.
+
+    Notes
+    -----
+    The light of the wavefront's errors is exponential in a visit. Means of V and of R such variates differ by one of
+    excess kurtosis ``6 (1/V^3 + 1/R^3) / (1/V + 1/R)^2``; that of n pairs of visits, each a Laplace variate, has 3/n.
+    """
+    science, reference = 1.0 / np.asarray(visits, float), 1.0 / np.asarray(reference_visits, float)
+    return np.asarray((science + reference) ** 2 / (2.0 * (science**3 + reference**3)))

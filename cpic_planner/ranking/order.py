@@ -41,11 +41,6 @@ def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
 def timed_model(model: etc.EtcModel, question: RankedQuestion | OptimiseQuestion) -> tuple[etc.EtcModel, float]:
     """Return the model and the wall time of a question; a given length of the visits sets their number or the time.
 
-    Parameters
-    ----------
-    model : EtcModel
-    question : RankedQuestion or OptimiseQuestion
-
     Raises
     ------
     InputError

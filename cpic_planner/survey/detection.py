@@ -207,16 +207,7 @@ def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:
 
 
 def tail_share(model: EtcModel, setting: Setting, separation_arcsec: FloatArray, noise: StackNoise) -> FloatArray:
-    """Share of the noise, as rms, that is light of the wavefront's errors: its tails are exponential.
-
-    Parameters
-    ----------
-    model : EtcModel
-    setting : Setting
-    separation_arcsec : ndarray
-        Projected separation from the star, arcsec, above 0.
-    noise : StackNoise
-    """
+    """Return `cpic_planner.etc.tail_share` of the noise of a setting, at projected separations in arcsec."""
     return detection.tail_share(model, setting.band, separation_arcsec, _visit_s(model, setting), noise)
 
 

@@ -61,8 +61,7 @@ class ProgrammeLaw(NamedTuple):
     correlation_time_h : float
         Time in which the wavefronts of two visits forget each other; 0: all are independent.
     turned : SpeckleLaw or None
-        What science and reference differ by in one visit, and in the next by as much the other way: over an even number
-        of visits nothing is left, over an odd one that of a single visit.
+        What science and reference differ by in one visit, and in the next by as much the other way.
     """
 
     science: SpeckleLaw

@@ -14,7 +14,6 @@ from cpic_planner.etc import (
     aperture_rates,
     build_model,
     default_law,
-    effective_visits,
     needed_margin,
     stack_noise,
     threshold_array,
