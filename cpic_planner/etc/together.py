@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import FloatArray, NDArray
+from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases, Cases, FixedFrames
 from cpic_planner.etc.detection import Chances, DetectionLaw, law_of, margin_of

@@ -14,6 +14,7 @@ from cpic_planner.etc import (
     aperture_rates,
     build_model,
     default_law,
+    effective_visits,
     needed_margin,
     stack_noise,
     threshold_array,
