@@ -13,6 +13,7 @@ from cpic_core import ArrayLike, BoolArray, FloatArray
 from cpic_planner.etc import (
     EtcModel,
     Programme,
+    SearchMotion,
     StackNoise,
     aperture_rates,
     detection,
@@ -62,7 +63,7 @@ class ExpectedSignals:
     threshold is defined there; ``tails`` the share of the noise, as rms, that is light of the wavefront's errors, and
     ``inward`` the width of a resolution element over the separation, both 0 there too. The others are the planet's own,
     ``pa_deg`` east of north. ``visits`` are the independent wavefronts behind the noise (`effective_of`), 1 where
-    nothing is seen.
+    nothing is seen, and ``motion`` the factor on the threshold of a blind search that looks along orbits.
     """
 
     margin: FloatArray
@@ -75,6 +76,7 @@ class ExpectedSignals:
     distance_au: FloatArray
     phase_deg: FloatArray
     visits: FloatArray = field(default_factory=lambda: np.ones(()))
+    motion: FloatArray = field(default_factory=lambda: np.ones(()))
 
 
 def programme_of(model: EtcModel, setting: Setting) -> Programme:
@@ -140,7 +142,7 @@ def expected_signals(
     pa_deg = np.rad2deg(np.arctan2(places.east_au, places.north_au))
     x, y = sky_to_detector(separation, pa_deg - roll, parity=model.instrument.detector.parity)
     margin, tails, inward, snr, contrast = np.zeros((5, *shape))
-    visits = np.ones(shape)
+    visits, motion = np.ones((2, *shape))
     usable = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
     first = model.strategy.rolls_deg[-1]
     if len(model.strategy.rolls_deg) > 1:
@@ -166,6 +168,8 @@ def expected_signals(
             inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[0]
             visits[put] = effective_of(made, rates.speckle)
+            moving = SearchMotion.of(model, star, band, separation[put][None])
+            motion[put] = moving.factor(made, _visit_s(model, setting))[0]
     return ExpectedSignals(
         margin,
         tails,
@@ -177,6 +181,7 @@ def expected_signals(
         places.distance_au,
         places.phase_deg,
         visits,
+        motion,
     )
 
 
@@ -250,11 +255,12 @@ def detection_chance(
     Notes
     -----
     The law that images follow (`cpic_planner.etc.detection.detection_probability`), for a blind search and at a known
-    place. ``expected`` is a step at 1. Where nothing can be seen the chance is 0.
+    place, where the orbit is followed. ``expected`` is a step at 1. Where nothing can be seen the chance is 0.
     """
     if rule.rule == "expected":
         return np.where(seen.margin >= 1.0, 1.0, 0.0)
-    expected = seen.margin, _at_place(rule, known), seen.tails, seen.inward
+    at_place = _at_place(rule, known)
+    expected = seen.margin / np.where(at_place, 1.0, seen.motion), at_place, seen.tails, seen.inward
     return detection.detection_probability(rule, *expected, visits=seen.visits, shift=shift, calibration=calibration)
 
 
