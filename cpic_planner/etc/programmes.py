@@ -32,7 +32,7 @@ from cpic_planner.queries import MAX_VISITS
 
 _ROUNDS, _POINTS = 3, 18
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3
-_SHORTEST_S, _WIDER = 1e-3, 1.5
+_SHORTEST_S, _WIDER, _NEARBY, _REACHED = 1e-3, 1.5, 30.0, 1e-9
 _BEYOND, _LONGEST_S = (1.03, 1.04), 1e15
 
 
@@ -164,10 +164,8 @@ class Programmes:
             return np.full(best_s.shape, np.inf)
         low = np.full(best_s.shape, camera.exposure_min_s + camera.readout_s)
         last, high = missed(np.full(best_s.shape, _LONGEST_S))
-        for _ in range(_ROUNDS):
-            grid = np.geomspace(low, high, _POINTS)
-            low, best, high = around_lowest(grid, values := missed(grid)[0])
-        return np.where(values.min(axis=0) < last * (1.0 - _CLOSE), best, np.inf)
+        best, value = _lowest(lambda length_s: missed(length_s)[0], low, high)
+        return np.where(value < last * (1.0 - _CLOSE), best, np.inf)
 
     def quickest(self) -> FloatArray:
         """Return the numbers of visits that reach the level in least wall time; 1 where none does."""
@@ -263,7 +261,14 @@ class Programmes:
         def missed(length_s: FloatArray) -> FloatArray:
             return self._missed(visits, visits * self.model.time_s(length_s), best_s)[0]
 
-        found = shortest(missed, np.where(reachable, visit_s, 1.0), reachable)
+        start_s = np.where(reachable, visit_s, 1.0)
+        found = shortest(missed, start_s, reachable)
+        lost = reachable & (missed(found) > 1.0 + _REACHED)
+        if lost.any():  # but for a narrow range of lengths, beyond which a search asks for more than time gains
+            bottom_s, value = _lowest(missed, start_s, start_s * _NEARBY)
+            narrow = lost & (value <= 1.0)
+            found = np.where(narrow, shortest(missed, np.where(narrow, bottom_s, 1.0), narrow), found)
+            reachable = reachable & (narrow | ~lost)
         wall_s = self.model.time_s(np.where(reachable, found, np.inf))
         return np.where(reachable, found, np.inf), self._shortest(visits, wall_s, best_s)[1]
 
@@ -326,6 +331,16 @@ def _cost(problem: FrameProblem, exposure_s: FloatArray) -> FloatArray:
     return np.where(usable, problem.frame_noise(exposure_s)[0] * (exposure_s + camera.readout_s), np.inf)
 
 
+def _lowest(
+    missed: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Lengths of visits, between two, of least ``(level / SNR)^2``, and that."""
+    for _ in range(_ROUNDS):
+        grid = np.geomspace(low, high, _POINTS)
+        low, best, high = around_lowest(grid, values := missed(grid))
+    return best, values.min(axis=0)
+
+
 def shortest(missed: Callable[[FloatArray], FloatArray], start_s: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
     """Return the shortest visits with which a falling function of their length comes down to 1.
 
@@ -343,13 +358,14 @@ def shortest(missed: Callable[[FloatArray], FloatArray], start_s: FloatArray, wa
     ndarray
         The longest that there is where none reaches 1, and where none is wanted.
     """
-    low, high = start_s * 0.99, start_s * 1.01
+    low = start_s * 0.99
 
     def value(_: Any, length_s: FloatArray) -> FloatArray:
         found = missed(length_s.reshape(start_s.shape))
         return np.where(wanted, np.clip(found, 1e-300, 1e300), 1.0).ravel()
 
     # A search asks for more the longer the visits are: a level may be reached in some range of lengths only.
+    high = start_s * np.where(value(None, start_s.ravel()).reshape(start_s.shape) <= 1.0, 1.0, 1.01)
     for factor, end in ((_WIDER, high), (1.0 / _WIDER, low)):
         while True:
             off = value(None, end.ravel()).reshape(end.shape) > 1.0

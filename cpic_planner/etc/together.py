@@ -131,7 +131,7 @@ class CameraCases(Cases):
             )
             for i, cases in enumerate(self.bands)
         ]
-        shape = np.broadcast_shapes(*(np.shape(array) for part in parts for array in vars(part).values()))
+        shape = np.broadcast_shapes((1, 1), *(np.shape(array) for part in parts for array in vars(part).values()))
         return Programme.stacked([part.spread(shape) for part in parts], axis=-3)
 
     def of_contrast(self, contrast: FloatArray) -> Self:

@@ -290,7 +290,8 @@ def test_all_that_is_left_is_speckles_and_wings():
     rates = of(model("roll"), targets(3.0, **PAIR))
     assert np.all(rates.wings_e2_s2 > 0)
     for visits in (1.0, 100.0):
-        programme = Programme(visits=np.array(visits), reference_visits=np.array(visits))
+        many = np.array(visits)
+        programme = Programme(visits=many, reference_visits=many)
         left, speckle = residual_law(rates, programme), rates.speckle.law(visits)
         np.testing.assert_allclose(left.k0, speckle.k0 + rates.wings_e2_s2, rtol=1e-14)
         np.testing.assert_array_equal(left.k1, speckle.k1)
