@@ -45,6 +45,7 @@ def model(instrument=INSTRUMENT, bands=None, **strategy):
 @pytest.mark.parametrize(
     "strategy",
     [
+        {"visits": 20, "n_modes": 4, "mode": "photon_counting"},
         {"visits": 20, "n_modes": 4, "library": "roll"},
         {"visits": 6, "n_modes": 3, "library": "brighter_twin", "reference_visits": 9, "search": "known_place"},
     ],
@@ -53,15 +54,12 @@ def model(instrument=INSTRUMENT, bands=None, **strategy):
 def test_round_trips(strategy):
     """For a fixed number of modes answers for a level are inverses of each other as exactly as without."""
     one, done = model(**strategy), 0
-    for time_s in (1e5,):
+    for time_s in (3e4, 1e5):
         for given, inverse in (({"sigma": 5.0}, {"sigma": 5.0}), ({"snr": 7.0}, {"snr": 7.0}), ({}, {"detect": True})):
             limit = contrast_limit(one, TAU_CET, time_s=time_s, **PLACE, **given)[0]
             if limit.value is not None:
                 again = exposure_time(one, TAU_CET, contrast=limit.value, **PLACE, **inverse)[0]
-                # `contrast_limit` finds the length that pays with the modes of smooth frames: where shorter visits detect
-                # as much, the inverse question may find those.
-                if given or again.value > limit.time_s:
-                    assert again.value == pytest.approx(limit.time_s, rel=1e-9)
+                assert again.value == pytest.approx(limit.time_s, rel=1e-9)
                 done += 1
         found = signal_to_noise(one, TAU_CET, time_s=time_s, contrast=2e-9, **PLACE)[0]
         again = exposure_time(one, TAU_CET, snr=found.value, contrast=2e-9, **PLACE)[0]
