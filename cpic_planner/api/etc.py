@@ -328,7 +328,8 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     pandas.DataFrame
         One row per target; columns of `cpic_planner.ranking.optimiser.OptimalSetting`, units in their names, and
         ``verdict`` of the planet (``detected``, ``measured_not_detected``, ``unreachable``); with
-        ``time_s`` also ``limited_by`` (`cpic_planner.etc.budget`).
+        ``time_s`` also ``limited_by`` (`cpic_planner.etc.budget`), and with ``n_modes`` the flag ``modes_not_counted``
+        in ``flags``.
 
     Raises
     ------
@@ -338,7 +339,7 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     import pandas as pd
 
     from cpic_core import Status
-    from cpic_planner.etc import verdict_of
+    from cpic_planner.etc import MODES_NOT_COUNTED, verdict_of
     from cpic_planner.ranking import detection_statuses, limits_of, optimise as best_of, timed_model
 
     model, time_s = model_of(question), None
@@ -353,6 +354,8 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     said: dict[str, Any] = {"verdict": [verdict_of(*pair) for pair in zip(statuses, detected.tolist(), strict=True)]}
     if time_s is not None:
         said["limited_by"] = limits_of(standings, best)
+    if model.strategy.n_modes:
+        said["flags"] = MODES_NOT_COUNTED
     shown = [item.name for item in fields(best) if not item.name.startswith(("without_", "moves"))]
     columns = {name: getattr(best, name) for name in shown} | {"span_days": best.span_days(model)}
     return pd.DataFrame({"name": stars.name} | columns | said)

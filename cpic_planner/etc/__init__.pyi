@@ -36,17 +36,23 @@ from cpic_planner.etc.frames import (
     smooth_in_visit as smooth_in_visit,
     smooth_least_visit_s as smooth_least_visit_s,
 )
+from cpic_planner.etc.groups import Group as Group
 from cpic_planner.etc.model import (
     ONE_VISIT as ONE_VISIT,
     EtcModel as EtcModel,
     Programme as Programme,
-    Span as Span,
     build_model as build_model,
     check_range as check_range,
     diagonal as diagonal,
     hole_notes as hole_notes,
     place_status as place_status,
     usable_range_arcsec as usable_range_arcsec,
+)
+from cpic_planner.etc.modes import (
+    MODES_LIMITED as MODES_LIMITED,
+    MODES_NOT_COUNTED as MODES_NOT_COUNTED,
+    MODES_NOT_MODELLED as MODES_NOT_MODELLED,
+    with_modes as with_modes,
 )
 from cpic_planner.etc.motion import (
     SearchMotion as SearchMotion,
@@ -72,10 +78,7 @@ from cpic_planner.etc.planet import (
     reference_notes as reference_notes,
     reflected_contrast as reflected_contrast,
 )
-from cpic_planner.etc.programmes import (
-    Group as Group,
-    Programmes as Programmes,
-)
+from cpic_planner.etc.programmes import Programmes as Programmes, Span as Span
 from cpic_planner.etc.questions import contrast_limit as contrast_limit, groups_of as groups_of
 from cpic_planner.etc.rates import (
     ApertureRates as ApertureRates,

@@ -22,7 +22,7 @@ from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import Cases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
 from cpic_planner.etc.model import Programme
-from cpic_planner.etc.noise import StackNoise
+from cpic_planner.etc.noise import StackNoise, residual_law
 from cpic_planner.etc.programmes import Programmes
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.together import CameraCases
@@ -152,7 +152,7 @@ def remedies(cases: Cases, choice: FrameChoice, noise: StackNoise) -> dict[str, 
     ) -> Any:
         return case.noise_of(light, cam, chosen, ratio).snr
 
-    again = Programme.of(model.strategy, 2.0 * cases.programme.visits, model.time_s(choice.visit_s))
+    again = cases.programme_of(2.0 * cases.programme.visits, model.time_s(choice.visit_s), choice)
     star, laws = rates.speckle, cases.residual_parts
     visit = choice.n_frames * (choice.exposure_s + camera.readout_s)
     crossed, light = (cases.programme.law(part).variance(visit) for part in laws)
@@ -232,10 +232,24 @@ def time_at_rest_s(cases: CameraCases, visit_time_s: float | None) -> FloatArray
         return cases.problem("significance", programme=made)
 
     visits = np.broadcast_to(cases.programme.visits, cases.contrast.shape)
-    every = Programmes(cases.model, problem, rest, rest.steady)
+    every = Programmes(cases.model, problem, rest, rest.steady, cases.with_modes)
     if visit_time_s is not None:
         return every.fewest(cases.model.visit_s(visit_time_s)) * visit_time_s
     return visits * cases.model.time_s(every.solved(visits)[0])
+
+
+def programme_floor(cases: CameraCases, visits: float) -> FloatArray:
+    """Return the highest significance of any number of frames in so many visits, whatever their length.
+
+    Parameters
+    ----------
+    cases : CameraCases
+    visits : float
+    """
+    endless = np.ones(1), np.full(1, np.inf), np.ones(1)
+    law = residual_law(cases.rates, cases.with_modes(Programme.of(cases.model.strategy, visits), *endless))
+    with np.errstate(divide="ignore"):
+        return np.asarray(cases.rates.planet_e_s / np.sqrt(law.k0 * cases.rates.variance_factor))
 
 
 def limit_of(

@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import FloatArray, NDArray, Reason, Status
+from cpic_core import ArrayLike, FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.detection import default_law, threshold_array
 from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
@@ -24,6 +24,7 @@ from cpic_planner.etc.model import (
     place_status,
     usable_range_arcsec,
 )
+from cpic_planner.etc.modes import with_modes
 from cpic_planner.etc.motion import SearchMotion
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
 from cpic_planner.etc.planet import (
@@ -92,6 +93,30 @@ class Cases:
         made = copy.copy(self)
         object.__setattr__(made, "programme", programme)
         return made
+
+    def with_modes(
+        self, programme: Programme, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
+    ) -> Programme:
+        """Return a programme with what modes change where it has these frames (`cpic_planner.etc.modes.with_modes`).
+
+        Parameters
+        ----------
+        programme : Programme
+        exposure_s, n_frames, em_gain : ndarray
+            Frames of a visit.
+        """
+        raise NotImplementedError
+
+    def programme_of(self, visits: ArrayLike, visit_time_s: ArrayLike, choice: FrameChoice) -> Programme:
+        """Return another number of visits of chosen frames.
+
+        Parameters
+        ----------
+        visits, visit_time_s : array_like
+        choice : FrameChoice
+        """
+        programme = Programme.of(self.model.strategy, visits, visit_time_s)
+        return self.with_modes(programme, choice.exposure_s, choice.n_frames, choice.em_gain)
 
     def problem(
         self, objective: Objective, contrast: FloatArray | None = None, programme: Programme | None = None
@@ -191,6 +216,13 @@ class BandCases(Cases):
         model, strategy, place = self.model, self.model.strategy, np.hypot(self.x_arcsec, self.y_arcsec)
         width, ratio, metrics = strategy.annulus_lambda_d, strategy.reference_ratio, model.metrics[self.band]
         return programme_parts(metrics, model.instrument.drift, place, width, ratio, model.timing)
+
+    def with_modes(
+        self, programme: Programme, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
+    ) -> Programme:
+        """As of `Cases`."""
+        place = np.hypot(self.x_arcsec, self.y_arcsec)
+        return with_modes(self.model, self.band, place, self.rates, programme, exposure_s, n_frames, em_gain)
 
     def head(self, star: int, planet: int) -> dict[str, Any]:
         """Return the fields of an answer that do not depend on the question.

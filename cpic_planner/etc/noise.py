@@ -14,10 +14,11 @@ from cpic_core import ArrayLike, FloatArray, checked_array, checked_scalar
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.frames import FrameProblem
 from cpic_planner.etc.model import ONE_VISIT, Programme
-from cpic_planner.etc.photon_counting import CountingLaw, CountingLight, counted, counting_law
+from cpic_planner.etc.photon_counting import CountingLight, counted_terms, counting_probabilities, reference_pixel
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.queries import Strategy
 from simulator.detectors import GAIN_LIMIT, FrameTerm, clean_fraction, frames_per_clean, noise_factor2
+from simulator.signal import SpeckleLaw
 
 Objective = Literal["snr", "significance"]
 PLAIN = Strategy()
@@ -84,7 +85,7 @@ def white_terms(rates: ApertureRates, camera: FrameCamera, reference_ratio: Arra
     """
     light = {name: FrameTerm(rate_e_s=getattr(rates, f"{name}_e_s")) for name in _LIGHT}
     smear = {"smear": FrameTerm(charge_e=rates.smear_e)}
-    reference = {"reference": _reference_term(rates, camera, reference_ratio)}
+    reference = {"reference": reference_term(rates, camera, reference_ratio)}
     return light | smear | _electronic_terms(rates, camera) | reference
 
 
@@ -97,7 +98,7 @@ def white_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: Array
         As of `white_terms`.
     """
     light = FrameTerm(rates.background_e_s, rates.smear_e)
-    reference = _reference_term(rates, camera, reference_ratio)
+    reference = reference_term(rates, camera, reference_ratio)
     return FrameTerm.total((*_electronic_terms(rates, camera).values(), light, reference))
 
 
@@ -111,7 +112,7 @@ def _electronic_terms(rates: ApertureRates, camera: FrameCamera) -> dict[str, Fr
     } | {name: FrameTerm(*(area * part for part in added)) for name, added in camera.added}
 
 
-def _reference_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: ArrayLike) -> FrameTerm:
+def reference_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: ArrayLike) -> FrameTerm:
     """Everything that the reference frames of a science frame add."""
     pixels, ratio = rates.reference_scale * rates.aperture_pixels, np.asarray(reference_ratio, float)
     return FrameTerm(
@@ -152,11 +153,12 @@ def frame_problem(
     """
     with_planet = objective == "snr"
     level = 1.0 + 1.0 / rates.background_apertures if with_planet else 1.0
-    share = level * rates.noise_fraction * _throughput_loss(rates)
     made = Programme.of(strategy) if programme is None else programme
+    factor = made.white_factor * rates.variance_factor
+    share = level * rates.noise_fraction * factor
     ratio = made.frame_ratio(strategy.reference_ratio)
     white = white_term(rates, camera, ratio)
-    own = own_noise(rates, camera) if with_planet else 0.0
+    own = own_noise(rates, camera, made) if with_planet else 0.0
     residual = dict(zip(("z0", "z1", "z2"), _residual(rates, level, made), strict=True))
     arrays = _broadcast(
         alpha_e_s=camera.light_factor * share * white.rate_e_s + own,
@@ -172,15 +174,15 @@ def frame_problem(
     )
     counting = None
     if strategy.mode == "photon_counting":
-        pixels = rates.noise_fraction * _throughput_loss(rates) * rates.aperture_pixels
-        law = _law(camera, camera.em_gain_max if em_gain is None else em_gain, strategy)
+        pixels = rates.noise_fraction * factor * rates.aperture_pixels
+        law = counting_probabilities(camera, camera.em_gain_max if em_gain is None else em_gain, strategy)
         parts = _broadcast(
             arrays["alpha_e_s"],
             planet_e_s=rates.planet_e_s / rates.aperture_pixels,
             quiet_e_s=rates.background_e_s / rates.aperture_pixels + camera.rate_e_s,
-            reference_e_s=_reference_pixel(rates.reference_light_e_s, rates) + camera.rate_e_s,
+            reference_e_s=reference_pixel(rates.reference_light_e_s, rates) + camera.rate_e_s,
             quiet_e=rates.smear_e / rates.aperture_pixels + camera.charge_e,
-            reference_e=_reference_pixel(rates.reference_smear_e, rates) + camera.charge_e,
+            reference_e=reference_pixel(rates.reference_smear_e, rates) + camera.charge_e,
             science_pixels=pixels,
             mean_pixels=pixels * (level - 1.0),
             reference_pixels=level * pixels * rates.reference_scale / ratio,
@@ -189,15 +191,32 @@ def frame_problem(
     return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
 
 
-def own_noise(rates: ApertureRates, camera: FrameCamera) -> FloatArray:
+def own_noise(rates: ApertureRates, camera: FrameCamera, programme: Programme = ONE_VISIT) -> FloatArray:
     """Return the variance of the planet's own light per second, before the gain register's excess noise, e-^2/s.
 
     Parameters
     ----------
     rates : ApertureRates
     camera : FrameCamera
+    programme : Programme
+        Says what modes leave of it.
     """
-    return camera.light_factor * rates.source_noise_fraction * _throughput_loss(rates) * rates.planet_e_s
+    share = rates.source_noise_fraction * rates.variance_factor * programme.own_factor
+    return np.asarray(camera.light_factor * share * rates.planet_e_s)
+
+
+def residual_law(rates: ApertureRates, programme: Programme) -> SpeckleLaw:
+    """Return everything that a programme leaves and that frames do not average, before two rolls are averaged.
+
+    Wings of companions are no speckles of the star: modes of its references leave them as they are.
+
+    Parameters
+    ----------
+    rates : ApertureRates
+    programme : Programme
+    """
+    law = programme.law(rates.speckle)
+    return law._replace(k0=law.k0 + rates.wings_e2_s2 * programme.planet_factor2)
 
 
 def stack_noise(
@@ -225,27 +244,32 @@ def stack_noise(
     Notes
     -----
     ``Var = {F^2(g) [S + (1 + N/M) (B + smear + a0 cic)] + (1 + N/M) a0 (RN^2 + K^2/12) / g^2} / P``, summed over
-    frames, with the weights of cut pixels squared, divided by the square of the RDI throughput and by the fraction
-    ``P`` of frames that no particle voids; plus ``(N t sigma)^2`` of the residual light, which visits average and
-    frames do not (`simulator.signal.speckles.ProgrammeLaw`). ``snr`` adds the error of the mean background. Where
-    photons are counted, the terms of the white noise are ``counting`` (science frames) and ``reference``.
+    frames, with the weights of cut pixels squared, divided by the fraction ``P`` of frames that no particle voids; plus
+    ``(N t sigma)^2`` of the residual light, which visits average and frames do not
+    (`simulator.signal.speckles.ProgrammeLaw`). ``snr`` adds the error of the mean background. Where photons are
+    counted, the terms of the white noise are ``counting`` (science frames) and ``reference``.
+
+    Modes of the references leave a part of each term and of the planet: a term is that of the flux over what is left of
+    it: ``white / T^2``, ``speckle / T^2`` (the common speckles too), ``1 / T`` of the planet's own noise, or, where
+    photons are counted, ``white / T^2``, which is within 10 % of it.
     """
     exposure, each, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
     made = Programme.of(strategy) if programme is None else programme
     frames, ratio = each * made.visits, made.frame_ratio(strategy.reference_ratio)
-    stack = frames * frames_per_clean(rates.loss_per_s, exposure) * _throughput_loss(rates)
+    every = frames * frames_per_clean(rates.loss_per_s, exposure) * rates.variance_factor
+    stack = every * made.white_factor
     if strategy.mode == "photon_counting":
-        law = _law(camera, float(gain.flat[0]), strategy)
-        counts, planet = _counted(rates, exposure, stack, law, camera, ratio)
+        law = counting_probabilities(camera, float(gain.flat[0]), strategy)
+        counts, planet = counted_terms(rates, exposure, stack, law, camera, ratio)
         white = np.asarray(sum(counts.values()))
     else:
         factor2, share = light_factor2(camera, gain), stack * rates.noise_fraction
         white = share * white_term(rates, camera, ratio).variance_e2(exposure, factor2, gain)
-        planet = stack * factor2 * rates.source_noise_fraction * rates.planet_e_s * exposure
+        planet = every * made.own_factor * factor2 * rates.source_noise_fraction * rates.planet_e_s * exposure
     integrated = (frames * exposure) ** 2 * rates.variance_factor
-    wings = integrated * rates.wings_e2_s2
+    wings = integrated * rates.wings_e2_s2 * made.planet_factor2
     visit = each * (exposure + camera.readout_s)
-    common = integrated * rates.speckle.common.variance(visit)
+    common = integrated * made.speckle * made.planet_factor2 * rates.speckle.common.variance(visit)
     speckle = integrated * made.law(rates.speckle.averaging()).variance(visit)
     quiet = white + wings + common + speckle
     mean = quiet / rates.background_apertures
@@ -266,11 +290,6 @@ def stack_noise(
     return StackNoise(signal, quiet, white, snr, significance, terms)
 
 
-def _throughput_loss(rates: ApertureRates) -> float:
-    """Variance per variance of the difference: the subtraction takes part of the planet, two rolls show it twice."""
-    return rates.variance_factor / rates.rdi_throughput**2
-
-
 def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
     """Named arrays of one shape, that of all of them and of the others."""
     arrays = [np.asarray(value) for value in values.values()]
@@ -285,41 +304,7 @@ def _residual(rates: ApertureRates, level: FloatArray | float, programme: Progra
     """Variance that frames do not average over signal squared, as a polynomial of the visit."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         scale = level * rates.variance_factor / rates.planet_e_s**2
-        return [np.where(part > 0, part * scale, 0.0) for part in programme.law(rates.residual)]
-
-
-def _law(camera: FrameCamera, em_gain: float, strategy: Strategy) -> CountingLaw:
-    """Probabilities of counts at the threshold of a strategy."""
-    noise_e = camera.amplifier_e
-    return counting_law(em_gain, camera.register_stages, noise_e, strategy.counting_sigma * noise_e)
-
-
-def _reference_pixel(scaled: FloatArray, rates: ApertureRates) -> FloatArray:
-    """What a pixel of a reference frame holds of some light before it is scaled to the science frames."""
-    scale = np.asarray(rates.reference_scale, float)
-    return np.where(scale > 0, scaled / np.where(scale > 0, scale, 1.0) / rates.aperture_pixels, 0.0)
-
-
-def _counted(
-    rates: ApertureRates,
-    exposure_s: FloatArray,
-    stack: FloatArray,
-    law: CountingLaw,
-    camera: FrameCamera,
-    reference_ratio: FloatArray,
-) -> tuple[dict[str, FloatArray], FloatArray]:
-    """Terms of white noise where photons are counted, and what the planet's light adds to them."""
-    pixels = stack * rates.noise_fraction * rates.aperture_pixels
-    own = camera.charge_e + camera.rate_e_s * exposure_s
-    quiet = (rates.background_e_s * exposure_s + rates.smear_e) / rates.aperture_pixels + own
-    held = rates.reference_light_e_s * exposure_s + rates.reference_smear_e
-    reference = _reference_pixel(held, rates) + own
-    alone = counted(pixels, quiet, law)
-    both = counted(pixels, quiet + rates.planet_e_s / rates.aperture_pixels * exposure_s, law)
-    with np.errstate(invalid="ignore"):
-        planet = np.where(np.isfinite(alone), both - alone, 0.0)
-    scale = rates.reference_scale / reference_ratio
-    return {"counting": alone, "reference": counted(pixels * scale, reference, law)}, planet
+        return [np.where(part > 0, part * scale, 0.0) for part in residual_law(rates, programme)]
 
 
 SPECKLE_COHERENCE = 0.37
@@ -389,10 +374,12 @@ def snr_paper(
         region = checked_array("background_pixels", background_pixels, low=1e-6, unit="px")
     gain = checked_array("em_gain", em_gain, low=1.0, high=GAIN_LIMIT)
     kept = each * programme.visits * clean_fraction(rates.loss_per_s, exposure)
-    own = rates.rdi_throughput * rates.planet_e_s * exposure * kept
+    # Of the image itself, in which modes leave a part of the planet.
+    left = programme.throughput
+    own = left * rates.planet_e_s * exposure * kept
     frame = white_term(rates, camera, ratio)
-    white = kept * frame.variance_e2(exposure, light_factor2(camera, gain), gain) / area
-    together = programme.law(rates.residual).variance(each * (exposure + camera.readout_s)) / area**2
+    white = kept * programme.white * frame.variance_e2(exposure, light_factor2(camera, gain), gain) / area
+    together = left**2 * residual_law(rates, programme).variance(each * (exposure + camera.readout_s)) / area**2
     pixel_variance = white + (kept * exposure) ** 2 * together / SPECKLE_COHERENCE
     variance = (own + pixel_variance * area * (1.0 + area / region)) * rates.variance_factor
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -12,7 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, NDArray, checked_array, checked_scalar
+from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import CaseArrays
+from cpic_planner.queries import Strategy
 from simulator.detectors import GAIN_LIMIT, generating_function, stage_probability
 
 MAX_MEAN_E = 8.0
@@ -268,3 +271,37 @@ def _horner(values: FloatArray, mean: FloatArray) -> FloatArray:
         total *= mean / n
         total += values[n - 1]
     return np.asarray(np.exp(-mean) * total)
+
+
+def counting_probabilities(camera: FrameCamera, em_gain: float, strategy: Strategy) -> CountingLaw:
+    """Probabilities of counts at the threshold of a strategy."""
+    noise_e = camera.amplifier_e
+    return counting_law(em_gain, camera.register_stages, noise_e, strategy.counting_sigma * noise_e)
+
+
+def reference_pixel(scaled: FloatArray, rates: ApertureRates) -> FloatArray:
+    """What a pixel of a reference frame holds of some light before it is scaled to the science frames."""
+    scale = np.asarray(rates.reference_scale, float)
+    return np.where(scale > 0, scaled / np.where(scale > 0, scale, 1.0) / rates.aperture_pixels, 0.0)
+
+
+def counted_terms(
+    rates: ApertureRates,
+    exposure_s: FloatArray,
+    stack: FloatArray,
+    law: CountingLaw,
+    camera: FrameCamera,
+    reference_ratio: FloatArray,
+) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Terms of white noise where photons are counted, and what the planet's light adds to them."""
+    pixels = stack * rates.noise_fraction * rates.aperture_pixels
+    own = camera.charge_e + camera.rate_e_s * exposure_s
+    quiet = (rates.background_e_s * exposure_s + rates.smear_e) / rates.aperture_pixels + own
+    held = rates.reference_light_e_s * exposure_s + rates.reference_smear_e
+    reference = reference_pixel(held, rates) + own
+    alone = counted(pixels, quiet, law)
+    both = counted(pixels, quiet + rates.planet_e_s / rates.aperture_pixels * exposure_s, law)
+    with np.errstate(invalid="ignore"):
+        planet = np.where(np.isfinite(alone), both - alone, 0.0)
+    scale = rates.reference_scale / reference_ratio
+    return {"counting": alone, "reference": counted(pixels * scale, reference, law)}, planet

@@ -11,37 +11,87 @@ the residual of one visit. Frames need not be whole in this search.
 """
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, NDArray
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray
+from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.frames import (
-    FrameChoice,
     FrameProblem,
     best_exposure_s,
-    best_in_visit,
-    least_time,
     peak_visit_s,
-    shortened,
     smooth_least_visit_s,
 )
-from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme, Span
-from cpic_planner.etc.noise import Objective
-from cpic_planner.etc.searches import around_lowest, lowest_whole, taken
-from cpic_planner.etc.together import CameraCases, Wanted
+from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme, check_range
+from cpic_planner.etc.searches import around_lowest, first_root, lowest_whole
 from cpic_planner.queries import MAX_VISITS
 
-_LEVEL_STEPS, _SAME = 60, 1e-10
 _ROUNDS, _POINTS = 3, 18
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3
-_SHORT, _BEYOND, _LONGEST_S = 0.98, (1.03, 1.04), 1e15
+_SHORTEST_S, _WIDER, _NEARBY, _REACHED = 1e-3, 1.5, 30.0, 1e-9
+_BEYOND, _LONGEST_S = (1.03, 1.04), 1e15
 
 
+Modes = Callable[[Programme, FloatArray, FloatArray, FloatArray], Programme]
+"""A programme with what modes change of it, for exposures, frames of a visit, and gains."""
 Level = Callable[[Programme, FrameProblem], Callable[[FloatArray, FloatArray], FloatArray]]
 """SNR or significance to reach of a programme and its problem, for lengths of its visits (s) and ``1 / SNR^2`` there.
 """
+
+
+@dataclass(frozen=True)
+class Span:
+    """Time of a programme: number of visits, wall time of each, and of all; None for what is not given."""
+
+    visits: int | None = None
+    visit_time_s: float | None = None
+    time_s: float | None = None
+
+    @classmethod
+    def of(cls, model: EtcModel, time_s: float | None, visit_time_s: float | None, *, asked: bool = False) -> Self:
+        """Return what is given, and what follows from it.
+
+        Parameters
+        ----------
+        model : EtcModel
+            Whose strategy may say the number of visits.
+        time_s, visit_time_s : float, optional
+            Wall time of the programme and of a visit, 1e-3 to 1e9 s.
+        asked : bool
+            The time is what is asked for.
+
+        Raises
+        ------
+        InputError
+            For a value out of range, times that contradict each other, and where no time is given or left open.
+        """
+        visits = model.strategy.visits
+        for name, value in (("time_s", time_s), ("visit_time_s", visit_time_s)):
+            if value is not None:
+                check_range(name, value, 1e-3, 1e9, "s")
+        if asked:
+            if visits is not None and visit_time_s is not None:
+                allowed = "visits or visit_time_s, not both: together they set the time that is asked for"
+                raise InputError("visit_time_s", visit_time_s, unit="s", allowed=allowed)
+            return cls(visits, visit_time_s)
+        if visit_time_s is None:
+            if time_s is None:
+                raise InputError("time_s", None, allowed="a wall time, or visits and visit_time_s")
+            return cls(visits, None if visits is None else time_s / visits, time_s)
+        if visits is None:
+            if time_s is None:
+                raise InputError("visits", None, allowed="a number of visits of visit_time_s, or time_s")
+            visits = min(math.floor(time_s / visit_time_s * (1.0 + 1e-9)), MAX_VISITS)
+            if visits < 1:
+                raise InputError("visit_time_s", visit_time_s, unit="s", allowed=f"at most time_s, {time_s:g} s")
+        elif time_s is not None and abs(visits * visit_time_s / time_s - 1.0) > 1e-9:
+            allowed = f"visits x visit_time_s, {visits * visit_time_s:g} s, or none"
+            raise InputError("time_s", time_s, unit="s", allowed=allowed)
+        return cls(visits, visit_time_s, visits * visit_time_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +108,15 @@ class Programmes:
         Level to reach.
     steady : bool
         Whether that is the same for all programmes.
+    modes : callable, optional
+        What modes change of a programme of such frames; nothing without.
     """
 
     model: EtcModel
     problem: Callable[[Programme], FrameProblem]
     level: Level
     steady: bool = False
+    modes: Modes | None = None
 
     def best_in_time(self, time_s: ArrayLike) -> FloatArray:
         """Return the numbers of visits that come nearest to the level, or most above it, in a wall time.
@@ -111,10 +164,8 @@ class Programmes:
             return np.full(best_s.shape, np.inf)
         low = np.full(best_s.shape, camera.exposure_min_s + camera.readout_s)
         last, high = missed(np.full(best_s.shape, _LONGEST_S))
-        for _ in range(_ROUNDS):
-            grid = np.geomspace(low, high, _POINTS)
-            low, best, high = around_lowest(grid, values := missed(grid)[0])
-        return np.where(values.min(axis=0) < last * (1.0 - _CLOSE), best, np.inf)
+        best, value = _lowest(lambda length_s: missed(length_s)[0], low, high)
+        return np.where(value < last * (1.0 - _CLOSE), best, np.inf)
 
     def quickest(self) -> FloatArray:
         """Return the numbers of visits that reach the level in least wall time; 1 where none does."""
@@ -152,8 +203,32 @@ class Programmes:
         return best_exposure_s(self.problem(ONE_VISIT))[0]
 
     def _made(self, visits: FloatArray, visit_time_s: ArrayLike) -> tuple[Programme, FrameProblem]:
-        programme = Programme.of(self.model.strategy, visits, visit_time_s)
+        programme = self.programme(visits, visit_time_s)
         return programme, self.problem(programme)
+
+    def programme(self, visits: FloatArray, visit_time_s: ArrayLike) -> Programme:
+        """Return a programme, with modes of frames that fill its visits and need not be whole.
+
+        Parameters
+        ----------
+        visits : ndarray
+        visit_time_s : array_like
+            Wall time of a visit.
+        """
+        programme = Programme.of(self.model.strategy, visits, visit_time_s)
+        if self.modes is None or self.model.strategy.n_modes == 0:
+            return programme
+        camera, best_s, gain = self._alone
+        visit_s = self.model.visit_s(visit_time_s)
+        exposure = np.clip(visit_s - camera.readout_s, camera.exposure_min_s, best_s)
+        return self.modes(programme, exposure, visit_s / (exposure + camera.readout_s), gain)
+
+    @functools.cached_property
+    def _alone(self) -> tuple[FrameCamera, FloatArray, FloatArray]:
+        """Camera, and exposure and gain of most SNR per time, which depend little on the programme."""
+        problem = self.problem(ONE_VISIT)
+        best_s = best_exposure_s(problem)[0]
+        return problem.camera, best_s, problem.frame_noise(best_s)[1]
 
     def _missed(self, visits: FloatArray, time_s: ArrayLike, best_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         each_s = np.asarray(time_s, float) / visits
@@ -168,20 +243,47 @@ class Programmes:
             return inverse * self.level(programme, problem)(visit, inverse) ** 2, visit
 
     def _solved(self, visits: FloatArray, best_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        if self.modes is not None and self.model.strategy.n_modes:
+            return self._solved_with_modes(visits, best_s)
         drift, wall_s = self.model.instrument.drift, np.array(np.inf)
         for _ in range(1 if drift.correlation_time_h == 0.0 else 4):
-            programme, problem = self._made(visits, wall_s)
-            camera = problem.camera
-            shortest, frame_s = (exposure + camera.readout_s for exposure in (camera.exposure_min_s, best_s))
-            visit, level = self._reached(programme, problem, _cost(problem, best_s))
-            if np.any(visit < frame_s):  # not even one frame of that exposure: a shorter one, or one whole
-                exposure = np.clip(visit - camera.readout_s, camera.exposure_min_s, best_s)
-                other, its_level = self._reached(programme, problem, _cost(problem, exposure))
-                whole = (visit < frame_s) & (other > frame_s)
-                visit, level = np.where(whole, frame_s, other), np.where(whole, level, its_level)
-            visit = np.maximum(visit, shortest)
+            visit, level = self._shortest(visits, wall_s, best_s)
             wall_s = self.model.time_s(visit)
         return visit, level
+
+    def _solved_with_modes(self, visits: FloatArray, best_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Shortest visits where modes follow their length, and the level."""
+        # About as long as with the modes of references without noise, or without modes.
+        endless_s = self._shortest(visits, np.array(np.inf), best_s)[0]
+        visit_s = np.minimum(endless_s, replace(self, modes=None)._solved(visits, best_s)[0])
+        reachable = np.isfinite(visit_s)
+
+        def missed(length_s: FloatArray) -> FloatArray:
+            return self._missed(visits, visits * self.model.time_s(length_s), best_s)[0]
+
+        start_s = np.where(reachable, visit_s, 1.0)
+        found = shortest(missed, start_s, reachable)
+        lost = reachable & (missed(found) > 1.0 + _REACHED)
+        if lost.any():  # but for a narrow range of lengths, beyond which a search asks for more than time gains
+            bottom_s, value = _lowest(missed, start_s, start_s * _NEARBY)
+            narrow = lost & (value <= 1.0)
+            found = np.where(narrow, shortest(missed, np.where(narrow, bottom_s, 1.0), narrow), found)
+            reachable = reachable & (narrow | ~lost)
+        wall_s = self.model.time_s(np.where(reachable, found, np.inf))
+        return np.where(reachable, found, np.inf), self._shortest(visits, wall_s, best_s)[1]
+
+    def _shortest(self, visits: FloatArray, wall_s: FloatArray, best_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Shortest visits of programmes whose gaps and modes are those of visits of a length, and the level."""
+        programme, problem = self._made(visits, wall_s)
+        camera = problem.camera
+        shortest_s, frame_s = (exposure + camera.readout_s for exposure in (camera.exposure_min_s, best_s))
+        visit, level = self._reached(programme, problem, _cost(problem, best_s))
+        if np.any(visit < frame_s):  # not even one frame of that exposure: a shorter one, or one whole
+            exposure = np.clip(visit - camera.readout_s, camera.exposure_min_s, best_s)
+            other, its_level = self._reached(programme, problem, _cost(problem, exposure))
+            whole = (visit < frame_s) & (other > frame_s)
+            visit, level = np.where(whole, frame_s, other), np.where(whole, level, its_level)
+        return np.maximum(visit, shortest_s), level
 
     def _reached(self, programme: Programme, problem: FrameProblem, cost: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Shortest visits of the level, and the level: from the left of a falling curve, by secants of logarithms.
@@ -229,165 +331,58 @@ def _cost(problem: FrameProblem, exposure_s: FloatArray) -> FloatArray:
     return np.where(usable, problem.frame_noise(exposure_s)[0] * (exposure_s + camera.readout_s), np.inf)
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
-    """Programmes that answer for the bands of one camera; arrays ``(n_band, n_star, n_planet)``."""
-
-    group: "Group"
-    programme: Programme
-    problem: FrameProblem
-    choice: FrameChoice
-    level: FloatArray
-
-    def taken(self, index: NDArray[np.int_]) -> "Found":
-        """Return one element of the first axis of every case."""
-
-        def take(array: FloatArray) -> FloatArray:
-            return taken(np.broadcast_to(array, self.level.shape), index)
-
-        programme, problem = self.programme._combined(take), self.problem._combined(take)
-        return Found(self.group, programme, problem, self.choice._combined(take), take(self.level))
+def _lowest(
+    missed: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Lengths of visits, between two, of least ``(level / SNR)^2``, and that."""
+    for _ in range(_ROUNDS):
+        grid = np.geomspace(low, high, _POINTS)
+        low, best, high = around_lowest(grid, values := missed(grid))
+    return best, values.min(axis=0)
 
 
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Cases of bands of one camera, which are solved at once; arrays ``(..., n_band, n_star, n_planet)``."""
+def shortest(missed: Callable[[FloatArray], FloatArray], start_s: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
+    """Return the shortest visits with which a falling function of their length comes down to 1.
 
-    model: EtcModel
-    cases: CameraCases
-    objective: Objective
-    value: float | None
-    wanted: Wanted
+    Parameters
+    ----------
+    missed : callable
+        ``(level / SNR)^2``, of all cases at once; ``inf`` where there is no frame.
+    start_s : ndarray
+        About as long.
+    wanted : ndarray of bool
+        Cases to solve.
 
-    @property
-    def _shape(self) -> tuple[int, ...]:
-        return self.cases.contrast.shape
+    Returns
+    -------
+    ndarray
+        The longest that there is where none reaches 1, and where none is wanted.
+    """
+    low = start_s * 0.99
 
-    def problem(self, programme: Programme, contrast: FloatArray | None = None) -> FrameProblem:
-        """Return the problem of a programme, for the cases' own contrasts or given ones."""
-        return self.cases.problem(self.objective, contrast, programme)
+    def value(_: Any, length_s: FloatArray) -> FloatArray:
+        found = missed(length_s.reshape(start_s.shape))
+        return np.where(wanted, np.clip(found, 1e-300, 1e300), 1.0).ravel()
 
-    @functools.cached_property
-    def programmes(self) -> Programmes:
-        """All programmes of the cases."""
-        return Programmes(self.model, self.problem, self.wanted, self.wanted.steady)
-
-    def visits_in(self, span: Span) -> FloatArray:
-        """Return the given number of visits, or the best ones in the time."""
-        if span.visits is not None:
-            return np.full(self._shape, float(span.visits))
-        assert span.time_s is not None
-        return self.programmes.best_in_time(span.time_s)
-
-    def paying_s(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
-        """Return the length of visits, at most the given one, that comes nearest to the level, or most above it.
-
-        It depends on the given one only where that is chosen: more time is never worse.
-        """
-        if self.wanted.steady:
-            return visit_s
-        every, search = self.programmes, Programmes(self.model, self.problem, replace(self.wanted, at_place=False))
-        bottom_s = search.bottom_s(visits, visit_s)
-        there = np.where(np.isfinite(bottom_s), bottom_s, visit_s)
-        at_bottom, blind, at_end = (
-            made.missed(visits, visits * self.model.time_s(length))[0]
-            for made, length in ((every, there), (search, there), (every, visit_s))
-        )
-        # Photometry at a known place asks for the same in visits of any length: it may gain where the search loses.
-        stops = np.isfinite(bottom_s) & (at_bottom >= blind) & (at_bottom <= at_end * (1.0 + _FLAT))
-        # At the very bottom the length would be arbitrary: the inverse question could not find it again.
-        return np.where(stops, np.minimum(visit_s, bottom_s * _SHORT), visit_s)
-
-    def level_of(self, programme: Programme, problem: FrameProblem, choice: FrameChoice) -> FloatArray:
-        """Level that chosen frames have to reach; of frames that there are none of, as if visits were short."""
-        some = choice.n_frames >= 1
-        visit, inverse = np.where(some, choice.visit_s, 1.0), np.where(some, choice.inverse_snr2, np.inf)
-        return self.wanted(programme, problem)(visit, inverse)
-
-    def in_time(self, visits: FloatArray, span: Span, exact: bool) -> Found:
-        """Return the best frames of a programme in its time; of a chosen number of visits, the best of those beside."""
-        assert span.time_s is not None
-        if span.visits is None:
-            visits = np.stack(_beside(visits))
-        programme, problem, visit_s = self.spread(visits, span.time_s)
-        choice = best_in_visit(problem, visit_s, whole=exact, quickest=False)
-        found = Found(self, programme, problem, choice, self.level_of(programme, problem, choice))
-        if span.visits is None:
-            missed = np.where(visit_s > 0, choice.inverse_snr2 * found.level**2, np.inf)
-            index = np.argmin(missed, axis=0)
-            found, visit_s = found.taken(index), taken(visit_s, index)
-        if exact:
-            return found
-        choice = shortened(found.problem, found.choice, visit_s)
-        return replace(found, choice=choice, level=self.level_of(found.programme, found.problem, choice))
-
-    def spread(self, visits: FloatArray, time_s: float) -> tuple[Programme, FrameProblem, FloatArray]:
-        """Programmes of so many visits in a time, with the length of their science visits."""
-        programme = Programme.of(self.model.strategy, visits, time_s / visits)
-        problem = self.problem(programme)
-        return programme, problem, np.broadcast_to(self.model.visit_s(time_s / visits), problem.signal_e_s.shape)
-
-    def for_level(self, span: Span) -> Found:
-        """Return the quickest frames that reach the level, with the number of visits that is given or best."""
-        model, every = self.model, self.programmes
-        if span.visit_time_s is not None:
-            visit_s = float(model.visit_s(span.visit_time_s))
-            visits = np.minimum(every.fewest(visit_s), MAX_VISITS)
-            return self._in_visits(visits, span.visit_time_s)
-        if span.visits is not None:
-            return self.at_level(np.full(self._shape, float(span.visits)))
-        best = every.quickest()
-        near = np.stack([*_beside(best), np.full_like(best, MAX_VISITS)])
-        found = self.at_level(near)
-        cost = np.where(found.choice.n_frames >= 1, near * model.time_s(found.choice.visit_s), np.inf)
-        # Where none reaches it, as many visits as there may be say what forbids it.
-        cost[-1] = _LONGEST_S
-        return found.taken(np.argmin(cost, axis=0))
-
-    def _in_visits(self, visits: FloatArray, visit_time_s: float) -> Found:
-        """Programmes of the fewest visits of one length that reach the level, of whole frames: one more at most."""
-        for _ in range(3):
-            programme = Programme.of(self.model.strategy, visits, visit_time_s)
-            problem = self.problem(programme)
-            visit_s = np.broadcast_to(self.model.visit_s(visit_time_s), visits.shape)
-            choice = best_in_visit(problem, visit_s)
-            level = self.level_of(programme, problem, choice)
-            short = np.sqrt(choice.inverse_snr2) * level > 1.0 + _SAME
-            if not np.any(short & (visits < MAX_VISITS)):
+    # A search asks for more the longer the visits are: a level may be reached in some range of lengths only.
+    high = start_s * np.where(value(None, start_s.ravel()).reshape(start_s.shape) <= 1.0, 1.0, 1.01)
+    for factor, end in ((_WIDER, high), (1.0 / _WIDER, low)):
+        while True:
+            off = value(None, end.ravel()).reshape(end.shape) > 1.0
+            off = wanted & (off if factor > 1.0 else ~off) & (end < _LONGEST_S) & (end > _SHORTEST_S)
+            if not off.any():
                 break
-            visits = np.minimum(np.where(short, visits + np.ceil(visits * 0.002), visits), MAX_VISITS)
-        choice = choice.where(~short, replace(choice, n_frames=np.zeros_like(choice.n_frames)))
-        return Found(self, programme, problem, choice, level)
-
-    def at_level(self, visits: FloatArray) -> Found:
-        """Return the quickest frames of so many visits that reach the level, which may depend on them."""
-        model, last = self.model, None
-        steady = self.wanted.steady and model.instrument.drift.correlation_time_h == 0.0
-        if steady:
-            wall_s, level = np.array(np.inf), np.broadcast_to(self.wanted.level, visits.shape)
-        else:
-            visit_s, level = self.programmes.solved(visits)
-            wall_s = model.time_s(visit_s)
-        for _ in range(_LEVEL_STEPS):
-            programme = Programme.of(model.strategy, visits, wall_s)
-            problem = self.problem(programme)
-            choice = least_time(problem, level)
-            some = choice.n_frames >= 1
-            wall_s = np.where(some, model.time_s(choice.visit_s), wall_s)
-            found = np.where(some, self.level_of(programme, problem, choice), level)
-            off = np.subtract(found, level, out=np.zeros_like(level), where=some)
-            if steady or (last is not None and np.all(np.abs(off) <= _SAME * level)):
-                break
-            # Secants of a fixed point: the level follows the length of the visits slowly.
-            slope = np.zeros_like(level)
-            if last is not None:
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    slope = np.clip(np.nan_to_num((found - last[1]) / (level - last[0])), -0.9, 0.999)
-            last = level, found
-            level = level + off / (1.0 - slope)
-        return Found(self, programme, problem, choice, level)
+            if factor > 1.0:
+                low[off] = end[off]
+            else:
+                high[off] = end[off]
+            end[off] *= factor
+    found = first_root(_All(), value, low.ravel(), high.ravel(), np.ones(low.size, bool), tolerance=1e-11)
+    return np.where(wanted, found.reshape(start_s.shape), _LONGEST_S)
 
 
-def _beside(visits: FloatArray) -> list[FloatArray]:
-    """One visit, and numbers of visits as they are, one less and one more."""
-    return [np.ones_like(visits), *(np.clip(visits + step, 1.0, MAX_VISITS) for step in (-1, 0, 1))]
+class _All:
+    """Cases that are never looked at apart."""
+
+    def at(self, _: Any) -> Self:
+        return self

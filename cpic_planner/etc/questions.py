@@ -14,17 +14,18 @@ import numpy as np
 from cpic_core import FloatArray, InputError
 from cpic_planner.etc.cases import FixedFrames, band_cases
 from cpic_planner.etc.frames import FrameChoice, best_in_visit
-from cpic_planner.etc.model import EtcModel, Programme, Span, check_range
+from cpic_planner.etc.groups import Found, Group
+from cpic_planner.etc.model import EtcModel, Programme, check_range
 from cpic_planner.etc.noise import Objective
 from cpic_planner.etc.planet import Planets, planets_of
-from cpic_planner.etc.programmes import Found, Group, Programmes
+from cpic_planner.etc.programmes import Span
 from cpic_planner.etc.solved import Solved
 from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.results import EtcAnswer, Question
 from cpic_planner.targets import Targets
 
-_LIMIT_STEPS = 60
+_LIMIT_STEPS, _MODE_ROUNDS, _STILL = 60, 10, 1e-11
 _CLOSE, _START = 1e-14, 1e-9
 
 
@@ -229,10 +230,17 @@ def _limit(group: Group, span: Span, exact: bool) -> tuple[Found, FloatArray]:
     contrast, choice = _limits(group, programme, visit_s, exact)
     if span.visits is None and group.objective == "snr":
         # The planet's own noise counts: the best number of visits is that at the limit.
-        at_limit = Programmes(group.model, lambda made: group.problem(made, np.minimum(contrast, 1.0)), group.wanted)
-        programme, _, longest_s = group.spread(at_limit.best_in_time(span.time_s), span.time_s)
+        at_limit = replace(group.programmes, problem=lambda made: group.problem(made, np.minimum(contrast, 1.0)))
+        visits = at_limit.best_in_time(span.time_s)
+        programme, _, longest_s = group.spread(visits, span.time_s)
         visit_s = longest_s
         contrast, choice = _limits(group, programme, visit_s, exact)
+    n_modes = group.model.strategy.n_modes
+    for _ in range(_MODE_ROUNDS if n_modes else 0):
+        programme, last = group.made(visits, span.time_s / visits, choice, of_choice=True), contrast
+        contrast, choice = _limits(group, programme, visit_s, exact)
+        if np.allclose(contrast, last, rtol=_STILL, atol=0.0):
+            break
     # Beyond contrast 1 there is no planet: refused below.
     ratio = np.minimum(contrast, 1.0)
     there, problem = replace(group, cases=group.cases.of_contrast(ratio)), group.problem(programme, ratio)
@@ -243,6 +251,8 @@ def _limit(group: Group, span: Span, exact: bool) -> tuple[Found, FloatArray]:
         again = there.at_level(programme.visits)
         use = stopped & (again.choice.n_frames > 0) & (again.choice.visit_s <= visit_s)
         choice, level = again.choice.where(use, choice), np.where(use, again.level, level)
+        if n_modes:
+            programme = again.programme.spread(use.shape).where(use, programme.spread(use.shape))
     return Found(there, programme, problem, choice, level), contrast
 
 

@@ -64,8 +64,6 @@ class ApertureRates:
         The same weighted by the planet's own light.
     background_apertures : ndarray
         Aperture areas in the annulus of the hole that measures the background.
-    rdi_throughput : float
-        Fraction of planet light that the projection leaves.
     loss_per_s : float
         Rate of particles whose tracks touch the aperture and void it in that frame.
     reference_light_e_s, reference_halo_e_s : ndarray
@@ -98,7 +96,6 @@ class ApertureRates:
     noise_fraction: float
     source_noise_fraction: float
     background_apertures: FloatArray
-    rdi_throughput: float
     loss_per_s: float
     reference_light_e_s: FloatArray
     reference_halo_e_s: FloatArray
@@ -111,12 +108,6 @@ class ApertureRates:
     def background_e_s(self) -> FloatArray:
         """All light and dark charge under the planet."""
         return self.halo_e_s + self.companion_e_s + self.sky_e_s + self.exozodi_e_s + self.dark_e_s
-
-    @property
-    def residual(self) -> ProgrammeLaw:
-        """Everything that the subtraction leaves and that frames do not average."""
-        common = self.speckle.common
-        return self.speckle._replace(common=common._replace(k0=common.k0 + self.wings_e2_s2))
 
 
 def aperture_rates(
@@ -186,7 +177,6 @@ def aperture_rates(
         noise_fraction=noise_pixels / area,
         source_noise_fraction=metrics.source_noise_fraction,
         background_apertures=annulus_apertures(metrics, strategy.annulus_lambda_d, separation),
-        rdi_throughput=1.0 - strategy.n_modes / float(np.count_nonzero(metrics.hole)),
         loss_per_s=model.loss_per_s(band),
         reference_light_e_s=reference.light(halo + exozodi, companion.aperture_e_s, sky + dark),
         reference_halo_e_s=reference.halo * halo,

@@ -11,10 +11,11 @@ from cpic_planner.etc import budget
 from cpic_planner.etc.detection import Chances, law_of, verdict_of
 from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
-from cpic_planner.etc.model import Programme, Span
+from cpic_planner.etc.model import Programme
+from cpic_planner.etc.modes import MODES_LIMITED, modes_obstacle
 from cpic_planner.etc.motion import motion_factor, programme_days
 from cpic_planner.etc.noise import StackNoise, own_noise, snr_paper, stack_noise
-from cpic_planner.etc.programmes import Programmes
+from cpic_planner.etc.programmes import Programmes, Span
 from cpic_planner.etc.searches import last_true
 from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import MAX_VISITS
@@ -74,8 +75,9 @@ class Solved:
         factors = budget.remedies(cases, choice, noise)
         setting, ratio = (choice.exposure_s, choice.n_frames, choice.em_gain), strategy.reference_ratio
         paper = snr_paper(cases.rates, *setting, camera, reference_ratio=ratio, programme=programme)
-        visits, others = (
-            np.broadcast_to(number, choice.visit_s.shape) for number in (programme.visits, programme.reference_visits)
+        visits, others, used = (
+            np.broadcast_to(number, choice.visit_s.shape)
+            for number in (programme.visits, programme.reference_visits, programme.n_modes)
         )
         wall, left_s = model.time_s(choice.visit_s), np.zeros_like(choice.visit_s)
         if time_s is not None:  # never more than what was given, not even by rounding
@@ -108,7 +110,12 @@ class Solved:
                 reason, message = Reason.PLANET_MOVES, _MOVES.format(visits=int(visits[case]), time_s=still_s[case])
             if detection is not None:
                 head |= detection.fields(status, reason, most, case)
-            head |= {"status": status, "reason": reason, "message": message, "n_modes": strategy.n_modes}
+            head |= {"status": status, "reason": reason, "message": message, "n_modes": int(used[case])}
+            obstacle = modes_obstacle(model, own.band)
+            if obstacle is not None:
+                head["flags"] += (obstacle,)
+            elif used[case] < strategy.n_modes and not strategy.choose_modes and choice.n_frames[case] >= 1:
+                head["flags"] += (MODES_LIMITED,)
             if unmeasured:
                 head["flags"] += ("blind_law_not_measured",)
             if status is not Status.OK:
@@ -237,19 +244,12 @@ class _Most:
                 parts[2, lost] = smooth_least_visit_s(part, wanted, cost)
                 best = best_in_visit(part, np.full(wanted.shape, _LONGEST_S))
                 parts[3, lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
-                endless = programme_floor(cases, _ENDLESS)
+                endless = budget.programme_floor(cases, _ENDLESS)
                 parts[4, lost] = np.broadcast_to(endless, lost.shape)[lost]
                 parts[5, lost] = smooth_least_visit_s(budget.without_speckles(part), wanted, cost)
-                own = np.broadcast_to(own_noise(cases.rates, problem.camera), lost.shape)[lost]
+                own = np.broadcast_to(own_noise(cases.rates, problem.camera, cases.programme), lost.shape)[lost]
                 parts[6, lost] = smooth_least_visit_s(budget.without_background(part, own), wanted)
         return cls(*parts)
-
-
-def programme_floor(cases: CameraCases, visits: float) -> FloatArray:
-    """Highest significance of any number of frames in so many visits, whatever their length."""
-    law = Programme.of(cases.model.strategy, visits).law(cases.rates.residual)
-    with np.errstate(divide="ignore"):
-        return np.asarray(cases.rates.planet_e_s / np.sqrt(law.k0 * cases.rates.variance_factor))
 
 
 @dataclass(frozen=True)
@@ -282,17 +282,17 @@ class _Detection:
         lost, required = possible & ~detected, {}
         if lost.any():
             problem, chosen, time_s = cases.problem("significance"), solved.span.visits is None, solved.span.time_s
-            # Without speckles one visit is best, unless the number is given.
-            alone = cases.problem("significance", programme=Programme.of(strategy, 1)) if chosen else problem
+            # Without speckles one visit is best, unless the number is given, and no mode pays.
+            alone = cases.problem("significance", programme=Programme.of(strategy, 1 if chosen else programme.visits))
             total_s = programme.visits * model.time_s(visit) if time_s is None else np.array(time_s)
             visits = np.broadcast_to(programme.visits, margin.shape)
             each = np.broadcast_to(model.visit_s(total_s / visits), margin.shape)
             whole = np.broadcast_to(model.visit_s(total_s), margin.shape) if chosen else each
-            own = np.broadcast_to(own_noise(cases.rates, problem.camera), lost.shape)[lost]
+            own = np.broadcast_to(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
             least = wanted.of_tails(programme)(np.zeros_like(level), visit)
             calm[lost] = budget.reached(budget.without_speckles(alone.at(lost)), whole[lost], least[lost])
             dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
-            floor = np.broadcast_to(programme_floor(cases, _ENDLESS), level.shape)
+            floor = np.broadcast_to(budget.programme_floor(cases, _ENDLESS), level.shape)
             common = calm & (floor <= least)
             moving = noise.significance >= level / paid * (1.0 - _ROUNDING)
             required = _required(cases, choice, noise, wanted, level, lost)
@@ -343,7 +343,7 @@ def _required(
     def problem(made: Programme) -> FrameProblem:
         return cases.problem("significance", programme=made)
 
-    every = Programmes(model, problem, wanted)
+    every = Programmes(model, problem, wanted, modes=cases.with_modes)
     visits = np.broadcast_to(programme.visits, level.shape)
     required["time_s"] = visits * model.time_s(every.solved(visits)[0])
     return {name: np.where(lost, value, np.inf) for name, value in required.items()}
@@ -377,7 +377,7 @@ def _more_visits(cases: CameraCases, choice: FrameChoice, wanted: Wanted) -> Flo
     frames = choice.exposure_s, choice.n_frames, choice.em_gain, camera, model.strategy
 
     def enough(visits: FloatArray) -> NDArray[np.bool_]:
-        programme = Programme.of(model.strategy, visits, wall_s)
+        programme = cases.programme_of(visits, wall_s, choice)
         significance = stack_noise(cases.rates, *frames, programme).significance
         with np.errstate(divide="ignore"):
             inverse = significance**-2.0

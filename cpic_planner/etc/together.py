@@ -108,7 +108,7 @@ class CameraCases(Cases):
     ) -> FrameProblem:
         """As of `Cases`, with the exposure of most SNR per time where it is that of a single visit."""
         made, ratio = super().problem(objective, contrast, programme), self.model.strategy.reference_ratio
-        if contrast is not None:
+        if contrast is not None or self.model.strategy.n_modes:  # of the planet's own light modes leave another part
             return made
         shares = (self.programme if programme is None else programme).frame_ratio(ratio)
         if np.any(np.abs(shares / ratio - 1.0) > _ROUNDING):
@@ -118,9 +118,31 @@ class CameraCases(Cases):
             self._best_s[objective] = best_exposure_s(super().problem(objective, None, ONE_VISIT))[0]
         return replace(made, best_s=np.broadcast_to(self._best_s[objective], made.signal_e_s.shape))
 
+    def with_modes(
+        self, programme: Programme, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
+    ) -> Programme:
+        """As of `Cases`."""
+        if self.model.strategy.n_modes == 0:
+            return programme
+        parts = [
+            cases.with_modes(
+                programme._combined(lambda array, at=i: _of_band(array, at)),
+                *(_of_band(part, i) for part in (exposure_s, n_frames, em_gain)),
+            )
+            for i, cases in enumerate(self.bands)
+        ]
+        shape = np.broadcast_shapes((1, 1), *(np.shape(array) for part in parts for array in vars(part).values()))
+        return Programme.stacked([part.spread(shape) for part in parts], axis=-3)
+
     def of_contrast(self, contrast: FloatArray) -> Self:
         """Return the cases with other contrasts, ``(n_band, n_star, n_planet)``."""
         return replace(self, contrast=contrast, rates=self.rates_at(contrast))
+
+
+def _of_band(array: FloatArray, index: int) -> FloatArray:
+    """One band of an array ``(..., n_band, n_star, n_planet)``; what is the same for all bands stays."""
+    whole = np.asarray(array)
+    return whole if whole.ndim < 3 else whole[..., index if whole.shape[-3] > 1 else 0, :, :]
 
 
 def together(parts: Sequence[Any], shape: tuple[int, ...]) -> Any:

@@ -132,12 +132,16 @@ class Reduction(FrozenModel):
     """
 
     n_modes: int = asked(
-        0, "Modes of the reference library that the subtraction projects out beside its mean.", ge=0, le=1000
+        0,
+        "Modes of the reference library that the subtraction projects out beside its mean. Images and predictions for "
+        "one target are for them; rankings are for the mean of the references.",
+        ge=0,
+        le=1000,
     )
     choose_modes: bool = asked(
         False,
-        "Take {n_modes} as the most: as many are projected out at each planet's place as pay by the references alone, "
-        "none where none do. A choice of the images; predictions are for {n_modes}.",
+        "Take {n_modes} as the most: as many are projected out at each planet's place as pay, none where none do. "
+        "Images choose by the references alone, predictions by the least limit.",
     )
     filter: FluxFilter = asked(
         "aperture",

@@ -362,6 +362,7 @@ def _row(
     distance = float(velocities.distance_au[i])
     luminosity = finite(targets.luminosity_lsun[i])
     flags = [*targets.flags[i], *model.strategy.reference_library.flags]
+    flags += [etc.MODES_NOT_COUNTED] if model.strategy.n_modes else []
     flags += etc.reference_notes(model, star, band, float(separation[0]), planet) + etc.hole_notes(model, band)
     if clamped and "stellar_grid_clamped" not in flags:
         flags.append("stellar_grid_clamped")

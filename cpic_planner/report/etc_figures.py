@@ -119,8 +119,12 @@ def etc_curves(
         visits = answer.visits or model.strategy.visits or 1
         planets = planets_of([answer.separation_arcsec] * N_TIMES, None, answer.contrast)
         cases = band_cases(model, star, answer.band, planets, FixedFrames(exposure_s, em_gain))
-        cases = replace(cases, programme=Programme.of(model.strategy, visits, grid[None, :] / visits))
-        choice = best_in_visit(cases.problem(objective), model.visit_s(grid / visits)[None, :])
+        visit_time_s = grid[None, :] / visits
+        cases = replace(cases, programme=Programme.of(model.strategy, visits, visit_time_s))
+        choice = best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
+        if model.strategy.n_modes:  # what they change follows the frames slowly
+            cases = replace(cases, programme=cases.programme_of(visits, visit_time_s, choice))
+            choice = best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
         noise = cases.noise(choice)
         point = None
         if answer.time_s is not None and answer.snr is not None and answer.significance is not None:

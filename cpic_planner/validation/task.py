@@ -235,10 +235,11 @@ def expected_of(
     Returns
     -------
     dict
-        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``time_s`` of all visits, ``threshold``, ``snr``
-        and ``significance`` of sums of frames, which no particle hits, with the ``verdict`` and the probabilities of a
-        detection (``chance_blind``, ``chance_known_place``; None where no law was measured) that follow, and
-        ``snr_full`` and ``significance_full`` with the frames that particles void.
+        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``time_s`` of all visits, ``threshold``,
+        ``n_modes`` that the prediction is for, ``snr`` and ``significance`` of sums of frames, which no particle hits,
+        with the ``verdict`` and the probabilities of a detection (``chance_blind``, ``chance_known_place``; None where
+        no law was measured) that follow, and ``snr_full`` and ``significance_full`` with the frames that particles
+        void.
     """
     x = np.asarray(place_arcsec[0], float).reshape(1, 1)
     y = np.asarray(place_arcsec[1], float).reshape(1, 1)
@@ -248,13 +249,14 @@ def expected_of(
     elements = model.metrics[band].resolution_elements(separation)
     threshold = float(etc.threshold_array(elements, model.strategy.sigma)[0, 0])
     sums = etc.build_model(images_of(model.instrument), [band], model.strategy)
-    programme = etc.Programme.of(model.strategy, frames.visits, gap_s(model, band, frames))
-
-    def noise_of(seen: etc.EtcModel) -> tuple[etc.ApertureRates, etc.StackNoise]:
-        rates = etc.aperture_rates(seen, target, band, x, y, faint)
-        return rates, etc.stack_noise(rates, *frames[:3], seen.camera(band), seen.strategy, programme)
-
-    (rates, noise), (_, full) = noise_of(sums), noise_of(model)
+    visits = etc.Programme.of(model.strategy, frames.visits, gap_s(model, band, frames))
+    setting = frames.exposure_s, frames.n_frames, frames.em_gain
+    rates, others = (etc.aperture_rates(seen, target, band, x, y, faint) for seen in (sums, model))
+    programme = etc.with_modes(sums, band, np.hypot(x, y), rates, visits, *setting)
+    noise, full = (
+        etc.stack_noise(light, *setting, seen.camera(band), seen.strategy, programme)
+        for seen, light in ((sums, rates), (model, others))
+    )
     margin = noise.significance / threshold
     wavefronts = (rates.speckle.independent(n, programme.gap_s) for n in (programme.visits, programme.reference_visits))
     chances = etc.visit_chances(sums, band, separation, visit_s, noise, margin, etc.effective_visits(*wavefronts))
@@ -267,6 +269,7 @@ def expected_of(
         "pa_deg": float(pa_deg[0, 0]),
         "time_s": float(frames.visits * model.time_s(visit_s)),
         "threshold": threshold,
+        "n_modes": int(programme.n_modes.max()),
         "snr": float(noise.snr[0, 0]),
         "significance": float(noise.significance[0, 0]),
         "chance_blind": _known(chances.blind[0, 0]),

@@ -77,7 +77,7 @@ def recover_counts(
 
     def sums(place: Aperture, frames: int, planet: bool) -> FloatArray:
         quiet = stack.background_e_s * stack.exposure_s / place.pixels + readout.cic_e
-        mean = quiet + planet * stack.planet_e_s * stack.exposure_s * place.light
+        mean = quiet + planet * stack.left_e_s * stack.exposure_s * place.light
         counts = rng.binomial(frames, curve(mean), (each, mean.size))
         return curve.mean_of(counts / frames) @ place.weights * stack.n_frames
 

@@ -63,6 +63,11 @@ class Stack:
         return self.planet_e_s * self.exposure_s * self.n_frames
 
     @property
+    def left_e_s(self) -> float:
+        """What the projection leaves of the planet, which makes noise like so much light."""
+        return self.planet_e_s * self.rdi_throughput
+
+    @property
     def n_reference(self) -> int:
         """Frames of the reference library."""
         return round(self.reference_ratio * self.n_frames)
@@ -160,12 +165,7 @@ def stack_sums(
     if background:  # a sum over several apertures is one draw as well, of that many times the means
         around = stack.background_apertures
         total = total - _difference(stack, aperture, readout, rng, trials, around, False) / around
-    return _projected(total, stack, planet)
-
-
-def _projected(total: FloatArray, stack: Stack, planet: bool) -> FloatArray:
-    """Take the share of the planet that the projection takes, and correct for it."""
-    return (total - planet * (1.0 - stack.rdi_throughput) * stack.signal_e) / stack.rdi_throughput
+    return total / stack.rdi_throughput
 
 
 def _visits(stack: Stack) -> tuple[tuple[float, int, float], ...]:
@@ -186,7 +186,7 @@ def _difference(
         taken = copies * frames
         kept = rng.binomial(taken, clean, trials).astype(np.float64)
         mean = background_e_s * stack.exposure_s / aperture.pixels + readout.cic_e
-        per_frame = mean * counts + (planet and factor > 0) * stack.planet_e_s * stack.exposure_s * light
+        per_frame = mean * counts + (planet and factor > 0) * stack.left_e_s * stack.exposure_s * light
         # Half of the residual stands in each visit, so that their difference has all of it.
         expected = kept[:, None] * (per_frame + 0.5 / factor * speckles * stack.exposure_s / copies)
         if (expected < 0).mean() > 1e-3:
@@ -230,7 +230,7 @@ def frame_sums(
     if background:
         for _ in range(stack.background_apertures):
             total -= _frames_difference(stack, aperture, readout, rng, trials, False) / stack.background_apertures
-    return _projected(total, stack, planet)
+    return total / stack.rdi_throughput
 
 
 def _frames_difference(
@@ -241,7 +241,7 @@ def _frames_difference(
     total = np.zeros(trials)
     for factor, frames, background_e_s in _visits(stack):
         per_frame = background_e_s * stack.exposure_s / aperture.pixels + readout.cic_e
-        expected = per_frame + (planet and factor > 0) * stack.planet_e_s * stack.exposure_s * aperture.light
+        expected = per_frame + (planet and factor > 0) * stack.left_e_s * stack.exposure_s * aperture.light
         expected = np.maximum(expected + 0.5 / factor * speckles * stack.exposure_s, 0.0)
         summed, kept = np.zeros(trials), np.zeros(trials)
         for _ in range(frames):

@@ -67,7 +67,6 @@ def prepared(model: EtcModel, planet: Planet) -> Said:
         speckle_e_s=float(np.sqrt(rates.speckle.law().variance(visit_s)[0])),
         loss_per_s=float(rates.loss_per_s),
         background_apertures=round(float(rates.background_apertures[0])),
-        rdi_throughput=rates.rdi_throughput,
     )
     readout = Readout(camera.read_noise_e, model.instrument.detector.gain_e_adu, camera.cic_e, camera.register_stages)
     noise = stack_noise(rates, planet.exposure_s, FRAMES, planet.em_gain, camera)

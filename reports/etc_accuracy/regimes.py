@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from monte_carlo import Aperture, Readout, Stack, aperture_on
 
-from cpic_planner.etc import ApertureRates, FrameCamera, StackNoise, stack_noise
+from cpic_planner.etc import ApertureRates, FrameCamera, Programme, StackNoise, stack_noise
 from cpic_planner.queries import Strategy
 from simulator.signal import ProgrammeLaw, SpeckleLaw
 
@@ -136,7 +136,6 @@ def rates_of(stack: Stack, places: Sequence[Aperture], light: str = "halo") -> A
         "noise_fraction": float(np.mean([place.noise_fraction for place in places])),
         "source_noise_fraction": float(np.mean([place.source_noise_fraction for place in places])),
         "background_apertures": np.array([float(stack.background_apertures)]),
-        "rdi_throughput": stack.rdi_throughput,
         "loss_per_s": stack.loss_per_s,
         "reference_light_e_s": np.array([other * stack.reference_scale**2]),
         "reference_scale": np.array([stack.reference_scale**2]),
@@ -155,4 +154,5 @@ def predicted(case: Case, places: Sequence[Aperture]) -> StackNoise:
         stack.em_gain,
         camera_of(case.readout),
         Strategy(reference_ratio=stack.reference_ratio),
+        Programme(throughput=np.array(stack.rdi_throughput)),
     )

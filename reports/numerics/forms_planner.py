@@ -12,7 +12,7 @@ from mpmath import mp, mpf
 from oracle import ClosedForm
 
 from catalogs import eccentric_anomaly, orbit_places
-from cpic_planner.etc import ApertureRates, FrameCamera, stack_noise
+from cpic_planner.etc import ApertureRates, FrameCamera, Programme, stack_noise
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.etc.noise import SPECKLE_COHERENCE, snr_paper
 from cpic_planner.planets.laws import read_law
@@ -168,9 +168,9 @@ PLAIN = dict.fromkeys((item.name for item in fields(ApertureRates)), 0.0) | {
     "noise_fraction": 0.86,
     "source_noise_fraction": 0.95,
     "background_apertures": 37.0,
-    "rdi_throughput": 0.9993,
     "variance_factor": 1.0,
 }
+MODES = Programme(speckle=np.array(0.8), white=np.array(0.95), throughput=np.array(0.9))
 SKY, DARK, SMEAR, LOSS, SCALE, K1 = 1e-3, 1e-4, 0.3, 1e-4, 1.0, 1e-9
 STACKS = [
     (planet, halo, exposure, frames, gain)
@@ -213,11 +213,14 @@ def white(planet: mpf, halo: mpf, exposure: mpf, frames: mpf, gain: mpf) -> dict
     light = (halo + mpf(SKY) + mpf(DARK)) * exposure + mpf(SMEAR)
     read = (mpf(CAMERA.read_noise_e) ** 2 + mpf(CAMERA.rounding_e) ** 2) / gain**2
     one = cut * (factor * light + pixels * (factor * mpf(CAMERA.cic_e) + read))
-    quiet = 2 * frames * voided * one / mpf(PLAIN["rdi_throughput"]) ** 2
+    left = mpf(float(MODES.throughput))
+    quiet = 2 * frames * voided * one * mpf(float(MODES.white)) / left**2
     visit = frames * (exposure + mpf(CAMERA.readout_s))
     # The doubles of the law, as they are passed.
-    speckle = (frames * exposure) ** 2 * mpf(K1) * halo**2 * (1 + visit * mpf("1e-4"))
-    own = frames * voided * factor * own_cut * planet * exposure / mpf(PLAIN["rdi_throughput"]) ** 2
+    speckle = (
+        mpf(float(MODES.speckle)) / left**2 * (frames * exposure) ** 2 * mpf(K1) * halo**2 * (1 + visit * mpf("1e-4"))
+    )
+    own = frames * voided * factor * own_cut * planet * exposure / left
     return {"signal": frames * exposure * planet, "quiet": quiet + speckle, "own": own}
 
 
@@ -232,19 +235,21 @@ def significance(*given: mpf) -> mpf:
 
 
 def stacked(name: str) -> Callable[..., float]:
-    return lambda planet, halo, *frames: getattr(stack_noise(rates(planet, halo), *frames, CAMERA), name)
+    return lambda planet, halo, *frames: getattr(
+        stack_noise(rates(planet, halo), *frames, CAMERA, programme=MODES), name
+    )
 
 
 def eq4(planet: mpf, halo: mpf, exposure: mpf, frames: mpf, gain: mpf) -> mpf:
     n, area = mpf(CAMERA.register_stages), mpf(PLAIN["aperture_pixels"])
     factor = 2 * (gain - 1) * gain ** (-(n + 1) / n) + 1 / gain
     kept = frames * mp.exp(-mpf(LOSS) * exposure)
-    own = mpf(PLAIN["rdi_throughput"]) * planet * exposure * kept
+    own = mpf(float(MODES.throughput)) * planet * exposure * kept
     light = 2 * ((halo + mpf(SKY) + mpf(DARK)) * exposure + mpf(SMEAR)) / area
     read = (mpf(CAMERA.read_noise_e) ** 2 + mpf(CAMERA.rounding_e) ** 2) / gain**2
-    white_pixel = kept * (factor * light + 2 * (factor * mpf(CAMERA.cic_e) + read))
+    white_pixel = mpf(float(MODES.white)) * kept * (factor * light + 2 * (factor * mpf(CAMERA.cic_e) + read))
     visit = frames * (exposure + mpf(CAMERA.readout_s))
-    together = mpf(K1) * halo**2 * (1 + visit * mpf("1e-4")) / area**2
+    together = mpf(float(MODES.speckle)) * mpf(K1) * halo**2 * (1 + visit * mpf("1e-4")) / area**2
     pixel = white_pixel + (kept * exposure) ** 2 * together / mpf(SPECKLE_COHERENCE)
     return own / mp.sqrt(own + pixel * area * (1 + 1 / mpf(PLAIN["background_apertures"])))
 
@@ -317,7 +322,7 @@ FORMS = [
         "cpic_planner.etc.noise.snr_paper",
         "as the SNR",
         STACKS,
-        lambda planet, halo, *frames: snr_paper(rates(planet, halo), *frames, CAMERA),
+        lambda planet, halo, *frames: snr_paper(rates(planet, halo), *frames, CAMERA, programme=MODES),
         eq4,
     ),
 ]

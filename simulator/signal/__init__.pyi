@@ -22,9 +22,10 @@ from simulator.signal.saturation import (
     pixel_saturated as pixel_saturated,
 )
 from simulator.signal.speckle_modes import (
+    MOST_REFERENCES as MOST_REFERENCES,
+    BandModes as BandModes,
     ModeFactors as ModeFactors,
     SpeckleModes as SpeckleModes,
-    mode_factors as mode_factors,
     modes_around as modes_around,
 )
 from simulator.signal.speckle_visits import (

@@ -6,26 +6,38 @@ are independent: the residual of V science and R reference visits is (1/V + 1/R)
 """
 
 import functools
-from typing import NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, check_finite, check_whole, stream
-from simulator.config import Instrument
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_finite, check_whole, compute_once, stream
+from simulator.config import Instrument, content_hash
 from simulator.imaging import psf_metrics, single_band_psf
 from simulator.signal.speckle_visits import N_VISITS, SEED, OpticalBand, stamps_around, visit_changes
 
+_SCHEMA = 1
 _MOST_SHARE = 2 / 3  # of the visits that may be references: the others tell what is left
 _MOST_MODES, _VARIANCE_KEPT = 800, 0.99999
+_LEAST_FACTOR = 1e-12
+_MODE_STEPS = (8, 32, 128, 512)
 _DRAWN_MODES = 800  # references times draws: as many draws as that takes, 2 to 16
 _NOISE_STEPS, _LEAST_NOISE, _MOST_NOISE = 8, 0.01, 30.0  # nodes a decade, and the range outside which nothing changes
+MOST_REFERENCES = int(_MOST_SHARE * N_VISITS)
+"""Most reference visits whose modes are known; more change nothing."""
+# Numbers of references that are drawn: between them factors are power laws.
+_EVERY = 24
+_REFERENCES = np.unique([*range(1, _EVERY + 1), *np.round(np.geomspace(_EVERY, MOST_REFERENCES, 16)).astype(int)])
 
 
 class ModeFactors(NamedTuple):
-    """What K = 0, 1, ... modes change, arrays whose last axis is K; all 1 at K = 0.
+    """What modes change: of `SpeckleModes` for K = 0, 1, ... along the last axis, 1 at K = 0; of places for one K each.
 
     Attributes
     ----------
+    n_modes : ndarray
+        K.
     speckle, white : ndarray
         Variance of aperture sums over that without modes: of the speckles of science and reference visits, and of the
         white noise of the science frames.
@@ -33,13 +45,17 @@ class ModeFactors(NamedTuple):
         Part of a planet's light that is left.
     """
 
+    n_modes: IntArray
     speckle: FloatArray
     white: FloatArray
     throughput: FloatArray
 
-    def at(self, n_modes: int) -> "ModeFactors":
-        """Return those of so many modes, or of as many as there are."""
-        return ModeFactors(*(part[..., min(n_modes, part.shape[-1] - 1)] for part in self))
+    def at(self, n_modes: ArrayLike) -> "ModeFactors":
+        """Return those of so many modes, or of as many as there are, for each of the first axes."""
+        wanted = np.minimum(np.asarray(n_modes, int), self.n_modes.max(axis=-1))
+        index = np.broadcast_to(wanted, self.n_modes.shape[:-1])[..., None]
+        numbers, *factors = (np.take_along_axis(part, index, axis=-1)[..., 0] for part in self)
+        return ModeFactors(numbers.astype(int), *(np.asarray(part, float) for part in factors))
 
     def limit(self, noise_over_speckle: ArrayLike) -> FloatArray:
         """Rms of aperture sums over throughput, relative to no modes, with so much white noise.
@@ -73,54 +89,83 @@ class SpeckleModes:
         n = min(int(np.searchsorted(share, _VARIANCE_KEPT)) + 1, _MOST_MODES, values.size)
         basis = (vectors[:, :n] / np.sqrt(values[:n])).T @ images if wide else vectors[:, :n].T
         self.variances, self._visits = values[:n] / len(images), images @ basis.T
-        self.n_pixels = images.shape[1]
+        self.n_pixels, self._n_visits = images.shape[1], len(images)
         self._apertures, self._own, self._planets = (part @ basis.T for part in (apertures, own, planets))
         self._weights = float((apertures**2).sum(axis=1).mean())
         self._light = (own * planets).sum(axis=1)
         # Rms of aperture sums of one visit.
         self.speckle_rms = float(np.sqrt(((self._apertures**2) @ self.variances).mean()))
-        self._nodes: dict[tuple[int, int], ModeFactors] = {}
+        self._nodes: dict[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]] = {}
 
-    def factors(self, reference_visits: int, noise_over_speckle: float) -> ModeFactors:
+    def factors(
+        self, reference_visits: ArrayLike, noise_over_speckle: ArrayLike, most_modes: int | None = None
+    ) -> ModeFactors:
         """Return the change by 0 to R - 1 modes.
 
         Parameters
         ----------
-        reference_visits : int
-            R, 1 to 1000, and at most two thirds of the visits. One has no modes beside its mean.
-        noise_over_speckle : float
+        reference_visits : array_like
+            R, whole numbers from 1 to 1000, and at most two thirds of the visits. One has no modes beside its mean.
+        noise_over_speckle : array_like
             Rms of the white noise of one reference visit over that of its speckles, in aperture sums; at least 0. Below
-            0.01 and above 30 nothing changes.
+            0.01 and above 30 nothing changes. It broadcasts with R.
+        most_modes : int, optional
+            Largest K to look at, by default all.
 
         Returns
         -------
         ModeFactors
-            Of K = 0 to R - 1; more modes than the field has change nothing.
+            Of K = 0 to the most, R - 1 where there are no more; more modes than the field has change nothing.
 
         Raises
         ------
         InputError
             If an argument is out of range.
         """
-        r = check_whole("reference_visits", reference_visits, 1, int(_MOST_SHARE * len(self._visits)))
-        noise = float(check_finite("noise_over_speckle", noise_over_speckle))
-        if noise < 0.0:
-            raise InputError("noise_over_speckle", noise, allowed="at least 0")
-        place = _NOISE_STEPS * np.log10(np.clip(noise, _LEAST_NOISE, _MOST_NOISE))
-        low = int(np.floor(place))
-        nodes = [self._node(r, node) for node in ([low] if place == low else [low, low + 1])]
-        return ModeFactors(*(parts[0] + (place - low) * (parts[-1] - parts[0]) for parts in zip(*nodes, strict=True)))
+        most_visits = int(_MOST_SHARE * self._n_visits)
+        for number in np.unique(reference_visits):
+            check_whole("reference_visits", float(number), 1, most_visits)
+        noise = check_finite("noise_over_speckle", noise_over_speckle)
+        if np.any(noise < 0.0):
+            raise InputError("noise_over_speckle", float(np.min(noise)), allowed="at least 0")
+        references, noise = np.broadcast_arrays(np.asarray(reference_visits, int), noise)
+        most = int(references.max()) - 1
+        most = most if most_modes is None else min(check_whole("most_modes", most_modes, 0, 1000), most)
+        usable = _REFERENCES[most_visits >= _REFERENCES]
+        where_r = np.interp(np.log(references), np.log(usable), np.arange(usable.size))
+        where_n = _NOISE_STEPS * np.log10(np.clip(noise, _LEAST_NOISE, _MOST_NOISE))
+        found = np.zeros((3, *references.shape, most + 1))
+        for r, share_r in _nodes_around(where_r):
+            for n, share_n in _nodes_around(where_n):
+                for i, k in np.unique(np.stack([r[share_r * share_n > 0], n[share_r * share_n > 0]]), axis=1).T:
+                    here = np.where((r == i) & (n == k), share_r * share_n, 0.0)
+                    node = np.log(np.maximum(self._node(int(usable[i]), int(k), most), _LEAST_FACTOR))
+                    found += here[..., None] * node.reshape((3,) + (1,) * references.ndim + (most + 1,))
+        modes = np.minimum(np.arange(most + 1), references[..., None] - 1)
+        return ModeFactors(modes, *np.exp(found))
 
-    def _node(self, r: int, node: int) -> ModeFactors:
-        if (r, node) not in self._nodes:
-            noise = 10.0 ** (node / _NOISE_STEPS) * self.speckle_rms / np.sqrt(self._weights)
-            draws = int(np.clip(_DRAWN_MODES // r, 2, 16))
-            drawn = [self._drawn(r, noise, draw) for draw in range(draws)]
-            self._nodes[r, node] = ModeFactors(*(np.mean(part, axis=0) for part in zip(*drawn, strict=True)))
-        return self._nodes[r, node]
+    def _node(self, r: int, node: int, most: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Factors of 0 to ``most`` modes of one number of references and level of noise."""
+        held = self._nodes.get((r, node))
+        if held is None or held[0].size <= min(most, r - 1):
+            # Some more than are asked for: the next question may ask for them.
+            enough = next((step for step in _MODE_STEPS if step >= most), most)
+            held = self._nodes[r, node] = self._computed(r, node, min(enough, r - 1))
+        # Where there are no more modes, the last one stands for what is missing.
+        more = max(most + 1 - held[0].size, 0)
+        speckle, white, throughput = (np.pad(part[: most + 1], (0, more), "edge") for part in held)
+        return speckle, white, throughput
 
-    def _drawn(self, r: int, noise: float, draw: int) -> ModeFactors:
-        """Factors of one library of visits with white noise of that rms a pixel."""
+    def _computed(self, r: int, node: int, most: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean factors of several libraries."""
+        noise = 10.0 ** (node / _NOISE_STEPS) * self.speckle_rms / np.sqrt(self._weights)
+        draws = int(np.clip(_DRAWN_MODES // r, 2, 16))
+        drawn = [self._drawn(r, noise, draw, most) for draw in range(draws)]
+        speckle, white, throughput = (np.mean(part, axis=0) for part in zip(*drawn, strict=True))
+        return speckle, white, throughput
+
+    def _drawn(self, r: int, noise: float, draw: int, most: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Factors of one library of visits with white noise of that rms a pixel, for 0 to ``most`` modes."""
         rng, root, q = stream(SEED, "modes", r, draw), np.sqrt(self.variances), self.variances.size
         n_visits = len(self._visits)
         chosen = self._visits[rng.permutation(n_visits)[:r]]
@@ -130,7 +175,7 @@ class SpeckleModes:
         beside = noise * rng.standard_normal((r, others))  # noise in directions that no speckles have
         beside -= beside.mean(axis=0)
         values, vectors = np.linalg.eigh(library @ library.T + beside @ beside.T)
-        n = int(np.count_nonzero(values[1:] > 1e-9 * values[-1]))
+        n = min(int(np.count_nonzero(values[1:] > 1e-9 * values[-1])), most)
         modes = (vectors[:, ::-1][:, :n] / np.sqrt(values[::-1][:n])).T @ library
         on_modes, own, planets = (part @ modes.T for part in (self._apertures, self._own, self._planets))
         # All visits, and the references among them: the difference is what the modes have not seen.
@@ -150,8 +195,9 @@ class SpeckleModes:
         hidden = np.cumsum((own * planets / self._light[:, None]).mean(axis=0)) + beyond * outside
         white, throughput = (1.0 - np.concatenate([[0.0], part]) for part in (lost, hidden))
         # Draws of small fields may end one mode apart: the last stands for what is missing.
-        filled = (np.pad(part, (0, r - 1 - n), "edge") for part in (speckle / speckle[0], white, throughput))
-        return ModeFactors(*filled)
+        filled = (np.pad(part, (0, most - n), "edge") for part in (speckle / speckle[0], white, throughput))
+        speckle, white, throughput = filled
+        return speckle, white, throughput
 
     def best_modes(self, reference_visits: int, noise_over_speckle: float, programme_noise: float | None = None) -> int:
         """Return the number of modes of least limit, 0 where none pays.
@@ -166,6 +212,13 @@ class SpeckleModes:
         """
         found = self.factors(reference_visits, noise_over_speckle)
         return int(np.argmin(found.limit(noise_over_speckle if programme_noise is None else programme_noise)))
+
+
+def _nodes_around(place: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Node below and above each place on an axis, with their shares."""
+    low = np.floor(place).astype(int)
+    for step in (0, 1):
+        yield low + step, 1.0 - np.abs(place - low - step)
 
 
 def modes_around(instrument: Instrument, band: str, separation_arcsec: float, offset_nm: float) -> SpeckleModes:
@@ -199,49 +252,84 @@ def modes_around(instrument: Instrument, band: str, separation_arcsec: float, of
     return _made(OpticalBand.of(instrument, band), separation, offset)
 
 
-def mode_factors(
-    instrument: Instrument,
-    band: str,
-    separation_arcsec: ArrayLike,
-    offset_nm: float,
-    reference_visits: int,
-    n_modes: int,
-    noise_over_speckle: ArrayLike,
-) -> ModeFactors:
-    """Return what so many modes change at places, arrays of the shape of separations and noise, broadcast.
+@dataclass(frozen=True, eq=False)
+class BandModes:
+    """What modes change anywhere in the hole of a band, for visits whose wavefronts are off by so much.
 
-    Parameters
+    Attributes
     ----------
-    instrument, band, offset_nm
+    offset_nm : float
         As of `modes_around`; without an offset there are no speckles, and no mode changes anything.
-    separation_arcsec : array_like
-        The field is that of the nearest half lambda/D, inside the hole.
-    reference_visits, noise_over_speckle
-        As of `SpeckleModes.factors`; the noise broadcasts with the separations.
-    n_modes : int
-        K, at least 0; more than R - 1 do not exist.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range, or the band has no optical model.
+    nearest_arcsec, farthest_arcsec, step_arcsec : float
+        Separations whose apertures fit into the quadrants, on the diagonal, and the step between fields: half a
+        lambda/D.
     """
-    k = check_whole("n_modes", n_modes, 0, 1000)
-    references = check_whole("reference_visits", reference_visits, 1, int(_MOST_SHARE * N_VISITS))
-    place, noise = np.broadcast_arrays(
-        check_finite("separation_arcsec", separation_arcsec, "arcsec"), noise_over_speckle
-    )
-    found = np.ones((3, *place.shape))
-    if min(k, references - 1) > 0 and offset_nm > 0.0:
-        metrics = psf_metrics(instrument, band)
-        step, margin = 0.5 * metrics.lambda_d_arcsec, metrics.aperture_radius_arcsec
-        # Of the places whose aperture fits into the quadrants, on the diagonal.
+
+    _optics: OpticalBand
+    offset_nm: float
+    nearest_arcsec: float
+    farthest_arcsec: float
+    step_arcsec: float
+
+    @classmethod
+    def of(cls, instrument: Instrument, band: str, offset_nm: float) -> Self:
+        """Return the modes of a band; parameters as of `modes_around`, the offset at least 0."""
+        metrics, optics = psf_metrics(instrument, band), OpticalBand.of(instrument, band)
+        margin = metrics.aperture_radius_arcsec
         low, high = metrics.hole_inner_corner_arcsec + 2.0 * margin, metrics.owa_arcsec - margin
-        nearest = np.clip(np.round(place / step) * step, low, max(low, high))
-        for index in np.ndindex(place.shape):
-            modes = modes_around(instrument, band, float(nearest[index]), offset_nm)
-            found[(slice(None), *index)] = modes.factors(references, float(noise[index])).at(k)
-    return ModeFactors(*found)
+        return cls(optics, float(offset_nm), low, max(low, high), 0.5 * metrics.lambda_d_arcsec)
+
+    def around(self, separation_arcsec: float) -> SpeckleModes:
+        """Return what modes change around one separation; kept in the cache, of which the last 64 are at hand."""
+        return _stored(self._optics, separation_arcsec, self.offset_nm)
+
+    def factors(
+        self,
+        separation_arcsec: ArrayLike,
+        reference_visits: ArrayLike,
+        n_modes: int,
+        noise_over_speckle: ArrayLike,
+        programme_noise: ArrayLike | None = None,
+    ) -> ModeFactors:
+        """Return what modes change at places, arrays of the shape of all arguments broadcast.
+
+        Parameters
+        ----------
+        separation_arcsec : array_like
+            The field is that of the nearest step.
+        reference_visits : array_like
+            R, at least 1; more than 1000 are as good as 1000.
+        n_modes : int
+            K, 0 to 1000; more than R - 1 do not exist.
+        noise_over_speckle : array_like
+            As of `SpeckleModes.factors`.
+        programme_noise : array_like, optional
+            White noise over speckles, as rms, in the mean of a programme without modes: with it, K is the most, and the
+            number of least limit is taken.
+
+        Raises
+        ------
+        InputError
+            If an argument is out of range.
+        """
+        k = check_whole("n_modes", n_modes, 0, 1000)
+        separation = check_finite("separation_arcsec", separation_arcsec, "arcsec")
+        check_whole("reference_visits", float(np.min(reference_visits)), 1, 10**15)
+        parts = separation, reference_visits, noise_over_speckle, 0.0 if programme_noise is None else programme_noise
+        arrays = np.broadcast_arrays(*(np.asarray(part, float) for part in parts))
+        place, references, noise, of_all = (array.ravel() for array in arrays)
+        references = np.minimum(references, MOST_REFERENCES).astype(int)
+        found = np.concatenate([np.zeros((1, place.size)), np.ones((3, place.size))])
+        usable = (np.minimum(k, references - 1) > 0) & (self.offset_nm > 0.0)
+        steps = np.round(place / self.step_arcsec) * self.step_arcsec
+        nearest = np.clip(steps, self.nearest_arcsec, self.farthest_arcsec)
+        for one in np.unique(nearest[usable]):
+            here = usable & (nearest == one)
+            every = self.around(float(one)).factors(references[here], noise[here], k)
+            best = np.full(here.sum(), k) if programme_noise is None else np.argmin(every.limit(of_all[here]), axis=-1)
+            found[:, here] = every.at(best)
+        numbers, *factors = (part.reshape(arrays[0].shape) for part in found)
+        return ModeFactors(numbers.astype(int), *factors)
 
 
 @functools.lru_cache(maxsize=16)
@@ -250,3 +338,27 @@ def _made(wanted: OpticalBand, separation_arcsec: float, offset: float) -> Speck
     linear, square = (part[:, around.inside].astype(float) for part in visit_changes(wanted))
     images = offset * linear + offset**2 * square
     return SpeckleModes(images - images.mean(axis=0), around.apertures, around.own, around.planets)
+
+
+class _Stored(SpeckleModes):
+    """The field around a place, made only where its factors are not in the cache yet."""
+
+    def __init__(self, wanted: OpticalBand, separation_arcsec: float, offset: float) -> None:
+        self._place = wanted, separation_arcsec, offset
+        self._n_visits, self._nodes = N_VISITS, {}
+
+    def _computed(self, r: int, node: int, most: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        wanted, *place = self._place
+        names = "speckle", "white", "throughput"
+
+        def drawn() -> dict[str, FloatArray]:
+            return dict(zip(names, _made(wanted, *place)._computed(r, node, most), strict=True))
+
+        key = content_hash({"optics": wanted.key, "place": place, "node": (r, node, most), "schema": _SCHEMA})
+        held = compute_once(f"modes-{key}", drawn)
+        return held["speckle"], held["white"], held["throughput"]
+
+
+@functools.lru_cache(maxsize=64)
+def _stored(wanted: OpticalBand, separation_arcsec: float, offset: float) -> SpeckleModes:
+    return _Stored(wanted, separation_arcsec, offset)

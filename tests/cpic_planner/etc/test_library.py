@@ -116,13 +116,3 @@ def test_reference_frames_take_time():
     assert float(ten.visit_s(ten.time_s(123.0))) == pytest.approx(123.0, rel=1e-12)
     few, many = (noise(ALONE, reference_ratio=ratio)[0].terms["reference"] for ratio in (1.0, 10.0))
     assert few == pytest.approx(10.0 * many, rel=1e-12)
-
-
-def test_modes_take_planet_light_with_them():
-    """Significance falls by the part of the light that projection removes: modes over pixels of the region."""
-    region = np.count_nonzero(model().metrics["F520"].hole)
-    none, some = (noise(ALONE, n_modes=n) for n in (0, 300))
-    assert none[1].rdi_throughput == 1.0
-    assert some[1].rdi_throughput == pytest.approx(1.0 - 300 / region)
-    for name in ("halo", "read_noise", "planet"):
-        assert some[0].terms[name] == pytest.approx(none[0].terms[name] / (1.0 - 300 / region) ** 2, rel=1e-12)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc import FrameCamera, aperture_rates, build_model, frame_problem, own_noise, stack_noise
+from cpic_planner.etc import FrameCamera, Programme, aperture_rates, build_model, frame_problem, own_noise, stack_noise
 from cpic_planner.etc.photon_counting import counting_law, counting_variance
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import rank_sample
@@ -25,9 +25,16 @@ LIBRARIES = {
     "idealised": {"library": "idealised"},
     "brighter star": {"library": "reference_star", "reference_star": {"v_mag": 0.0}},
     "fainter star": {"library": "reference_star", "reference_star": {"v_mag": 6.0, "teff_k": 4000}},
-    "no modes": {"n_modes": 0},
-    "many modes": {"n_modes": 300},
 }
+
+
+MODES = Programme(
+    visits=np.array(4.0),
+    reference_visits=np.array(4.0),
+    speckle=np.array([[0.7], [0.6], [0.5]]),
+    white=np.array(0.9),
+    throughput=np.array([[0.8], [0.9], [0.85]]),
+)
 
 
 def rates_of(strategy=None, instrument=INSTRUMENT, contrast=3e-9, stars=PAIR):
@@ -76,13 +83,41 @@ def test_terms_add_up(library, mode):
     assert np.all(np.array([np.broadcast_to(part, quiet.shape) for part in noise.terms.values()]) >= 0)
 
 
+@pytest.mark.parametrize("mode", ["analogue", "photon_counting"])
+def test_modes_change_each_term_by_what_they_leave_of_it(mode):
+    """Of the flux over what is left of the planet: common speckles are one more draw of the same field."""
+    shared = load_instrument({"drift": {"common_fraction": 0.2}})
+    strategy = Strategy(library="roll", mode=mode)
+    rates, model = rates_of(strategy, instrument=shared)
+    camera, gain = model.camera("F520"), 900.0
+    mean, modes = (stack_noise(rates, 0.2, 40.0, gain, camera, strategy, one) for one in (MODES.of_mean(), MODES))
+    np.testing.assert_array_equal(modes.signal_e, mean.signal_e)
+    through2 = MODES.throughput**2
+    changes = dict.fromkeys(mean.terms, MODES.white / through2)
+    changes |= dict.fromkeys(("speckle", "common_speckle"), MODES.speckle / through2)
+    changes |= {"companion_wings": 1.0 / through2}
+    if mode == "analogue":
+        changes |= {"planet": 1.0 / MODES.throughput}
+    quiet = sum(term * changes[name] for name, term in mean.terms.items() if name not in ("planet", "background_mean"))
+    for name, term in mean.terms.items():
+        if name == "background_mean":
+            np.testing.assert_allclose(modes.terms[name], quiet / rates.background_apertures, rtol=1e-12)
+        else:
+            np.testing.assert_allclose(modes.terms[name], term * changes[name], rtol=1e-12)
+    assert np.all(mean.terms["common_speckle"] > 0.0)
+    for objective in ("snr", "significance"):
+        problem = frame_problem(rates, camera, strategy, objective=objective, em_gain=gain, programme=MODES)
+        seen = problem.inverse_snr2(np.full(problem.z0.shape, 0.2), np.full(problem.z0.shape, 40.0)) ** -0.5
+        np.testing.assert_allclose(seen, getattr(modes, objective), rtol=1e-12)
+
+
 def test_each_term_is_what_its_name_says():
     """Written out: pixels that the circle cuts count with their weight squared, and nothing else is shared."""
     rates, model = rates_of()
     camera, t, n, gain = model.camera("F520"), 12.0, 50.0, 80.0
     noise = stack_noise(rates, t, n, gain, camera)
     f2 = float(excess_noise_factor2(gain, camera.register_stages))
-    clean = n * np.exp(model.loss_per_s("F520") * t) / rates.rdi_throughput**2
+    clean = n * np.exp(model.loss_per_s("F520") * t)
     for name in LIGHT:
         expected = clean * rates.noise_fraction * f2 * getattr(rates, f"{name}_e_s") * t
         assert np.all(np.abs(noise.terms[name] - expected) <= 1e-12 * expected)
@@ -151,7 +186,7 @@ def test_photon_limited_snr_is_the_textbook_one():
     """Planet alone, gain 1, no detector: the square root of its electrons; at high gain that over F."""
     rates, model = rates_of()
     camera = replace(model.camera("F520"), cic_e=0.0, read_noise_e=0.0, rounding_e=0.0)
-    alone = only(replace(rates, source_noise_fraction=1.0, rdi_throughput=1.0, loss_per_s=0.0))
+    alone = only(replace(rates, source_noise_fraction=1.0, loss_per_s=0.0))
     for gain in (1.0, 20.0, 1000.0):
         noise = stack_noise(alone, 100.0, 30.0, gain, camera)
         f2 = float(excess_noise_factor2(gain, camera.register_stages))
@@ -180,7 +215,7 @@ def test_a_planet_of_less_than_an_electron_has_its_snr():
     faint = only(rates, planet_e_s=np.full((3, 1), 0.004))
     noise = stack_noise(faint, 10.0, 5.0, 1.0, camera)
     np.testing.assert_allclose(noise.signal_e, 0.2)
-    expected = np.sqrt(0.2 / faint.source_noise_fraction) * faint.rdi_throughput
+    expected = np.sqrt(0.2 / faint.source_noise_fraction)
     np.testing.assert_allclose(noise.snr, expected * np.exp(-5.0 * faint.loss_per_s), rtol=1e-12)
 
 
@@ -215,7 +250,7 @@ def test_counting_uses_the_light_that_a_reference_frame_really_holds():
     # Its own smear: ten times the star's light in the columns, the same sky.
     alone, _ = rates_of(strategy, stars=replace(stars, companions="off", v_mag=np.full(3, 0.0)))
     mean += alone.smear_e / alone.aperture_pixels
-    pixels = n * np.exp(model.loss_per_s("F520") * t) / rates.rdi_throughput**2
+    pixels = n * np.exp(model.loss_per_s("F520") * t)
     pixels = pixels * rates.noise_fraction * rates.aperture_pixels
     expected = pixels * counting_variance(mean + camera.cic_e, law) / 100.0
     np.testing.assert_allclose(noise.terms["reference"], expected, rtol=1e-12)
@@ -267,7 +302,7 @@ def test_what_another_effect_adds_has_its_own_term(ratio):
     terms = stack_noise(rates, t, n, gain, camera, strategy).terms
     f2 = float(excess_noise_factor2(gain, camera.register_stages))
     area, scale = rates.aperture_pixels, rates.reference_scale
-    share = n * np.exp(model.loss_per_s("F520") * t) / rates.rdi_throughput**2 * rates.noise_fraction
+    share = n * np.exp(model.loss_per_s("F520") * t) * rates.noise_fraction
     np.testing.assert_allclose(terms["pattern"], share * area * (f2 * (0.003 * t + 0.2) + 900.0 / gain**2), rtol=1e-12)
     light = f2 * (
         rates.reference_light_e_s * t + rates.reference_smear_e + scale * area * (0.003 * t + 0.2 + camera.cic_e)

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc import ApertureRates, FrameCamera, stack_noise
+from cpic_planner.etc import ApertureRates, FrameCamera, Programme, stack_noise
 from cpic_planner.etc.noise import SPECKLE_COHERENCE, snr_paper
 from cpic_planner.validation import aperture_photometry
 from simulator import load_instrument, observe
@@ -35,7 +35,6 @@ def rates(planet=0.02, halo=0.03, dark=0.01, speckle=(0.0, 0.0, 0.0), **changes)
         "noise_fraction": 1.0,
         "source_noise_fraction": 1.0,
         "background_apertures": 1e12 * one,
-        "rdi_throughput": 1.0,
         "loss_per_s": 0.0,
         "reference_light_e_s": (halo + dark) * one,
         "reference_scale": one,
@@ -162,7 +161,8 @@ def test_rolls_and_lost_frames_count():
     assert snr_paper(rates(variance_factor=0.5), 100.0, 30, 20.0, CAMERA, 400.0)[0] == pytest.approx(one * math.sqrt(2))
     lossy = snr_paper(rates(loss_per_s=1e-3), 100.0, 30, 20.0, CAMERA, 400.0)[0]
     assert lossy == pytest.approx(one * math.exp(-0.05), rel=1e-9)
-    assert snr_paper(rates(rdi_throughput=0.9), 100.0, 30, 20.0, CAMERA, 400.0)[0] < one
+    taken = Programme(throughput=np.array(0.9))
+    assert snr_paper(rates(), 100.0, 30, 20.0, CAMERA, 400.0, programme=taken)[0] < one
 
 
 def test_camera_without_register_and_shapes():

@@ -6,7 +6,7 @@ import pytest
 from cpic_core import InputError
 from simulator.config import load_instrument
 from simulator.imaging import centred_axis, overlap_weights, single_band_psf, visit_responses
-from simulator.signal import SpeckleModes, mode_factors, modes_around
+from simulator.signal import BandModes, SpeckleModes, modes_around, speckle_modes
 
 R = 60
 
@@ -91,16 +91,32 @@ def test_modes_pay_only_where_references_are_many_and_quiet(line):
     assert found.at(500) == found.at(7)
 
 
+def test_many_references_and_levels_of_noise_are_those_of_each(line):
+    modes = line[-1]
+    references, noise = np.array([[4], [20], [50]]), np.array([0.1, 0.7])
+    found = modes.factors(references, noise, 6)
+    assert found.speckle.shape == (3, 2, 7)
+    for i, r in enumerate(references.ravel()):
+        for j, level in enumerate(noise):
+            one = modes.factors(int(r), level)
+            for k in (0, 3, 6):
+                np.testing.assert_allclose([part[i, j, k] for part in found], one.at(k), rtol=1e-12)
+    assert found.at(6).n_modes.tolist() == [[3, 3], [6, 6], [6, 6]]
+    # Between the numbers that are drawn factors go from one to the next.
+    ends = [modes.factors(r, 0.1).at(4).speckle for r in (34, 41, 48)]
+    assert min(ends[0], ends[2]) <= ends[1] <= max(ends[0], ends[2])
+
+
 def test_places_and_noise_broadcast_and_the_hole_ends_where_it_does(line, monkeypatch):
     asked, modes = [], line[-1]
 
-    def stored(instrument, band, separation, offset):
+    def stored(optics, separation, offset):
         asked.append(separation)
         return modes
 
-    monkeypatch.setattr("simulator.signal.speckle_modes.modes_around", stored)
-    optics = load_instrument(), "F520"
-    found = mode_factors(*optics, [[0.1], [0.6], [2.0]], 0.05, 20, 4, [0.1, 1.0])
+    monkeypatch.setattr("simulator.signal.speckle_modes._stored", stored)
+    band = BandModes.of(load_instrument(), "F520", 0.05)
+    found = band.factors([[0.1], [0.6], [2.0]], 20, 4, [0.1, 1.0])
     assert found.speckle.shape == (3, 2)
     for j, noise in enumerate((0.1, 1.0)):
         np.testing.assert_array_equal(np.stack(found)[:, :, j].T, [modes.factors(20, noise).at(4)] * 3)
@@ -108,11 +124,41 @@ def test_places_and_noise_broadcast_and_the_hole_ends_where_it_does(line, monkey
     assert max(asked) < 1.0
     assert min(abs(place - 0.6) for place in asked) <= 0.0135
     # Nothing to project out: no reference beside the mean, no mode, no speckles.
-    for offset, references, n_modes in ((0.05, 1, 4), (0.05, 20, 0), (0.0, 20, 4)):
-        assert [float(part) for part in mode_factors(*optics, 0.6, offset, references, n_modes, 0.1)] == [1.0] * 3
+    still = BandModes.of(load_instrument(), "F520", 0.0)
+    for one, references, n_modes in ((band, 1, 4), (band, 20, 0), (still, 20, 4)):
+        assert [float(part) for part in one.factors(0.6, references, n_modes, 0.1)] == [0.0, 1.0, 1.0, 1.0]
     # More modes than references have are as many as they have.
-    many, all_of_them = (mode_factors(*optics, 0.6, 0.05, 20, k, 0.1) for k in (500, 19))
+    many, all_of_them = (band.factors(0.6, 20, k, 0.1) for k in (500, 19))
     assert many == all_of_them
+    assert many.n_modes == 19
+    # Beyond the largest number of references that is known nothing changes.
+    monkeypatch.setattr("simulator.signal.speckle_modes.MOST_REFERENCES", 40)
+    assert band.factors(0.6, 1e12, 4, 0.1) == band.factors(0.6, 40, 4, 0.1)
+
+
+def test_the_best_number_of_modes_is_that_of_least_limit(line, monkeypatch):
+    modes = line[-1]
+    monkeypatch.setattr("simulator.signal.speckle_modes._stored", lambda *_: modes)
+    band = BandModes.of(load_instrument(), "F520", 0.05)
+    references = np.array([2, 8, 100])
+    found = band.factors(0.6, references, 12, 0.3, programme_noise=0.2)
+    for i, r in enumerate(references):
+        limits = modes.factors(int(r), 0.3, 12).limit(0.2)
+        assert found.n_modes[i] == np.argmin(limits) <= min(12, r - 1)
+    assert found.n_modes[0] < found.n_modes[2]
+
+
+def test_factors_are_kept_on_disk_and_the_field_is_not_made_again(line, monkeypatch, tmp_path):
+    monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
+    made = []
+    monkeypatch.setattr("simulator.signal.speckle_modes._made", lambda *place: made.append(place) or line[-1])
+    band = BandModes.of(load_instrument(), "F520", 0.05)
+    first = speckle_modes._Stored(band._optics, 0.6, 0.05).factors(40, 0.3, 4)
+    many = len(made)
+    again = speckle_modes._Stored(band._optics, 0.6, 0.05).factors(40, 0.3, 4)
+    assert many == len(made) > 0
+    np.testing.assert_array_equal(again.speckle, first.speckle)
+    np.testing.assert_allclose(again.speckle, line[-1].factors(40, 0.3, 4).speckle, rtol=1e-12)
 
 
 def test_numbers_out_of_range_are_refused(line):
