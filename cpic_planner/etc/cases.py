@@ -251,6 +251,9 @@ class BandCases(Cases):
             "core_throughput": of_case(self.rates.core) if inside else None,
             "quadrant": QUADRANTS[quadrant_of(x, y)] if inside else None,
             "roll_deg": self.targets.roll_deg,
+            "reference_library": library.name,
+            "centring": "temporal",
+            "annulus_lambda_d": self.model.strategy.annulus_lambda_d,
             "flags": tuple(notes),
         }
 

@@ -333,6 +333,7 @@ def rank_targets(
         time_s=setting.time_s,
         sigma=model.strategy.sigma,
         reference_library=model.strategy.library,
+        annulus_lambda_d=model.strategy.annulus_lambda_d,
         search=found.counted[0].search,
         visits=model.strategy.visits,
         drift_nm=model.instrument.drift.visit_nm,

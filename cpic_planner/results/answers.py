@@ -120,7 +120,22 @@ class AskedColumns(Row):
     contrast: float | None
 
 
-class EtcAnswer(VerdictColumns, ProgrammeColumns, AskedColumns):
+class ReductionColumns(Row):
+    """The reduction that a number refers to, beside its reference visits."""
+
+    reference_library: str | None = optional("where the reference frames come from; null in older results")
+    n_modes: int | None = None
+    centring: str | None = optional(
+        "what is taken off before the modes: temporal, the mean of the reference frames in every pixel; null in older "
+        "results"
+    )
+    annulus_lambda_d: float | None = optional(
+        "half width of the annulus around the planet's separation whose apertures tell background and noise, lambda/D; "
+        "null in older results"
+    )
+
+
+class EtcAnswer(ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns):
     """One answer of the exposure-time calculator for one target, band and planet.
 
     ``value`` (in ``unit``) is null unless ``status`` is ``ok``; the other numbers describe the chosen setting and are
@@ -129,7 +144,6 @@ class EtcAnswer(VerdictColumns, ProgrammeColumns, AskedColumns):
     """
 
     required_time_s: float | None = None
-    n_modes: int | None = None
     snr: float | None = None
     significance: float | None = None
     threshold: float | None = None

@@ -165,7 +165,12 @@ class RankResult(Result):
     date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
     time_s: float = Field(description="wall time per target and band, s")
     sigma: float = Field(description="detection level whose false-alarm probability the thresholds keep")
-    reference_library: str = Field(description="reference library of the subtraction")
+    reference_library: str = Field(
+        description="reference library of the subtraction, the mean of whose frames is taken off, without further modes"
+    )
+    annulus_lambda_d: float | None = optional(
+        "half width of the annulus whose apertures tell background and noise, lambda/D; null in older results"
+    )
     search: DetectionMode = Field(
         default="known_place",
         description="how the planets that completeness counts are looked for, which says which completeness the score, "

@@ -414,3 +414,12 @@ def test_limits_reach_a_plateau_unless_there_is_no_drift(visit_nm):
     assert limits[-1] == pytest.approx(plateau, rel=0.10)
     assert limits[-1] / limits[-2] == pytest.approx(1.0, rel=0.01)
     assert limits[-1] < limits[0]
+
+
+def test_every_answer_names_its_reduction():
+    strategy = Strategy(visits=4, library="brighter_twin", reference_visits=9, annulus_lambda_d=2.0)
+    (answer,) = signal_to_noise(
+        build_model(INSTRUMENT, ["F520"], strategy), TAU_CET, time_s=7200.0, contrast=1e-8, **PLACE
+    )
+    named = answer.reference_library, answer.reference_visits, answer.n_modes, answer.centring, answer.annulus_lambda_d
+    assert named == ("brighter_twin", 9, 0, "temporal", 2.0)
