@@ -15,6 +15,7 @@ from cpic_planner.validation.photometry import (
     aperture_photometry,
     kernel_at,
     sum_weights,
+    without_source,
 )
 from cpic_planner.validation.rdi import paying_modes, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
@@ -374,7 +375,12 @@ def forced_photometry(
         around = outside_discs(around & around[::-1, ::-1], places, EXCLUSION_RADII * radius)
         opposite = [(middle - x, middle - y) for x, y in places]
         around = outside_discs(around, opposite, EXCLUSION_RADII * radius)
-        share = mirror_share(image, kernels[0], around)
+        empty = image
+        if stack.rdi.modes_used:
+            # What modes spread of the planet is not alike at opposite places, and no speckle.
+            ring = outside_discs(around, [first], EXCLUSION_RADII * radius)
+            empty = without_source(image, left, sum_weights(image.shape, *first, radius), ring)
+        share = mirror_share(empty, kernels[0], around)
         image, left = (part - share * part[::-1, ::-1] for part in (image, left))
     ring = outside_discs(around, [first], EXCLUSION_RADII * radius)
     weights = sum_weights(image.shape, *first, radius, None if matched is None else matched[0])
@@ -387,4 +393,5 @@ def forced_photometry(
         em_gain=stack.em_gain,
         stages=stack.stages,
         kernel=None if matched is None else matched[0],
+        left=left if stack.rdi.modes_used else None,
     )

@@ -49,7 +49,7 @@ class Photometry:
     error_rel_uncertainty : float
         Relative 1-sigma uncertainty of ``sigma_background``, ``1 / sqrt(2 (n - 1))`` with the number above.
     background_per_pixel : float
-        Mean of the background region.
+        Mean of the background region, light of the source that the reduction spread there included.
     aperture_area_pixels, background_area_pixels : float, int
         Areas.
     throughput : float
@@ -173,6 +173,7 @@ def aperture_photometry(
     em_gain: float = 1.0,
     stages: int = 604,
     kernel: ArrayLike | None = None,
+    left: ArrayLike | None = None,
 ) -> Photometry:
     """Flux of a source at a given position, with empirical errors.
 
@@ -196,6 +197,10 @@ def aperture_photometry(
     kernel : array_like, optional
         Weights of a sum instead of those of a circle, (k, k) with k odd, for the pixel in their middle, which is the
         one nearest to the source (`kernel_at`). The ``throughput`` has to be that of the same sum.
+    left : array_like, optional
+        Forward model of the source, (y, x), any scale: what the reduction leaves of its light everywhere
+        (`RdiResult.project`). It is taken off the background before the scatter is measured. Without it, the source
+        is taken to have no light beyond 1.5 aperture radii.
 
     Returns
     -------
@@ -204,8 +209,8 @@ def aperture_photometry(
     Raises
     ------
     InputError
-        If an argument is out of range, a pixel is not finite, or the background region holds fewer than 3
-        non-overlapping apertures.
+        If an argument is out of range, a pixel is not finite, the background region holds fewer than 3
+        non-overlapping apertures, or nothing is left of the source in its aperture.
 
     Notes
     -----
@@ -213,6 +218,11 @@ def aperture_photometry(
     ``S2`` the source's sum with squared aperture weights (at least 0): a pixel counted with weight ``w`` adds
     ``w^2`` times its variance, which for an aperture of 0.7 lambda/D makes ``S2`` 4 to 7 % less than the
     flux. Without any noise, ``snr`` and ``significance`` are infinite for a source and 0 for none.
+
+    Modes that are projected out spread a negative image of the source over the background. The strength of ``left`` is
+    the flux above the mean of the background over the same for ``left`` itself: the light that the model has in the
+    background is in both, so that this is the solution, which repeating would not change. Neither does it change the
+    flux, whose ``throughput`` counts that light as lost; only the scatter is freed of it.
     """
     data = apertures.checked_image(image)
     hole = apertures.check_mask("background_region", background_region, data.shape)
@@ -222,7 +232,6 @@ def aperture_photometry(
     weights = sum_weights(data.shape, x_pixel, y_pixel, radius_pixel, own_kernel)
     region = _without_sources(hole, [(x_pixel, y_pixel), *exclude], EXCLUSION_RADII * radius_pixel)
     phase = (x_pixel - round(x_pixel), y_pixel - round(y_pixel))
-    sigma, n_apertures = apertures.sample_scatter(data, region, radius_pixel, phase_pixel=phase, kernel=own_kernel)
     pixels = data[region]
     area, area_background = math.pi * radius_pixel**2, pixels.size
     if own_kernel is not None:
@@ -231,6 +240,13 @@ def aperture_photometry(
     source = data - level
     raw = float(np.sum(weights * source))
     own = max(float(np.sum(weights**2 * source)), 0.0)
+    empty = data
+    if left is not None:
+        model = apertures.checked_image(left)
+        apertures.require("left", model.size, model.shape == data.shape, "px", f"one image of {data.shape}")
+        empty = without_source(data, model, weights, region)
+        pixels = empty[region]
+    sigma, n_apertures = apertures.sample_scatter(empty, region, radius_pixel, phase_pixel=phase, kernel=own_kernel)
     raw_error = math.sqrt(sigma**2 * (1.0 + area / area_background) + factor2 * own)
     paper = math.sqrt(max(raw, 0.0) + float(pixels.var(ddof=1)) * area * (1.0 + area / area_background))
     return Photometry(
@@ -249,6 +265,27 @@ def aperture_photometry(
         flux_paper_error=paper,
         snr_paper=ratio(raw, paper),
     )
+
+
+def without_source(image: FloatArray, left: FloatArray, weights: FloatArray, background: BoolArray) -> FloatArray:
+    """Return an image without the light of a source: the sum that measures it is 0 above the mean of the background.
+
+    Parameters
+    ----------
+    image, left : ndarray, shape (y, x)
+        Image, and what the reduction leaves in it of the source, any scale.
+    weights : ndarray, shape (y, x)
+        Of the sum that measures the source.
+    background : ndarray of bool, shape (y, x)
+
+    Raises
+    ------
+    InputError
+        If nothing is left of the source in the sum.
+    """
+    measured, modelled = (float(np.sum(weights * (part - part[background].mean()))) for part in (image, left))
+    apertures.check_positive("sum of left in the aperture", modelled)
+    return image - measured / modelled * left
 
 
 def kernel_at(image: FloatArray, x_pixel: float, y_pixel: float, reach_pixel: float) -> FloatArray:

@@ -287,6 +287,7 @@ def roll_photometry(
     hole = apertures.checked_region("background_region", background_region, images[0].shape)
     away = apertures.outside_discs(hole, places, EXCLUSION_RADII * radius_pixel)
     through = result.throughput(*templates, *weights, background=away)
+    spread = result.project(*templates) if result.first.modes_used or result.second.modes_used else (None, None)
     incoming = [float(np.sum(np.asarray(image) * weight)) for image, weight in zip(templates, weights, strict=True)]
     throughput = float(np.dot(through, incoming)) / sum(incoming)
     if not throughput > 0:
@@ -294,9 +295,16 @@ def roll_photometry(
         raise InputError("second_pixel", second_pixel, unit="px", allowed=allowed)
     first, second = (
         aperture_photometry(
-            image, *place, radius_pixel, background_region=away, em_gain=em_gain, stages=stages, kernel=kernel
+            image,
+            *place,
+            radius_pixel,
+            background_region=away,
+            em_gain=em_gain,
+            stages=stages,
+            kernel=kernel,
+            left=left,
         )
-        for image, place, kernel in zip(images, places, given, strict=True)
+        for image, place, kernel, left in zip(images, places, given, spread, strict=True)
     )
     shared = float(np.sum(weights[0] * weights[1]))
     overlap = shared / math.sqrt(float(np.sum(weights[0] ** 2) * np.sum(weights[1] ** 2)))

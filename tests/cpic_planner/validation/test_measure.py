@@ -12,8 +12,10 @@ from cpic_planner.validation import StarFlux, planet_templates, visit_pair
 from cpic_planner.validation.confirm import _false, positions_of
 from cpic_planner.validation.detection import MATCH_LAMBDA_D
 from cpic_planner.validation.measure import forced_photometry, measure_planets, obstacle
+from cpic_planner.validation.rdi import rdi_subtract
 from cpic_planner.validation.speckle_maps import matched_sum
 from simulator import load_instrument, load_scene
+from simulator.signal import REGION_LAMBDA_D
 
 SCENE = {
     "name": "s",
@@ -160,3 +162,26 @@ def test_a_mirror_takes_out_what_is_alike_at_opposite_places():
         assert abs(one.flux - expected) < 4.0 * one.error
     with pytest.raises(ValueError, match="filter"):
         Strategy(library="roll", filter="mirror")
+
+
+@pytest.mark.parametrize("filter_name", ["aperture", "matched", "mirror"])
+def test_light_that_modes_spread_over_the_background_is_no_noise(filter_name):
+    """With modes, a planet a hundred times brighter has the same scatter; without, its wings are all there is."""
+    visits, (planet, _) = prepared()
+    realised, geometry = visits.draw(0), visits.geometry
+    rng, side = np.random.default_rng(3), len(geometry.hole)
+    region = geometry.annulus(0.5, REGION_LAMBDA_D)
+    references = np.stack([matched_sum(rng.standard_normal((side, side)), np.ones((5, 5))) for _ in range(20)])
+    noise = np.where(region, rng.standard_normal((side, side)), 0.0)
+
+    def measured(cut, flux_e):
+        image = noise + flux_e * cut.project(planet.templates[0])
+        stack = replace(realised.reduced, image_e=image, region=region, rdi=cut)
+        return forced_photometry(replace(realised, reduced=stack), planet, geometry, filter_name)
+
+    mean, modes = (rdi_subtract(noise, references, number, region=region, centering="temporal") for number in (0, 12))
+    faint, bright = measured(modes, 100.0), measured(modes, 1e4)
+    assert bright.sigma_background == pytest.approx(faint.sigma_background, rel=0.01)
+    assert faint.sigma_background == pytest.approx(measured(modes, 0.0).sigma_background, rel=0.01)
+    assert bright.flux / 1e4 == pytest.approx(measured(mean, 1e4).flux / 1e4, rel=0.02)
+    assert measured(mean, 100.0).sigma_background == pytest.approx(faint.sigma_background, rel=0.05)

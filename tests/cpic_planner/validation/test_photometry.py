@@ -174,6 +174,28 @@ def test_a_strong_planet_does_not_raise_its_own_background(hole: np.ndarray) -> 
     assert bright.sigma_background == pytest.approx(faint.sigma_background, rel=0.01)
 
 
+def test_light_that_modes_spread_is_no_noise(hole: np.ndarray) -> None:
+    """The scatter is that of the image without the planet, however bright it is, and its flux stays what it was."""
+    y, x = np.indices((SIDE, SIDE))
+    near = hole & (np.hypot(x - 25, y - 24) < 12) & (x < 48) & (y < 48)
+    rng = np.random.default_rng(4)
+    modes = np.linalg.qr(np.array([gaussian(*rng.uniform(14, 36, 2), 3.0)[near] for _ in range(12)]).T)[0]
+    planet = gaussian(25, 24)
+    left = np.where(near, planet, 0.0)
+    left[near] -= modes @ (modes.T @ planet[near])
+    noise = np.where(near, rng.normal(0.0, 3.0, hole.shape), 0.0)
+    nothing = aperture_photometry(noise, 25, 24, RADIUS, background_region=near)
+    for flux in (1e3, 1e5):
+        image = noise + flux * left
+        spoiled = aperture_photometry(image, 25, 24, RADIUS, background_region=near)
+        # The scale of the model does not matter.
+        mended = aperture_photometry(image, 25, 24, RADIUS, background_region=near, left=7.0 * left)
+        assert mended.flux == spoiled.flux
+        assert mended.sigma_background == pytest.approx(nothing.sigma_background, rel=0.02)
+        if flux == 1e5:
+            assert spoiled.sigma_background > 10.0 * nothing.sigma_background
+
+
 def test_without_noise_there_is_no_nan(hole: np.ndarray) -> None:
     nothing = aperture_photometry(np.zeros(hole.shape), 25, 24, RADIUS, background_region=hole)
     assert (nothing.flux, nothing.snr, nothing.significance, nothing.snr_paper) == (0, 0, 0, 0)
@@ -253,6 +275,13 @@ def test_refusals(refused, values: dict[str, object], named: str, hole: np.ndarr
         "background_region": hole,
     }
     refused(named, aperture_photometry, **{**arguments, **values})
+
+
+def test_models_of_the_source_that_do_not_fit_are_refused(refused, hole: np.ndarray) -> None:
+    setup = {"background_region": hole}
+    refused("one image of", aperture_photometry, np.ones((SIDE, SIDE)), 25, 24, RADIUS, left=np.ones((3, 3)), **setup)
+    nothing = np.zeros((SIDE, SIDE))
+    refused("sum of left", aperture_photometry, np.ones((SIDE, SIDE)), 25, 24, RADIUS, left=nothing, **setup)
 
 
 def test_a_hole_too_small_for_statistics_is_refused(refused) -> None:

@@ -170,6 +170,19 @@ def test_error_where_the_apertures_overlap(roll_deg: float) -> None:
     assert np.mean(quoted) == pytest.approx(np.var(measured), rel=0.15)
 
 
+def test_light_that_modes_spread_is_no_noise() -> None:
+    """The scatter of the background is the same with and without a bright planet."""
+    where, planets, _ = scene(60.0)
+    first, second = halves(5)
+    found = [
+        roll_photometry(
+            injected(first, second, planets, flux, n_modes=12), *planets, *where, RADIUS, background_region=REGION
+        )
+        for flux in (0.0, 1e4)
+    ]
+    assert found[1].sigma_background == pytest.approx(found[0].sigma_background, rel=1e-6)
+
+
 @pytest.mark.parametrize("centering", CENTERINGS)
 def test_sums_of_unequal_numbers_of_frames(centering: str) -> None:
     """Sums of 1 to 4 frames have unequal light; per frame, the planet is the same in all of them."""
