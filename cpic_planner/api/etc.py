@@ -151,6 +151,7 @@ def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str
     planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
     ratios = (_TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
     best = []
+    questions.check_levels(question.snr, question.sigma, largest=1e3 if question.contrast_limit else 1e6)
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
         objective: Objective = "significance" if question.snr is None else "snr"
         them = planets_of(list(grid), planet, contrast)

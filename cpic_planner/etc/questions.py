@@ -137,9 +137,7 @@ def exposure_time(
     given = [name for name, value in (("snr", snr), ("sigma", sigma), ("detect", detect or None)) if value is not None]
     if len(given) != 1:
         raise InputError("snr", " and ".join(given) or None, allowed="one of snr, sigma, detect")
-    for name, value in (("snr", snr), ("sigma", sigma)):
-        if value is not None:
-            check_range(name, value, 1e-6, 1e6, "")
+    check_levels(snr, sigma)
     span = Span.of(model, None, visit_time_s, asked=True)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
     objective: Objective = "significance" if snr is None else "snr"
@@ -182,9 +180,7 @@ def contrast_limit(
     ``C = level / SNR`` of a planet of contrast 1 but for the planet's own light, which fills pixels and, for ``snr``,
     adds noise: found by secants of ``ln C``, of which significance needs one or two.
     """
-    for name, value in (("sigma", sigma), ("snr", snr)):
-        if value is not None:
-            check_range(name, value, 1e-3, 1e3, "")
+    check_levels(snr, sigma, largest=1e3)
     if sigma is not None and snr is not None:
         raise InputError("sigma", sigma, allowed="one of sigma, snr")
     span = Span.of(model, time_s, visit_time_s)
@@ -317,3 +313,16 @@ def fixed_frames(
     if em_gain is not None:
         limits["em_gain"] = check_range("em_gain", em_gain, 1.0, min(camera.em_gain_max for camera in cameras), "")
     return FixedFrames(**limits)
+
+
+def check_levels(snr: float | None, sigma: float | None, *, largest: float = 1e6) -> None:
+    """Refuse an SNR or a significance outside of the range from one over ``largest`` to that.
+
+    Raises
+    ------
+    InputError
+        Naming the one that is out of range.
+    """
+    for name, value in (("snr", snr), ("sigma", sigma)):
+        if value is not None:
+            check_range(name, value, 1.0 / largest, largest, "")

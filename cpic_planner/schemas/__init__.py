@@ -11,11 +11,10 @@ from cpic_core import InputError
 FOLDER = Path(__file__).resolve().parent
 _WHERE = {
     "queries.etc": {"etc": "EtcQuestion"},
-    "queries.rank": {"rank": "RankQuestion"},
+    "queries.rank": {"rank": "RankQuestion", "visibility": "VisibilityQuestion", "known": "KnownQuestion"},
     "queries.runs": {"plan": "PlanQuestion", "whatif": "WhatIfQuestion", "tradeoff": "TradeoffQuestion"},
     "queries.images": {"confirm": "ConfirmQuestion"},
     "queries.simulate": {"simulate": "SimulateQuestion"},
-    "queries.known": {"visibility": "VisibilityQuestion", "known": "KnownQuestion"},
 }
 QUESTIONS = {name: f"cpic_planner.{room}:{model}" for room, models in _WHERE.items() for name, model in models.items()}
 """Where the question of each command is."""

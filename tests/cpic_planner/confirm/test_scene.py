@@ -48,7 +48,7 @@ def system():
     scene = {
         "name": "system",
         "cstar": STAR,
-        "planets": [planet("b", 0.5, 315), planet("c", 0.6, 135), planet("d", 0.5, 0)],
+        "planets": [planet("b", 0.5, 315, 1.2), planet("c", 0.6, 135, 1.3), planet("d", 0.5, 0)],
         "stars": [
             {
                 "name": "calibrator",

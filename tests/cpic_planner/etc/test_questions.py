@@ -96,7 +96,9 @@ def test_round_trips(setup):
                 again = plain(
                     exposure_time(model, target, contrast=limit.value, **given | {"bands": [limit.band]}, **inverse)[0]
                 )
-                assert again.value == pytest.approx(limit.time_s, rel=1e-9)
+                # Where more time hardly pays, the length of a visit is defined to 1e-6 alone.
+                defined = 1e-6 if "shorter_visit_is_better" in limit.flags else 1e-9
+                assert again.value == pytest.approx(limit.time_s, rel=defined)
                 assert limit.time_s <= time_s * (1 + 1e-12)
                 back_again += 1
         for found in signal_to_noise(model, target, time_s=time_s, contrast=1e-8, **given):
