@@ -317,3 +317,23 @@ def test_scattered_light_in_numbers():
     said = drift_halo(figures, u * figures.lambda_d_arcsec, 2.0, 2.5, 331.0)
     np.testing.assert_allclose(said, 2.4e-5 * 16.0 * np.array([1.0, 1.0, 1.0, 10.0**-2.5]), rtol=1e-12)
     np.testing.assert_array_equal(drift_halo(figures, u, 1e4, 2.5, 662.0)[:2], 1.0)
+
+
+def test_light_of_common_errors_crosses_with_that_of_the_orbit():
+    """The light of two independent Gaussian fields of variances x and y varies as (x + y)^2: the cross term is 2 x y.
+
+    What the orbit leaves in a visit crosses with the visit's offset and with the common screen alike, so that one term
+    is the other times the ratio of their variances.
+    """
+    metrics, drift = psf_metrics(load_instrument(), "F520"), load_instrument().drift
+    fraction = 0.3
+
+    def light(common_fraction, orbital_nm):
+        changes = {"common_fraction": common_fraction, "orbital_nm": orbital_nm, "orbital_orders": "all"}
+        return programme_parts(metrics, drift.model_copy(update=changes), 0.6, 1.5)[1]
+
+    both, common, orbit, neither = (light(*pair) for pair in ((fraction, 0.1), (fraction, 0.0), (0.0, 0.1), (0.0, 0.0)))
+    crossed = both.common.k0 - common.common.k0 - orbit.common.k0
+    of_offset = orbit.science.k0 - neither.science.k0
+    assert crossed > 0.0
+    assert crossed == pytest.approx(fraction**2 * of_offset, rel=1e-9)
