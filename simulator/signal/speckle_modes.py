@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
+import scipy.linalg
 
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_finite, check_whole, compute_once, stream
 from simulator.config import Instrument, content_hash
@@ -92,10 +93,14 @@ class SpeckleModes:
         self.n_pixels, self._n_visits = images.shape[1], len(images)
         self._apertures, self._own, self._planets = (part @ basis.T for part in (apertures, own, planets))
         self._weights = float((apertures**2).sum(axis=1).mean())
+        # Mean square of an aperture sum of one visit, as a quadratic form of its modes; and that of every visit.
+        self._squares = self._apertures.T @ self._apertures / len(apertures)
+        self._sums2 = ((self._visits @ self._squares) * self._visits).sum(axis=1)
         self._light = (own * planets).sum(axis=1)
         # Rms of aperture sums of one visit.
         self.speckle_rms = float(np.sqrt(((self._apertures**2) @ self.variances).mean()))
-        self._nodes: dict[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]] = {}
+        self._nodes: dict[tuple[int, int], FloatArray] = {}
+        self._logs: dict[tuple[int, int, int], FloatArray] = {}
 
     def factors(
         self, reference_visits: ArrayLike, noise_over_speckle: ArrayLike, most_modes: int | None = None
@@ -134,70 +139,79 @@ class SpeckleModes:
         usable = _REFERENCES[most_visits >= _REFERENCES]
         where_r = np.interp(np.log(references), np.log(usable), np.arange(usable.size))
         where_n = _NOISE_STEPS * np.log10(np.clip(noise, _LEAST_NOISE, _MOST_NOISE))
+        corners = [(r, n, a * b) for r, a in _nodes_around(where_r) for n, b in _nodes_around(where_n)]
+        low_r, low_n, _ = corners[0]
+        # Nodes without a share are not made: the first one, which has one always, stands for them.
+        at = [np.where(share > 0, [r, n], [low_r, low_n]) for r, n, share in corners]
+        pairs, place = np.unique(np.stack(at, axis=1).reshape(2, -1), axis=1, return_inverse=True)
+        table = np.stack([self._log_node(int(usable[i]), int(k), most) for i, k in pairs.T], axis=1)
+        index = place.reshape(len(corners), *references.shape)
         found = np.zeros((3, *references.shape, most + 1))
-        for r, share_r in _nodes_around(where_r):
-            for n, share_n in _nodes_around(where_n):
-                for i, k in np.unique(np.stack([r[share_r * share_n > 0], n[share_r * share_n > 0]]), axis=1).T:
-                    here = np.where((r == i) & (n == k), share_r * share_n, 0.0)
-                    node = np.log(np.maximum(self._node(int(usable[i]), int(k), most), _LEAST_FACTOR))
-                    found += here[..., None] * node.reshape((3,) + (1,) * references.ndim + (most + 1,))
+        for (_, _, share), where in zip(corners, index, strict=True):
+            found += share[..., None] * table[:, where]
         modes = np.minimum(np.arange(most + 1), references[..., None] - 1)
         return ModeFactors(modes, *np.exp(found))
 
-    def _node(self, r: int, node: int, most: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _log_node(self, r: int, node: int, most: int) -> FloatArray:
+        """Logarithms of the factors of a node, of 0 to ``most`` modes: speckle, white and throughput."""
+        known = self._logs.get((r, node, most))
+        if known is None:
+            known = np.log(np.maximum(self._node(r, node, most), _LEAST_FACTOR))
+            self._logs[r, node, most] = known
+        return known
+
+    def _node(self, r: int, node: int, most: int) -> FloatArray:
         """Factors of 0 to ``most`` modes of one number of references and level of noise."""
         held = self._nodes.get((r, node))
-        if held is None or held[0].size <= min(most, r - 1):
+        if held is None or held.shape[1] <= min(most, r - 1):
             # Some more than are asked for: the next question may ask for them.
             enough = next((step for step in _MODE_STEPS if step >= most), most)
             held = self._nodes[r, node] = self._computed(r, node, min(enough, r - 1))
         # Where there are no more modes, the last one stands for what is missing.
-        more = max(most + 1 - held[0].size, 0)
-        speckle, white, throughput = (np.pad(part[: most + 1], (0, more), "edge") for part in held)
-        return speckle, white, throughput
+        return held[:, np.minimum(np.arange(most + 1), held.shape[1] - 1)]
 
-    def _computed(self, r: int, node: int, most: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _computed(self, r: int, node: int, most: int) -> FloatArray:
         """Mean factors of several libraries."""
         noise = 10.0 ** (node / _NOISE_STEPS) * self.speckle_rms / np.sqrt(self._weights)
         draws = int(np.clip(_DRAWN_MODES // r, 2, 16))
-        drawn = [self._drawn(r, noise, draw, most) for draw in range(draws)]
-        speckle, white, throughput = (np.mean(part, axis=0) for part in zip(*drawn, strict=True))
-        return speckle, white, throughput
+        return np.asarray(np.mean([self._drawn(r, noise, draw, most) for draw in range(draws)], axis=0))
 
-    def _drawn(self, r: int, noise: float, draw: int, most: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _drawn(self, r: int, noise: float, draw: int, most: int) -> FloatArray:
         """Factors of one library of visits with white noise of that rms a pixel, for 0 to ``most`` modes."""
-        rng, root, q = stream(SEED, "modes", r, draw), np.sqrt(self.variances), self.variances.size
-        n_visits = len(self._visits)
-        chosen = self._visits[rng.permutation(n_visits)[:r]]
+        rng, q, n_visits = stream(SEED, "modes", r, draw), self.variances.size, len(self._visits)
+        members = rng.permutation(n_visits)[:r]
+        chosen = self._visits[members]
         library = chosen + noise * rng.standard_normal((r, q))
         library -= library.mean(axis=0)
         others = max(self.n_pixels - q, 0)
         beside = noise * rng.standard_normal((r, others))  # noise in directions that no speckles have
         beside -= beside.mean(axis=0)
-        values, vectors = np.linalg.eigh(library @ library.T + beside @ beside.T)
-        n = min(int(np.count_nonzero(values[1:] > 1e-9 * values[-1])), most)
+        most_here = min(most, r - 1)
+        values, vectors = np.ones(0), np.ones((r, 0))
+        if most_here:
+            scatter = library @ library.T + beside @ beside.T
+            values, vectors = scipy.linalg.eigh(scatter, subset_by_index=(r - most_here, r - 1), check_finite=False)
+        n = int(np.count_nonzero(values > 1e-9 * values[-1:]))
         modes = (vectors[:, ::-1][:, :n] / np.sqrt(values[::-1][:n])).T @ library
-        on_modes, own, planets = (part @ modes.T for part in (self._apertures, self._own, self._planets))
-        # All visits, and the references among them: the difference is what the modes have not seen.
-        speckle, everything, seen = np.empty(n + 1), self._apertures * root, self._apertures @ chosen.T
-        of_everything, of_seen = modes * root, modes @ chosen.T
-        for k in range(n + 1):
-            if k:
-                everything -= on_modes[:, k - 1, None] * of_everything[k - 1]
-                seen -= on_modes[:, k - 1, None] * of_seen[k - 1]
-            square = n_visits * (everything**2).sum(axis=1) - (seen**2).sum(axis=1)
-            speckle[k] = square.mean() / (n_visits - r)
+        own, planets = (part @ modes.T for part in (self._own, self._planets))
+        # All visits, and the references among them: the difference is what the modes have not seen. With x what is
+        # taken of a visit, modes change the mean square of sums s by |s - sum of modes|^2: two cumulated products.
+        of_modes = modes @ self._squares
+        unseen = n_visits * self.variances * modes - (modes @ chosen.T) @ chosen
+        twice = np.cumsum((of_modes * unseen).sum(axis=1))
+        squares = (of_modes @ modes.T) * (unseen @ modes.T)
+        whole = n_visits * float(np.diagonal(self._squares) @ self.variances) - self._sums2[members].sum()
+        left = whole - 2.0 * twice + np.diagonal(np.cumsum(np.cumsum(squares, axis=0), axis=1))
+        speckle = np.concatenate([[1.0], left / whole])
         # Modes of noise lie in all pixels, also in those directions that no speckles have.
         outside = np.cumsum(np.maximum(1.0 - (modes**2).sum(axis=1), 0.0)) / max(others, 1)
-        beyond = self._weights - (self._apertures**2).sum(axis=1).mean()
-        lost = (np.cumsum((on_modes**2).mean(axis=0)) + beyond * outside) / self._weights
+        beyond = self._weights - float(np.trace(self._squares))
+        lost = (np.cumsum((of_modes * modes).sum(axis=1)) + beyond * outside) / self._weights
         beyond = (1.0 - (self._own * self._planets).sum(axis=1) / self._light).mean()
         hidden = np.cumsum((own * planets / self._light[:, None]).mean(axis=0)) + beyond * outside
         white, throughput = (1.0 - np.concatenate([[0.0], part]) for part in (lost, hidden))
         # Draws of small fields may end one mode apart: the last stands for what is missing.
-        filled = (np.pad(part, (0, most - n), "edge") for part in (speckle / speckle[0], white, throughput))
-        speckle, white, throughput = filled
-        return speckle, white, throughput
+        return np.stack([np.pad(part, (0, most - n), "edge") for part in (speckle, white, throughput)])
 
     def best_modes(self, reference_visits: int, noise_over_speckle: float, programme_noise: float | None = None) -> int:
         """Return the number of modes of least limit, 0 where none pays.
@@ -345,9 +359,9 @@ class _Stored(SpeckleModes):
 
     def __init__(self, wanted: OpticalBand, separation_arcsec: float, offset: float) -> None:
         self._place = wanted, separation_arcsec, offset
-        self._n_visits, self._nodes = N_VISITS, {}
+        self._n_visits, self._nodes, self._logs = N_VISITS, {}, {}
 
-    def _computed(self, r: int, node: int, most: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _computed(self, r: int, node: int, most: int) -> FloatArray:
         wanted, *place = self._place
         names = "speckle", "white", "throughput"
 
@@ -356,7 +370,7 @@ class _Stored(SpeckleModes):
 
         key = content_hash({"optics": wanted.key, "place": place, "node": (r, node, most), "schema": _SCHEMA})
         held = compute_once(f"modes-{key}", drawn)
-        return held["speckle"], held["white"], held["throughput"]
+        return np.stack([held[name] for name in names])
 
 
 @functools.lru_cache(maxsize=64)
