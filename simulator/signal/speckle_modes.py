@@ -99,7 +99,7 @@ class SpeckleModes:
         self._light = (own * planets).sum(axis=1)
         # Rms of aperture sums of one visit.
         self.speckle_rms = float(np.sqrt(((self._apertures**2) @ self.variances).mean()))
-        self._nodes: dict[tuple[int, int], FloatArray] = {}
+        self._nodes: dict[tuple[int, int, int], FloatArray] = {}
         self._logs: dict[tuple[int, int, int], FloatArray] = {}
 
     def factors(
@@ -162,11 +162,12 @@ class SpeckleModes:
 
     def _node(self, r: int, node: int, most: int) -> FloatArray:
         """Factors of 0 to ``most`` modes of one number of references and level of noise."""
-        held = self._nodes.get((r, node))
-        if held is None or held.shape[1] <= min(most, r - 1):
-            # Some more than are asked for: the next question may ask for them.
-            enough = next((step for step in _MODE_STEPS if step >= most), most)
-            held = self._nodes[r, node] = self._computed(r, node, min(enough, r - 1))
+        # Some more than are asked for: the next question may ask for them. A node of more modes differs in the last
+        # bit, and answers must not depend on what was asked before.
+        enough = min(next((step for step in _MODE_STEPS if step >= most), most), r - 1)
+        held = self._nodes.get((r, node, enough))
+        if held is None:
+            held = self._nodes[r, node, enough] = self._computed(r, node, enough)
         # Where there are no more modes, the last one stands for what is missing.
         return held[:, np.minimum(np.arange(most + 1), held.shape[1] - 1)]
 

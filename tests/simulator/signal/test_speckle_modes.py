@@ -119,7 +119,7 @@ def test_places_and_noise_broadcast_and_the_hole_ends_where_it_does(line, monkey
     found = band.factors([[0.1], [0.6], [2.0]], 20, 4, [0.1, 1.0])
     assert found.speckle.shape == (3, 2)
     for j, noise in enumerate((0.1, 1.0)):
-        np.testing.assert_array_equal(np.stack(found)[:, :, j].T, [modes.factors(20, noise).at(4)] * 3)
+        np.testing.assert_array_equal(np.stack(found)[:, :, j].T, [modes.factors(20, noise, 4).at(4)] * 3)
     assert min(asked) > 0.23
     assert max(asked) < 1.0
     assert min(abs(place - 0.6) for place in asked) <= 0.0135
