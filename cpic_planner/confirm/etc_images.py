@@ -253,7 +253,8 @@ def _light_ratio(
     x = np.full((1, 1), x_arcsec, dtype=np.float64)
     y = np.full((1, 1), y_arcsec, dtype=np.float64)
     rates = aperture_rates(model, star, answer.band, x, y, np.full((1, 1), answer.contrast))
-    return float(np.sum(planet_e_s * template.apertures[0]) / rates.planet_e_s.flat[0])
+    before = rates.planet_e_s.flat[0] / rates.planet_left.flat[0]  # the images are those before the subtraction
+    return float(np.sum(planet_e_s * template.apertures[0]) / before)
 
 
 def _compared(

@@ -1,10 +1,12 @@
 """Mean count rates in the photometric aperture, per target, position and planet."""
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy import ndimage
 
 from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.model import EtcModel
@@ -37,8 +39,11 @@ class ApertureRates:
     ----------
     planet_e_s, halo_e_s, companion_e_s, sky_e_s, exozodi_e_s, dark_e_s : ndarray
         Detected electrons per second in the aperture: planet, residual star light behind the coronagraph, wings of
-        bound companions, sky, dust around the star, dark current. Companions light the hole unevenly: theirs is the
-        mean over the apertures that measure the noise (`simulator.signal.companions`).
+        bound companions, sky, dust around the star, dark current. The planet's are those that the difference of two
+        rolls leaves (``planet_left``). Companions light the hole unevenly: theirs is the mean over the apertures that
+        measure the noise (`simulator.signal.companions`).
+    planet_left : ndarray
+        Part of the planet's light that is left once the references, which may show it at another roll, are subtracted.
     core : ndarray
         Part of a planet's light that its aperture gets (`simulator.imaging.metrics.PsfMetrics.core_throughput`).
     speckle : ProgrammeLaw
@@ -60,8 +65,9 @@ class ApertureRates:
     noise_fraction : float
         Sum of squared pixel weights over the area of the aperture: pixels that the circle cuts count with their
         weight squared in the variance of a sum.
-    source_noise_fraction : float
-        The same weighted by the planet's own light.
+    source_noise_fraction : ndarray
+        The same weighted by the planet's own light, for each electron of ``planet_e_s``: the light of both rolls makes
+        noise, and their difference is the signal.
     background_apertures : ndarray
         Aperture areas in the annulus of the hole that measures the background.
     loss_per_s : float
@@ -84,6 +90,7 @@ class ApertureRates:
     sky_e_s: FloatArray
     exozodi_e_s: FloatArray
     dark_e_s: FloatArray
+    planet_left: FloatArray
     core: FloatArray
     speckle: ProgrammeLaw
     wings_e2_s2: FloatArray
@@ -94,7 +101,7 @@ class ApertureRates:
     register_tail_e_s: FloatArray
     aperture_pixels: float
     noise_fraction: float
-    source_noise_fraction: float
+    source_noise_fraction: FloatArray
     background_apertures: FloatArray
     loss_per_s: float
     reference_light_e_s: FloatArray
@@ -134,8 +141,9 @@ def aperture_rates(
     Notes
     -----
     ``rate = F_phot * area * t_opt * QE * core(x, y)``: ``core`` holds apodizer, mask and aperture loss, so that
-    every loss is counted once. A companion stands where its position angle has it at the targets' roll; one without
-    position angle leaves the mean of its light over all of them.
+    every loss is counted once; two rolls then take the light of the planet's negative image off. A companion stands
+    where its position angle has it at the targets' roll; one without position angle leaves the mean of its light over
+    all of them.
     """
     instrument, metrics, strategy = model.instrument, model.metrics[band], model.strategy
     star = _star_e_s(model, band, targets, targets.v_mag, targets.teff_k)
@@ -153,18 +161,19 @@ def aperture_rates(
     dark = np.full((1,) * dims, model.camera(band).dark_e_s * area)
     width, ratio_of_lengths = strategy.annulus_lambda_d, strategy.reference_ratio
     law = programme_law(metrics, instrument.drift, separation, width, ratio_of_lengths, model.timing)
-    reference = model.library_noise(band, star)
+    reference, left = model.library_noise(band, star), _planet_left(model, band, x, y)
     smear = _smear(model, band, x, star, companion.column_e_s, sky)
     brightest, peak_planet = star * reference.peak, planet_total * metrics.peak_off_axis
     peak_companion = companion.brightest_e_s.reshape((-1,) + (1,) * (dims - 1)) / area
     noise_pixels = float(aperture_noise_pixels(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))
     return ApertureRates(
-        planet_e_s=planet_total * core,
+        planet_e_s=planet_total * core * left,
         halo_e_s=halo,
         companion_e_s=companion.aperture_e_s,
         sky_e_s=sky,
         exozodi_e_s=exozodi,
         dark_e_s=dark,
+        planet_left=left,
         core=core,
         speckle=law.scaled(star**2 * reference.speckle),
         wings_e2_s2=companion.left_e2_s2,
@@ -175,7 +184,7 @@ def aperture_rates(
         register_tail_e_s=brightest * metrics.register_tail,
         aperture_pixels=area,
         noise_fraction=noise_pixels / area,
-        source_noise_fraction=metrics.source_noise_fraction,
+        source_noise_fraction=metrics.source_noise_fraction * (2.0 - left) / left,
         background_apertures=annulus_apertures(metrics, strategy.annulus_lambda_d, separation),
         loss_per_s=model.loss_per_s(band),
         reference_light_e_s=reference.light(halo + exozodi, companion.aperture_e_s, sky + dark),
@@ -335,6 +344,26 @@ def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: 
         found.aperture_e_s[chosen], found.column_e_s[chosen] = star * light.aperture, star * light.column
         found.left_e2_s2[chosen], found.brightest_e_s[chosen] = star**2 * light.left, rate * tables.brightest
     return found
+
+
+def _planet_left(model: EtcModel, band: str, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Part of a planet's light that its negative image, where the other roll shows it, leaves in its aperture."""
+    rolls_deg = model.strategy.reference_library.rolls_deg(model.strategy)
+    if len(rolls_deg) == 1:
+        return np.ones((1,) * x.ndim)
+    first, second = (np.exp(1j * np.radians(roll)) for roll in rolls_deg)
+    apart = (x + 1j * y) * (second - first)
+    metrics = model.metrics[band]
+    middle = len(metrics.aperture_map) // 2
+    at = [part / metrics.aperture_map_step_arcsec + middle for part in (apart.imag, apart.real)]
+    source = ndimage.map_coordinates(_spline(metrics), at, order=3, prefilter=False, mode="nearest")
+    return np.asarray(1.0 - source / metrics.aperture_map[middle, middle])
+
+
+@functools.lru_cache(maxsize=16)
+def _spline(metrics: PsfMetrics) -> FloatArray:
+    """Coefficients of the cubic spline through a source's light in apertures: straight lines miss 0.1 of its middle."""
+    return np.asarray(ndimage.spline_filter(metrics.aperture_map, order=3))
 
 
 class _Smear(NamedTuple):

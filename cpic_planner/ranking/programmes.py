@@ -107,7 +107,8 @@ class Outlook:
         mean = 1.0 if searched else 1.0 + 1.0 / rates.background_apertures
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             kept = rates.variance_factor * model.library_noise(band, np.ones(1)).speckle
-            of_star = np.nan_to_num(mean * kept / (rates.core * contrast) ** 2, posinf=0.0)  # no light: white is inf
+            planet = rates.core * rates.planet_left * contrast
+            of_star = np.nan_to_num(mean * kept / planet**2, posinf=0.0)  # no light: white is inf
             wings = np.nan_to_num(mean * rates.variance_factor * rates.wings_e2_s2 / rates.planet_e_s**2, posinf=0.0)
 
         def last(part: ArrayLike) -> FloatArray:

@@ -89,5 +89,7 @@ def test_a_pipe_that_somebody_writes_to_is_not_read(refused, tmp_path):
     writer.start()
     refused("this is a pipe", read, path)
     assert writer.is_alive()
-    os.close(os.open(path, os.O_RDONLY | os.O_NONBLOCK))
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     writer.join(5)
+    os.close(reader)
+    assert not writer.is_alive()

@@ -15,17 +15,17 @@ COMMAND = "rank"
 
 @pytest.fixture(scope="module")
 def few(tmp_path_factory):
-    """A catalogue of four stars: rankings of it are quick."""
+    """A catalogue of four stars: rankings of it in one band are quick."""
     path = tmp_path_factory.mktemp("stars") / "few.csv"
     path.write_text(
         "name,distance_pc,v_mag,sp_type\nnear star,2,3,G2V\nmiddle star,4,3.5,G8V\n"
         "faint star,5,6,K5V\nfar star,20,5,G2V\n"
     )
-    return str(path)
+    return ["--catalog", str(path), "--band", "F520"]
 
 
 def ranking(done, few, *options):
-    out, _ = done("--catalog", few, "--planets", "800", *options, "--json")
+    out, _ = done(*few, "--planets", "800", *options, "--json")
     return RankResult.model_validate_json(out)
 
 
@@ -46,7 +46,7 @@ def test_scores(done, few, score):
     values = [row.score for row in result.targets]
     assert values == sorted(values, reverse=True)
     assert values == pytest.approx([SCORES[score](row) for row in result.targets])
-    out, _ = done("--catalog", few, "--planets", "100", "--score", score)
+    out, _ = done(*few, "--planets", "100", "--score", score)
     assert f"by {score.replace('_', ' ')}" in out
 
 
@@ -75,22 +75,22 @@ def test_strategies_reach_the_ranking(done, few):
 
 
 def test_explanation_of_a_star(done, few):
-    out, _ = done("--catalog", few, "--planets", "200", "--explain", "near star", "--json")
+    out, _ = done(*few, "--planets", "200", "--explain", "near star", "--json")
     told = Explanation.model_validate_json(out)
     assert told.star.name == "near star"
     assert told.n_ranked == 4
     assert told.better.rank == told.star.rank - 1
-    out, _ = done("--catalog", few, "--planets", "200", "--explain", "Near Star")
+    out, _ = done(*few, "--planets", "200", "--explain", "Near Star")
     assert f"near star: rank {told.star.rank} of 4 by completeness per hour" in out
     for words in ("Between its neighbours", "band by band", "EM gain up to", "Rank under other assumptions"):
         assert words in out
 
 
 def test_sensitivity(done, few):
-    out, _ = done("--catalog", few, "--planets", "200", "--sensitivity", "--json")
+    out, _ = done(*few, "--planets", "200", "--sensitivity", "--json")
     found = SensitivityResult.model_validate_json(out)
     assert found.top == 4
-    out, _ = done("--catalog", few, "--planets", "200", "--sensitivity")
+    out, _ = done(*few, "--planets", "200", "--sensitivity")
     assert "tau" in out
     for row in found.rows:
         assert row.text.split("(")[0].strip()[:40] in " ".join(out.split())
@@ -104,7 +104,7 @@ def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(done, few, tm
     monkeypatch.setattr(sky_figures, "MOST_STARS", 3)
     monkeypatch.setattr(etc_figures, "write_figure", lambda figure, path: figures.append(figure))
     path = tmp_path / "first.png"
-    out, err = done("--catalog", few, "--planets", "100", "--plot", str(path), "--limit", limit)
+    out, err = done(*few, "--planets", "100", "--plot", str(path), "--limit", limit)
     assert f"first {limit} of 4 stars" in out
     assert figures[0].get_suptitle().startswith(f"first {drawn} of 4 stars")
     assert ("with the first 3 stars only" in err) == (drawn < int(limit))
@@ -112,7 +112,7 @@ def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(done, few, tm
 
 def test_figures(done, few, tmp_path):
     path = tmp_path / "bars.pdf"
-    _, err = done("--catalog", few, "--planets", "100", "--plot", str(path))
+    _, err = done(*few, "--planets", "100", "--plot", str(path))
     assert path.read_bytes().startswith(b"%PDF")
     assert f"wrote {path}" in err
 
@@ -141,21 +141,21 @@ def test_figures(done, few, tmp_path):
     ],
 )
 def test_contradictions_and_bad_input_are_one_line(refuses, few, options, words):
-    refuses(["--catalog", few, *options], words)
+    refuses([*few, *options], words)
 
 
 def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
     from cpic_planner.cli.rank_command import rank
 
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "my_stars.csv").write_bytes(Path(few).read_bytes())
+    (tmp_path / "my_stars.csv").write_bytes(Path(few[1]).read_bytes())
     examples = [line.split(" | ")[0] for line in re.findall(r"^  cpic (.*)$", inspect.getdoc(rank), re.M)]
     assert len(examples) >= 7
     for example in examples:
         words = shlex.split(example)
         # The whole catalogue takes seconds each time, and the few stars have no known planets.
         own = {"--catalog", "--known-planets"} & set(words)
-        quick = ["--v-mag-max", "3.5"] if own == {"--known-planets"} else [] if own else ["--catalog", few]
+        quick = ["--v-mag-max", "3.5"] if own == {"--known-planets"} else [] if own else few
         if "--explain" in words:
             words[words.index("--explain") + 1] = "near star"
         assert main([*words, *quick, "--planets", "100"]) == 0, example
@@ -166,7 +166,7 @@ def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
 
 def test_the_table_holds_the_columns_of_completeness(call, few, tmp_path):
     path = tmp_path / "r.csv"
-    assert call("--catalog", few, "--planets", "100", "--out", str(path))[0] == 0
+    assert call(*few, "--planets", "100", "--out", str(path))[0] == 0
     head = path.read_text().splitlines()[0].split(",")
     for name in ("score", "completeness", "completeness_per_hour", "expected_planets", "detection_time_s"):
         assert name in head
@@ -180,12 +180,12 @@ def test_the_table_holds_the_columns_of_completeness(call, few, tmp_path):
 )
 def test_exclusions_are_those_named(call, few, options, exclusions):
     asked = [word for name in options for word in ("--exclusions", name)]
-    tree = json.loads(call("--catalog", few, "--planets", "100", "--json", *asked)[1])
+    tree = json.loads(call(*few, "--planets", "100", "--json", *asked)[1])
     assert tree["population"]["exclusions"] == exclusions
 
 
 def test_json_is_one_object_of_targets(call, few):
-    out = call("--catalog", few, "--planets", "100", "--json")[1]
+    out = call(*few, "--planets", "100", "--json")[1]
     tree = json.loads(out)
     assert tree["schema_version"] == 1
     assert len(tree["targets"]) == 4

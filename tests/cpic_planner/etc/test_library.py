@@ -85,14 +85,18 @@ def test_a_brighter_reference_has_less_noise_and_saturates_earlier():
 
 
 def test_two_rolls_halve_the_variance():
-    """The planet is measured in both halves; at the same place everything but that is the same."""
+    """The planet is measured in both halves, less its negative image, whose light makes noise as well."""
     same, _ = noise(ALONE)
     roll, both = noise(ALONE, library="roll")
+    left = np.squeeze(both.planet_left)
     assert both.variance_factor == 0.5
-    for name in set(same.terms) - {"background_mean"}:
+    assert 0.9 < left <= 1.0
+    planet = 0.5 * (2.0 - left) * np.squeeze(same.terms["planet"])
+    assert np.squeeze(roll.terms["planet"]) == pytest.approx(planet, rel=1e-12)
+    for name in set(same.terms) - {"background_mean", "planet"}:
         assert np.squeeze(roll.terms[name]) == pytest.approx(0.5 * np.squeeze(same.terms[name]), rel=1e-12)
-    assert roll.significance == pytest.approx(2**0.5 * same.significance, rel=1e-12)
-    assert roll.signal_e == pytest.approx(same.signal_e, rel=1e-12)
+    assert roll.significance == pytest.approx(2**0.5 * left * same.significance, rel=1e-12)
+    assert roll.signal_e == pytest.approx(left * same.signal_e, rel=1e-12)
     with pytest.raises(ValueError, match="reference_ratio"):
         Strategy(library="roll", reference_ratio=2.0)
 

@@ -215,7 +215,7 @@ def test_a_planet_of_less_than_an_electron_has_its_snr():
     faint = only(rates, planet_e_s=np.full((3, 1), 0.004))
     noise = stack_noise(faint, 10.0, 5.0, 1.0, camera)
     np.testing.assert_allclose(noise.signal_e, 0.2)
-    expected = np.sqrt(0.2 / faint.source_noise_fraction)
+    expected = np.full((3, 1), np.sqrt(0.2 / faint.source_noise_fraction.item()))
     np.testing.assert_allclose(noise.snr, expected * np.exp(-5.0 * faint.loss_per_s), rtol=1e-12)
 
 

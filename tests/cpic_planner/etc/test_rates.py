@@ -91,6 +91,27 @@ def test_light_of_planet_and_star_is_that_of_images(light):
     np.testing.assert_allclose(of(model(), targets(5.5)).halo_e_s, 0.1 * rates.halo_e_s, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("roll_deg", "within"), [(4.0, 0.02), (8.0, 4e-3), (16.0, 1e-3), (30.0, 1e-3)])
+def test_two_rolls_take_the_negative_image_off_the_planet(light, roll_deg, within):
+    """Difference of images of the planet at both rolls, in its aperture; its noise is that of their sum.
+
+    Where the two images overlap by half, the steps of the table (3 pixels) show.
+    """
+    rates = of(model("roll", roll_deg=roll_deg), targets(3.0))
+    half = np.radians(roll_deg / 2.0)
+    turned = [(X + 1j * Y) * np.exp(sign * 1j * half) for sign in (-1, 1)]
+    for number in range(X.size):
+        here, there = ((place[number].real, place[number].imag) for place in turned)
+        one, two = (aperture_sum(light.psf.at(*place), *here) for place in (here, there))
+        left = np.broadcast_to(rates.planet_left, (1, X.size))[0, number]
+        assert left == pytest.approx(1.0 - two / one, abs=within)
+    single = of(model(), targets(3.0))
+    np.testing.assert_allclose(rates.planet_e_s, single.planet_e_s * rates.planet_left, rtol=1e-12)
+    own = rates.source_noise_fraction * rates.planet_e_s / (single.source_noise_fraction * single.planet_e_s)
+    np.testing.assert_allclose(own, 2.0 - rates.planet_left, rtol=1e-12)
+    np.testing.assert_array_equal(single.planet_left, 1.0)
+
+
 def test_stars_planets_and_places_broadcast():
     """Two stars at three places with two contrasts each: every number is that of its own question."""
     both = type(targets()).joined([targets(3.0), targets(4.0)])
