@@ -29,6 +29,7 @@ from cpic_planner.tradeoff.setup import ANNULUS_LAMBDA_D, PLANET, SEED, FixedSce
 from cpic_planner.validation import (
     ConfirmTask,
     Frames,
+    ImageSettings,
     Measurement,
     Modelling,
     PlanetTemplate,
@@ -245,8 +246,8 @@ def images_of_programme(
     model = build_model(case.instrument, [case.band], case.how)
     place = closed.x_arcsec, closed.y_arcsec
     expected = expected_of(model, closed.target, case.band, place, closed.contrast, frames)
-    dial = {"fidelity": fidelity, "tolerance": tolerance}
-    task = task_of(model, case.scene, case.band, frames, [expected], planets=[PLANET], seed=SEED, **dial)
+    dial: ImageSettings = {"seed": SEED, "fidelity": fidelity, "tolerance": tolerance}
+    task = task_of(model, case.scene, case.band, frames, [expected], planets=[PLANET], **dial)
     how = modelling_of(task)
     if setup is not None:
         changes = {name: getattr(setup, name) for name in ("draw", "region", "knobs", "epochs")}

@@ -12,6 +12,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from cpic_core import FloatArray, InputError, stream
+from cpic_planner.results import TradeoffRow
 from cpic_planner.tradeoff.chain import Drawn, NotApplicable, Places, aperture_flux_e, stamp_of
 from cpic_planner.tradeoff.setup import REFERENCE_EPOCHS, SEED, FixedScene, Setup, reference_setup, visit
 from cpic_planner.validation import calibrated_frames, pedestal_e
@@ -173,7 +174,11 @@ def named_points(case: FixedScene, names: tuple[str, ...], *, main_only: bool = 
 
 
 def ratio_of_programmes(
-    ours: Mapping[str, Sequence[float]], theirs: Mapping[str, Sequence[float]], what: Callable[..., float], *, paired: bool
+    ours: Mapping[str, Sequence[float]],
+    theirs: Mapping[str, Sequence[float]],
+    what: Callable[..., float],
+    *,
+    paired: bool,
 ) -> tuple[float, float]:
     """Ratio of what two series of realisations say, and its error by leaving one of them out at a time (jackknife).
 
@@ -201,6 +206,32 @@ def flux_of_programme(contrast: FloatArray, contrast_error: FloatArray) -> float
 def snr_of_programme(contrast: FloatArray, contrast_error: FloatArray) -> float:
     """Mean contrast over the quadratic mean of its errors (`cpic_planner.validation.mean_snr`)."""
     return float(contrast.mean() / np.sqrt((contrast_error**2).mean()))
+
+
+def compared_programme(row: TradeoffRow, best: TradeoffRow) -> TradeoffRow:
+    """Compare a row with the many realisations of the reference."""
+    whats, names = (flux_of_programme, snr_of_programme), ("flux", "snr")
+    if row.group == "closed_form":
+        assert row.flux_e is not None
+        variance = row.samples["whole_e2"][0]
+        snr = row.flux_e / math.sqrt(variance)
+        said = row.flux_e / (best.flux_e or math.nan), snr / snr_of_programme(*_series(best))
+        own = [
+            ratio_of_programmes(best.samples, best.samples, what, paired=False)[1] / math.sqrt(2.0) for what in whats
+        ]
+        ratios = [(value, value * error) for value, error in zip(said, own, strict=True)]
+    else:
+        snr = snr_of_programme(*_series(row))
+        variance = ((row.flux_e or 0.0) / snr) ** 2
+        paired = row.settings["draw"] == best.settings["draw"]
+        ratios = [ratio_of_programmes(row.samples, best.samples, what, paired=paired) for what in whats]
+    errors = {f"{name}_error": ratio - 1.0 for name, (ratio, _) in zip(names, ratios, strict=True)}
+    errors |= {f"{name}_uncertainty": error for name, (_, error) in zip(names, ratios, strict=True)}
+    return row.model_copy(update={"variance_e2": variance, "snr": snr, **errors})
+
+
+def _series(row: TradeoffRow) -> FloatArray:
+    return np.array([row.samples["contrast"], row.samples["contrast_error"]])
 
 
 def _left_out(series: Mapping[str, Sequence[float]], what: Callable[..., float]) -> tuple[float, FloatArray]:

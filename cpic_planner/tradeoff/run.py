@@ -22,14 +22,12 @@ from cpic_planner.results import MachineRecord, TradeoffResult, TradeoffRow, Tra
 from cpic_planner.tradeoff.points import (
     REFERENCE,
     Point,
-    flux_of_programme,
+    compared_programme,
     named_points,
     points_of,
-    ratio_of_programmes,
-    snr_of_programme,
 )
-from cpic_planner.tradeoff.setup import SCENES, FixedScene, fixed_scene, this_machine
-from cpic_planner.tradeoff.worker import FULL_EFFORT, GLANCE, Effort, measured_rows
+from cpic_planner.tradeoff.setup import FULL_EFFORT, GLANCE, SCENES, Effort, FixedScene, fixed_scene, this_machine
+from cpic_planner.tradeoff.worker import measured_rows
 from cpic_planner.tradeoff.write import FILES, RESULT, products_of
 from cpic_planner.version import __version__
 from simulator.config import content_hash
@@ -80,7 +78,7 @@ def _one(row: TradeoffRow, best: TradeoffRow, exposure_s: float) -> TradeoffRow:
     assert row.flux_e is not None  # as ok says
     assert best.flux_e is not None
     if "contrast" in best.samples:
-        return _of_programme(row, best)
+        return compared_programme(row, best)
     white_best, speckle_best = _white(best), _speckle(best, best).value * (best.n_frames * exposure_s) ** 2
     parts = np.array([2.0 * best.n_frames * white_best.value, best.samples["own_e2"][0], speckle_best])
     whole = float(parts.sum())
@@ -105,30 +103,6 @@ def _one(row: TradeoffRow, best: TradeoffRow, exposure_s: float) -> TradeoffRow:
             "snr_uncertainty": 0.0 if row is best else flux / noise * 0.5 * error,
         }
     )
-
-
-def _of_programme(row: TradeoffRow, best: TradeoffRow) -> TradeoffRow:
-    """Compare a row with the many realisations of the reference."""
-    whats, names = (flux_of_programme, snr_of_programme), ("flux", "snr")
-    if row.group == "closed_form":
-        assert row.flux_e is not None
-        variance = row.samples["whole_e2"][0]
-        snr = row.flux_e / math.sqrt(variance)
-        said = row.flux_e / (best.flux_e or math.nan), snr / snr_of_programme(*_series(best))
-        own = [ratio_of_programmes(best.samples, best.samples, what, paired=False)[1] / math.sqrt(2.0) for what in whats]
-        ratios = [(value, value * error) for value, error in zip(said, own, strict=True)]
-    else:
-        snr = snr_of_programme(*_series(row))
-        variance = ((row.flux_e or 0.0) / snr) ** 2
-        paired = row.settings["draw"] == best.settings["draw"]
-        ratios = [ratio_of_programmes(row.samples, best.samples, what, paired=paired) for what in whats]
-    errors = {f"{name}_error": ratio - 1.0 for name, (ratio, _) in zip(names, ratios, strict=True)}
-    errors |= {f"{name}_uncertainty": error for name, (_, error) in zip(names, ratios, strict=True)}
-    return row.model_copy(update={"variance_e2": variance, "snr": snr, **errors})
-
-
-def _series(row: TradeoffRow) -> FloatArray:
-    return np.array([row.samples["contrast"], row.samples["contrast_error"]])
 
 
 def _variance_error(parts: FloatArray, white: float, speckle: float) -> float:

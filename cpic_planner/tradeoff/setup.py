@@ -89,8 +89,8 @@ class FixedScene:
     detector : dict
         What differs from the default instrument's detector of the band.
     strategy : dict
-        Of a programme of visits that are reduced as one: fields of `Strategy`, such as ``visits``, ``reference_visits``,
-        ``n_modes`` and ``library``. Without any, one visit and one of the reference are looked at frame by frame.
+        Of a programme of visits that are reduced as one: fields of `Strategy`, such as ``visits``,
+        ``reference_visits``, ``n_modes`` and ``library``. Without any, one visit and one of the reference are looked at frame by frame.
     """
 
     name: str
@@ -188,6 +188,39 @@ def fixed_scene(name: str) -> FixedScene:
     if name not in SCENES:
         raise InputError("--scene", name, allowed=", ".join(SCENES))
     return SCENES[name]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is drawn for the noise, beside the visits themselves.
+
+    Attributes
+    ----------
+    more_frames : int
+        Frames of one more visit, for ways whose random numbers are not those of the reference, and for the reference.
+    draws : int
+        Of sums.
+    pairs, walk_pairs : int
+        Pairs of visits for the speckles, and for the effect of epochs on them.
+    budget_s : float
+        Time for repeated calls.
+    realisations : int
+        Of a programme from sums of frames.
+    visits_by_frames : int
+        Science visits of all realisations together where every frame is drawn; two realisations at least.
+    """
+
+    more_frames: int = 48
+    draws: int = 40
+    pairs: int = 8
+    walk_pairs: int = 16
+    budget_s: float = 1.5
+    realisations: int = 48
+    visits_by_frames: int = 24
+
+
+FULL_EFFORT = Effort()
+GLANCE = Effort(more_frames=0, draws=4, pairs=2, walk_pairs=2, budget_s=0.0, realisations=3, visits_by_frames=2)
 
 
 SEED = 1

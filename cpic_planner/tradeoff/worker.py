@@ -39,7 +39,7 @@ from cpic_planner.tradeoff.points import (
     white_of_frames,
     white_of_sums,
 )
-from cpic_planner.tradeoff.setup import FixedScene, Setup, choice_of, chosen_by, reference_setup, visit
+from cpic_planner.tradeoff.setup import Effort, FixedScene, Setup, choice_of, chosen_by, reference_setup, visit
 from cpic_planner.validation import Measurement, contrasts_of
 from cpic_planner.version import __version__
 from simulator.knobs import dial_of
@@ -108,39 +108,6 @@ def peak_memory_mb() -> float:
                 return float(line.split()[1]) * 1024 / 1e6
     peak = float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How much is drawn for the noise, beside the visits themselves.
-
-    Attributes
-    ----------
-    more_frames : int
-        Frames of one more visit, for ways whose random numbers are not those of the reference, and for the reference.
-    draws : int
-        Of sums.
-    pairs, walk_pairs : int
-        Pairs of visits for the speckles, and for the effect of epochs on them.
-    budget_s : float
-        Time for repeated calls.
-    realisations : int
-        Of a programme from sums of frames.
-    visits_by_frames : int
-        Science visits of all realisations together where every frame is drawn; two realisations at least.
-    """
-
-    more_frames: int = 48
-    draws: int = 40
-    pairs: int = 8
-    walk_pairs: int = 16
-    budget_s: float = 1.5
-    realisations: int = 48
-    visits_by_frames: int = 24
-
-
-FULL_EFFORT = Effort()
-GLANCE = Effort(more_frames=0, draws=4, pairs=2, walk_pairs=2, budget_s=0.0, realisations=3, visits_by_frames=2)
 
 
 @dataclass
@@ -284,7 +251,12 @@ def _programme(row: _Row, effort: Effort, launched_s: float) -> TradeoffRow:
         status="ok",
         cold_s=cold_s,
         flux_e=float(contrast.mean()) / question.contrast * question.answer()["flux_e"],
-        settings={"draw": drawn, "region": how.region, "epochs": how.epochs, "knobs": how.knobs.model_dump(mode="json")},
+        settings={
+            "draw": drawn,
+            "region": how.region,
+            "epochs": how.epochs,
+            "knobs": how.knobs.model_dump(mode="json"),
+        },
         samples={"contrast": _listed(contrast), "contrast_error": _listed(contrast_error)},
         **dataclasses.asdict(timing),
     )
