@@ -90,7 +90,8 @@ class FixedScene:
         What differs from the default instrument's detector of the band.
     strategy : dict
         Of a programme of visits that are reduced as one: fields of `Strategy`, such as ``visits``,
-        ``reference_visits``, ``n_modes`` and ``library``. Without any, one visit and one of the reference are looked at frame by frame.
+        ``reference_visits``, ``n_modes`` and ``library``. Without any, one visit and one of the reference are
+        compared frame by frame.
     """
 
     name: str
