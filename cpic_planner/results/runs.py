@@ -171,6 +171,11 @@ class TradeoffScene(Result):
     n_frames: int = Field(description="of the science visit, and as many of the reference visit")
     em_gain: float
     scene_model: Literal["exact", "paper"]
+    visits: int = Field(default=1, description="science visits that are reduced as one")
+    reference_visits: int = 1
+    n_modes: int = Field(default=0, description="modes of the references that are projected out")
+    library: str = Field(default="same_star_planet_free", description="where the references come from")
+    is_programme: bool = Field(default=False, description="whether visits are drawn many times and reduced as one")
 
 
 class TradeoffRow(Row):
@@ -200,7 +205,8 @@ class TradeoffRow(Row):
     samples: dict[str, list[float]] = Field(
         default_factory=dict,
         description="what the noise was measured from: white_e2 (one value a frame), more_white_e2, speckle_e2_s2, "
-        "walk_e2_s2, one_epoch_e2_s2 (one a pair of visits), own_e2, whole_e2, fixed_speckle_e2",
+        "walk_e2_s2, one_epoch_e2_s2 (one a pair of visits), own_e2, whole_e2, fixed_speckle_e2; of programmes "
+        "contrast and contrast_error (one a realisation)",
     )
     n_frames: int = 0
     machine: str = Field(description="key of the machine")

@@ -2,29 +2,58 @@
 
 The closed-form answer: what the exposure-time calculator says of a fixed scene.
 
+The images of a programme of visits, reduced as one.
+
 The work that is timed: both visits of an observation, drawn, calibrated, and the planet's aperture measured.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, NDArray
 from cpic_planner.confirm import scene_target
-from cpic_planner.etc import EtcModel, StackNoise, aperture_rates, build_model, stack_noise
-from cpic_planner.queries import Strategy
+from cpic_planner.etc import (
+    EtcModel,
+    Programme,
+    StackNoise,
+    aperture_rates,
+    build_model,
+    planet_offsets,
+    stack_noise,
+    with_modes,
+)
 from cpic_planner.targets import Targets
-from cpic_planner.tradeoff.setup import FixedScene, Setup, visit
-from cpic_planner.validation import calibrated_frames, cleaned, filled
+from cpic_planner.tradeoff.setup import ANNULUS_LAMBDA_D, PLANET, SEED, FixedScene, Setup, visit
+from cpic_planner.validation import (
+    ConfirmTask,
+    Frames,
+    ImageSettings,
+    Measurement,
+    Modelling,
+    PlanetTemplate,
+    StarFlux,
+    VisitPair,
+    calibrated_frames,
+    cleaned,
+    expected_of,
+    filled,
+    images_of,
+    measure_planets,
+    modelling_of,
+    planet_templates,
+    realise_frames,
+    task_of,
+    visit_pair,
+)
+from cpic_planner.validation.task import gap_s
 from simulator.camera import FrameNoise, MaskBit
 from simulator.imaging import aperture_sums, centred_axis, forget_starlight, overlap_weights, psf_metrics
 from simulator.knobs import FIDELITIES
 from simulator.observing import Observation, hole_stacks
 from simulator.target import scene_sources
 
-ANNULUS_LAMBDA_D = 2.0
-"""Half width of the annulus whose apertures measure the speckles."""
 _AWAY_RADII = 2.5
 
 
@@ -111,11 +140,22 @@ class ClosedForm:
         case, place = self.case, np.ones((1, n_cases))
         x, y, contrast = self.x_arcsec * place, self.y_arcsec * place, self.contrast * np.linspace(1.0, 2.0, n_cases)
         rates = aperture_rates(self.model, self.target, case.band, x, y, contrast[None])
-        return stack_noise(rates, case.exposure_s, case.n_frames, case.em_gain, self.model.camera(case.band))
+        frames, camera = (case.exposure_s, case.n_frames, case.em_gain), self.model.camera(case.band)
+        if not case.is_programme:
+            return stack_noise(rates, *frames, camera)
+        visits = Programme.of(case.how, case.visits, gap_s(self.model, case.band, Frames(*frames, case.visits)))
+        programme = with_modes(self.model, case.band, np.hypot(x, y), rates, visits, *frames)
+        return stack_noise(rates, *frames, camera, case.how, programme)
 
     def answer(self) -> dict[str, float]:
-        """Flux and variance of the visit, e- and e-^2, as the images are measured: no error of the mean background."""
+        """Flux and variance of the visit, e- and e-^2, as the images are measured.
+
+        A single visit has no error of the mean background; of a programme ``white_e2`` is all of the variance.
+        """
         noise = self.noise()
+        if self.case.is_programme:
+            flux_e, snr = float(np.ravel(noise.signal_e)[0]), float(np.ravel(noise.snr)[0])
+            return {"flux_e": flux_e, "white_e2": (flux_e / snr) ** 2, "speckle_e2": 0.0}
         terms = {name: float(np.ravel(part)[0]) for name, part in noise.terms.items() if name not in _NOT_PLACE}
         speckle = terms.pop("speckle")
         return {"flux_e": float(np.ravel(noise.signal_e)[0]), "white_e2": sum(terms.values()), "speckle_e2": speckle}
@@ -123,13 +163,101 @@ class ClosedForm:
 
 def closed_form(case: FixedScene) -> ClosedForm:
     """Prepare the calculator for a fixed scene."""
-    model = build_model(case.instrument, [case.band], Strategy(n_modes=0, annulus_lambda_d=ANNULUS_LAMBDA_D))
+    # Programmes are drawn as sums of frames, which no particle hits.
+    instrument = images_of(case.instrument) if case.is_programme else case.instrument
+    model, target = build_model(instrument, [case.band], case.how), scene_target(case.scene)
     planet = next(item for item in scene_sources(case.scene, case.instrument, case.band) if item.kind == "planet")
-    return ClosedForm(model, scene_target(case.scene), case, planet.x_arcsec, planet.y_arcsec, planet.contrast or 0.0)
+    x, y = planet.x_arcsec, planet.y_arcsec
+    if case.is_programme:  # one of two rolls stands for both
+        x, y = planet_offsets(model, target, case.band, float(np.hypot(x, y)))
+    return ClosedForm(model, target, case, float(x), float(y), planet.contrast or 0.0)
 
 
 class NotApplicable(Exception):
     """A way that a scene does not allow, with its reason."""
+
+    def __init__(self, message: str, reason: str = "not_applicable") -> None:
+        super().__init__(message)
+        self.reason = reason
+
+
+@dataclass(frozen=True, eq=False)
+class Images:
+    """Images of a programme, ready to be drawn and measured any number of times; made by `images_of_programme`.
+
+    Attributes
+    ----------
+    task : ConfirmTask
+    modelling : Modelling
+        How they are made.
+    """
+
+    task: ConfirmTask
+    modelling: Modelling
+    _visits: VisitPair
+    _planets: tuple[PlanetTemplate, ...]
+
+    def measured(self, number: int) -> Measurement:
+        """Draw all visits once, reduce them as one, and measure the planet at its place.
+
+        Parameters
+        ----------
+        number : int
+            Of the realisation: the same for all ways that draw sums with as many wavefronts.
+
+        Raises
+        ------
+        NotApplicable
+            If nothing is left of the planet's place.
+        """
+        if self.modelling.draw == "sums":
+            visits = self._visits
+            drawn = visits.draw(number)
+        else:
+            visits = visit_pair(self.task, realisation=number, modelling=self.modelling)
+            drawn, _ = realise_frames(visits)
+        star = StarFlux.known(visits.science.truth.sources[0].rate_e_s)
+        (one,), _ = measure_planets(visits, drawn, list(self._planets), star, searched=False)
+        if one is None:
+            raise NotApplicable("limits cut off the planet's aperture or what is around it")
+        return one
+
+
+def images_of_programme(
+    case: FixedScene, setup: Setup | None, fidelity: str | None = None, tolerance: float | None = None
+) -> Images:
+    """Set up the visits of a programme.
+
+    Parameters
+    ----------
+    case : FixedScene
+    setup : Setup or None
+        What is drawn, of which pixels, by which knobs and with how many wavefronts a visit; what the effect ledger
+        chooses for the dial without.
+    fidelity, tolerance
+        Of the dial.
+
+    Raises
+    ------
+    NotApplicable
+        If the tier is too coarse for the scene, or sums cannot stand for its frames.
+    """
+    closed, frames = closed_form(case), Frames(case.exposure_s, case.n_frames, case.em_gain, case.visits)
+    model = build_model(case.instrument, [case.band], case.how)
+    place = closed.x_arcsec, closed.y_arcsec
+    expected = expected_of(model, closed.target, case.band, place, closed.contrast, frames)
+    dial: ImageSettings = {"seed": SEED, "fidelity": fidelity, "tolerance": tolerance}
+    task = task_of(model, case.scene, case.band, frames, [expected], planets=[PLANET], **dial)
+    how = modelling_of(task)
+    if setup is not None:
+        changes = {name: getattr(setup, name) for name in ("draw", "region", "knobs", "epochs")}
+        how = replace(how, **changes, switches={}, left_out=(), still=())
+    elif how.outcome.value is None:
+        raise NotApplicable(how.outcome.message, how.outcome.reason.value)
+    visits = visit_pair(task, modelling=how)
+    if how.draw == "sums" and visits.stackable.value is None:
+        raise NotApplicable(visits.stackable.message)
+    return Images(task, how, visits, planet_templates(visits))
 
 
 @dataclass(frozen=True, eq=False)

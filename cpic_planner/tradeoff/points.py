@@ -4,13 +4,15 @@ Planet flux and noise of a way to an answer, with common random numbers, so that
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
 import numpy as np
 
 from cpic_core import FloatArray, InputError, stream
+from cpic_planner.results import TradeoffRow
 from cpic_planner.tradeoff.chain import Drawn, NotApplicable, Places, aperture_flux_e, stamp_of
 from cpic_planner.tradeoff.setup import REFERENCE_EPOCHS, SEED, FixedScene, Setup, reference_setup, visit
 from cpic_planner.validation import calibrated_frames, pedestal_e
@@ -64,6 +66,8 @@ class Point:
 
 def points_of(case: FixedScene) -> tuple[Point, ...]:
     """Every way that is tried on a scene, those that it will refuse included."""
+    if case.is_programme:
+        return tuple(_main(case))
     return (*_main(case), *_knobs(case), *_effects(case))
 
 
@@ -82,7 +86,24 @@ _STATED_NAMES = {
 }
 
 
+_OF_PROGRAMMES = ("sums_quick", "hole_standard")
+_FEW_EPOCHS = 1
+
+
 def _main(case: FixedScene) -> list[Point]:
+    points = _every_main(case)
+    if not case.is_programme:
+        return points
+    # Standard knobs tell a visit to 0.05 %, far below what any number of realisations tells of a programme.
+    setup = Setup("sums", "hole", FIDELITIES["standard"], SUM_EPOCHS)
+    best = Point(REFERENCE, "reference: sums of frames, standard knobs, most realisations", "tier", setup=setup)
+    few = replace(setup, knobs=FIDELITIES["quick"], epochs=_FEW_EPOCHS)
+    fewer = Point("sums_one", "sums of frames, quick knobs, one wavefront a visit", "images", setup=few)
+    kept = [point for point in points if point.group == "closed_form" or point.name in _OF_PROGRAMMES]
+    return [best, *kept, fewer, *(point for point in points if point.name in ("quick", "standard"))]
+
+
+def _every_main(case: FixedScene) -> list[Point]:
     points = [
         Point(REFERENCE, "reference: whole frames, all effects, finest knobs", "tier", setup=reference_setup(case)),
         Point("etc", "closed form, one call", "closed_form"),
@@ -152,6 +173,77 @@ def named_points(case: FixedScene, names: tuple[str, ...], *, main_only: bool = 
     return tuple(point for point in points if not names or point.name in names)
 
 
+def ratio_of_programmes(
+    ours: Mapping[str, Sequence[float]],
+    theirs: Mapping[str, Sequence[float]],
+    what: Callable[..., float],
+    *,
+    paired: bool,
+) -> tuple[float, float]:
+    """Ratio of what two series of realisations say, and its error by leaving one of them out at a time (jackknife).
+
+    Parameters
+    ----------
+    ours, theirs : dict
+        ``contrast`` and ``contrast_error``, one value a realisation.
+    what : callable
+        Of both: `flux_of_programme` or `snr_of_programme`.
+    paired : bool
+        Whether the random numbers are the same, realisation by realisation, and drop out of the ratio.
+    """
+    (whole, parts), (other, others) = (_left_out(series, what) for series in (ours, theirs))
+    ratio = whole / other
+    if paired and len(parts) == len(others):
+        return ratio, _jackknife(parts / others)
+    return ratio, ratio * math.hypot(_jackknife(parts) / whole, _jackknife(others) / other)
+
+
+def flux_of_programme(contrast: FloatArray, contrast_error: FloatArray) -> float:
+    """Mean contrast."""
+    return float(contrast.mean())
+
+
+def snr_of_programme(contrast: FloatArray, contrast_error: FloatArray) -> float:
+    """Mean contrast over the quadratic mean of its errors (`cpic_planner.validation.mean_snr`)."""
+    return float(contrast.mean() / np.sqrt((contrast_error**2).mean()))
+
+
+def compared_programme(row: TradeoffRow, best: TradeoffRow) -> TradeoffRow:
+    """Compare a row with the many realisations of the reference."""
+    whats, names = (flux_of_programme, snr_of_programme), ("flux", "snr")
+    if row.group == "closed_form":
+        assert row.flux_e is not None
+        variance = row.samples["whole_e2"][0]
+        snr = row.flux_e / math.sqrt(variance)
+        said = row.flux_e / (best.flux_e or math.nan), snr / snr_of_programme(*_series(best))
+        own = [
+            ratio_of_programmes(best.samples, best.samples, what, paired=False)[1] / math.sqrt(2.0) for what in whats
+        ]
+        ratios = [(value, value * error) for value, error in zip(said, own, strict=True)]
+    else:
+        snr = snr_of_programme(*_series(row))
+        variance = ((row.flux_e or 0.0) / snr) ** 2
+        paired = row.settings["draw"] == best.settings["draw"]
+        ratios = [ratio_of_programmes(row.samples, best.samples, what, paired=paired) for what in whats]
+    errors = {f"{name}_error": ratio - 1.0 for name, (ratio, _) in zip(names, ratios, strict=True)}
+    errors |= {f"{name}_uncertainty": error for name, (_, error) in zip(names, ratios, strict=True)}
+    return row.model_copy(update={"variance_e2": variance, "snr": snr, **errors})
+
+
+def _series(row: TradeoffRow) -> FloatArray:
+    return np.array([row.samples["contrast"], row.samples["contrast_error"]])
+
+
+def _left_out(series: Mapping[str, Sequence[float]], what: Callable[..., float]) -> tuple[float, FloatArray]:
+    values = np.array([series["contrast"], series["contrast_error"]])
+    return what(*values), np.array([what(*np.delete(values, k, axis=1)) for k in range(values.shape[1])])
+
+
+def _jackknife(parts: FloatArray) -> float:
+    n = len(parts)
+    return float(np.sqrt((n - 1) / n * np.sum((parts - parts.mean()) ** 2)))
+
+
 _LEAST_COVERED = 0.4
 
 
@@ -177,7 +269,7 @@ def expected_flux_e(case: FixedScene, setup: Setup, shown: Observation, bare_e_s
     bare_e_s : ndarray
         What `light_without` makes.
     """
-    bare = dataclasses.replace(shown, light=dataclasses.replace(shown.light, static_e_s=bare_e_s))
+    bare = replace(shown, light=replace(shown.light, static_e_s=bare_e_s))
     return case.n_frames * aperture_flux_e(shown, _calibrated(shown, setup) - _calibrated(bare, setup))
 
 

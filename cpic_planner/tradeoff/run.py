@@ -19,9 +19,15 @@ import numpy as np
 from cpic_core import Advance, FloatArray, InputError, numeric_context, untold
 from cpic_planner.jobs import Job, RunFolder, Runner, Task
 from cpic_planner.results import MachineRecord, TradeoffResult, TradeoffRow, TradeoffScene
-from cpic_planner.tradeoff.points import REFERENCE, Point, named_points, points_of
-from cpic_planner.tradeoff.setup import SCENES, FixedScene, fixed_scene, this_machine
-from cpic_planner.tradeoff.worker import FULL_EFFORT, GLANCE, Effort, measured_rows
+from cpic_planner.tradeoff.points import (
+    REFERENCE,
+    Point,
+    compared_programme,
+    named_points,
+    points_of,
+)
+from cpic_planner.tradeoff.setup import FULL_EFFORT, GLANCE, SCENES, Effort, FixedScene, fixed_scene, this_machine
+from cpic_planner.tradeoff.worker import measured_rows
 from cpic_planner.tradeoff.write import FILES, RESULT, products_of
 from cpic_planner.version import __version__
 from simulator.config import content_hash
@@ -71,6 +77,8 @@ _ERRORS = ("variance_e2", "snr", "flux_error", "flux_uncertainty", "snr_error", 
 def _one(row: TradeoffRow, best: TradeoffRow, exposure_s: float) -> TradeoffRow:
     assert row.flux_e is not None  # as ok says
     assert best.flux_e is not None
+    if "contrast" in best.samples:
+        return compared_programme(row, best)
     white_best, speckle_best = _white(best), _speckle(best, best).value * (best.n_frames * exposure_s) ** 2
     parts = np.array([2.0 * best.n_frames * white_best.value, best.samples["own_e2"][0], speckle_best])
     whole = float(parts.sum())

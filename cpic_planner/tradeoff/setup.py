@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from cpic_core import InputError, load_yaml
+from cpic_planner.queries import Strategy
 from cpic_planner.results import MachineRecord
 from cpic_planner.validation import images_of
 from simulator.config import Instrument, Planet, Scene, content_hash, load_instrument, load_scene, validate
@@ -64,6 +65,8 @@ def _memory_gb() -> float:
 
 
 PLANET = "planet"
+ANNULUS_LAMBDA_D = 2.0
+"""Half width of the annulus whose apertures measure the speckles of a single visit."""
 _LIST = Path(__file__).resolve().parents[1] / "presets" / "tradeoff" / "scenes.yaml"
 _ALBEDO, _RADIUS_AU = 0.5, 71492.0 / 149597870.7
 
@@ -85,6 +88,10 @@ class FixedScene:
         How the scene is asked to be made.
     detector : dict
         What differs from the default instrument's detector of the band.
+    strategy : dict
+        Of a programme of visits that are reduced as one: fields of `Strategy`, such as ``visits``,
+        ``reference_visits``, ``n_modes`` and ``library``. Without any, one visit and one of the reference are
+        compared frame by frame.
     """
 
     name: str
@@ -97,6 +104,38 @@ class FixedScene:
     tree: Mapping[str, Any]
     scene_model: SceneModel = "exact"
     detector: Mapping[str, Any] = field(default_factory=dict)
+    strategy: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_programme(self) -> bool:
+        """Whether visits are drawn many times and reduced as one."""
+        return bool(self.strategy)
+
+    @functools.cached_property
+    def how(self) -> Strategy:
+        """How it is observed and reduced."""
+        own = dict(self.strategy) or {"annulus_lambda_d": ANNULUS_LAMBDA_D}
+        return validate(Strategy, {"n_modes": 0, "visits": 1} | own, where="strategy")
+
+    @property
+    def visits(self) -> int:
+        """Science visits."""
+        return self.how.visits or 1
+
+    @property
+    def reference_visits(self) -> int:
+        """Visits that the references are spread over."""
+        return self.how.references_of(self.visits)
+
+    @property
+    def n_modes(self) -> int:
+        """Modes of the references that are projected out."""
+        return self.how.n_modes
+
+    @property
+    def library(self) -> str:
+        """Where the references come from."""
+        return self.how.library
 
     @property
     def frames(self) -> dict[str, Any]:
@@ -127,13 +166,16 @@ class FixedScene:
 
 def _read(name: str, entry: dict[str, Any]) -> FixedScene:
     """Return a scene of the list, its planet as a body that has the contrast it is given."""
-    body = entry.pop("planet")
+    entry = _ENTRIES.get(entry.get("like", ""), {}) | entry
+    entry.pop("like", None)
+    body = dict(entry.pop("planet"))  # scenes may share theirs
     distance_au = _RADIUS_AU * math.sqrt(_ALBEDO / (math.pi * body.pop("contrast")))
     planet = {"name": PLANET, "radius_rjup": 1.0, "phase_deg": 90.0, "albedo": _ALBEDO, "distance_au": distance_au}
     return FixedScene(name=name, **entry | {"tree": entry["tree"] | {"planets": [planet | body]}})
 
 
-SCENES = {name: _read(name, entry) for name, entry in load_yaml(_LIST).items()}
+_ENTRIES: dict[str, dict[str, Any]] = load_yaml(_LIST)
+SCENES = {name: _read(name, entry) for name, entry in _ENTRIES.items()}
 
 
 def fixed_scene(name: str) -> FixedScene:
@@ -147,6 +189,39 @@ def fixed_scene(name: str) -> FixedScene:
     if name not in SCENES:
         raise InputError("--scene", name, allowed=", ".join(SCENES))
     return SCENES[name]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is drawn for the noise, beside the visits themselves.
+
+    Attributes
+    ----------
+    more_frames : int
+        Frames of one more visit, for ways whose random numbers are not those of the reference, and for the reference.
+    draws : int
+        Of sums.
+    pairs, walk_pairs : int
+        Pairs of visits for the speckles, and for the effect of epochs on them.
+    budget_s : float
+        Time for repeated calls.
+    realisations : int
+        Of a programme from sums of frames.
+    visits_by_frames : int
+        Science visits of all realisations together where every frame is drawn; two realisations at least.
+    """
+
+    more_frames: int = 48
+    draws: int = 40
+    pairs: int = 8
+    walk_pairs: int = 16
+    budget_s: float = 1.5
+    realisations: int = 48
+    visits_by_frames: int = 24
+
+
+FULL_EFFORT = Effort()
+GLANCE = Effort(more_frames=0, draws=4, pairs=2, walk_pairs=2, budget_s=0.0, realisations=3, visits_by_frames=2)
 
 
 SEED = 1

@@ -17,7 +17,17 @@ from typing import Any, Self
 
 from cpic_core import FloatArray, Status
 from cpic_planner.results import TradeoffRow
-from cpic_planner.tradeoff.chain import NotApplicable, Places, Work, both_visits, closed_form, drawn_frames, worked
+from cpic_planner.tradeoff.chain import (
+    Images,
+    NotApplicable,
+    Places,
+    Work,
+    both_visits,
+    closed_form,
+    drawn_frames,
+    images_of_programme,
+    worked,
+)
 from cpic_planner.tradeoff.points import (
     REFERENCE,
     Point,
@@ -29,7 +39,8 @@ from cpic_planner.tradeoff.points import (
     white_of_frames,
     white_of_sums,
 )
-from cpic_planner.tradeoff.setup import FixedScene, Setup, choice_of, chosen_by, reference_setup, visit
+from cpic_planner.tradeoff.setup import Effort, FixedScene, Setup, choice_of, chosen_by, reference_setup, visit
+from cpic_planner.validation import Measurement, contrasts_of
 from cpic_planner.version import __version__
 from simulator.knobs import dial_of
 from simulator.observing import Observation
@@ -97,33 +108,6 @@ def peak_memory_mb() -> float:
                 return float(line.split()[1]) * 1024 / 1e6
     peak = float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How much is drawn for the noise, beside the visits themselves.
-
-    Attributes
-    ----------
-    more_frames : int
-        Frames of one more visit, for ways whose random numbers are not those of the reference, and for the reference.
-    draws : int
-        Of sums.
-    pairs, walk_pairs : int
-        Pairs of visits for the speckles, and for the effect of epochs on them.
-    budget_s : float
-        Time for repeated calls.
-    """
-
-    more_frames: int = 48
-    draws: int = 40
-    pairs: int = 8
-    walk_pairs: int = 16
-    budget_s: float = 1.5
-
-
-FULL_EFFORT = Effort()
-GLANCE = Effort(more_frames=0, draws=4, pairs=2, walk_pairs=2, budget_s=0.0)
 
 
 @dataclass
@@ -225,6 +209,8 @@ def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, 
     row = _Row(case, point, machine)
     if point.group == "closed_form":
         return _closed_form(row, effort, launched_s)
+    if case.is_programme:
+        return _programme(row, effort, launched_s)
     held: list[tuple[Setup, Work]] = []
 
     def job() -> None:
@@ -239,6 +225,41 @@ def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, 
         return row.made(status="invalid", reason=row.reason, message=str(error))
     row.places = Places.of(case)
     return _imaged(row, *held[0], timing, effort, cold_s)
+
+
+def _programme(row: _Row, effort: Effort, launched_s: float) -> TradeoffRow:
+    """Time one realisation of a programme, its set-up included, and draw more of them."""
+    case, point = row.case, row.point
+    held: list[Images] = []
+
+    def job() -> Measurement:
+        held[:] = [images_of_programme(case, point.setup, point.fidelity, point.tolerance)]
+        return held[0].measured(0)
+
+    try:
+        first = job()
+        cold_s = time.monotonic() - launched_s
+        timing = timed(job, budget_s=effort.budget_s)
+        how, drawn = held[0].modelling, held[0].modelling.draw
+        count = effort.realisations if drawn == "sums" else max(2, effort.visits_by_frames // case.visits)
+        found = [first, *(held[0].measured(number) for number in range(1, count))]
+    except NotApplicable as error:
+        return row.made(status="invalid", reason=error.reason, message=str(error))
+    contrast, contrast_error, _ = contrasts_of(found)
+    question = closed_form(case)
+    return row.made(
+        status="ok",
+        cold_s=cold_s,
+        flux_e=float(contrast.mean()) / question.contrast * question.answer()["flux_e"],
+        settings={
+            "draw": drawn,
+            "region": how.region,
+            "epochs": how.epochs,
+            "knobs": how.knobs.model_dump(mode="json"),
+        },
+        samples={"contrast": _listed(contrast), "contrast_error": _listed(contrast_error)},
+        **dataclasses.asdict(timing),
+    )
 
 
 def measure_shared(

@@ -72,10 +72,10 @@ def _memory(value: float | None) -> str:
 
 
 def tier_table(result: TradeoffResult) -> str:
-    """One line per tier: range of times and memory over the scenes, and the worst errors."""
-    lines = []
+    """One line per tier: range of times and memory over the scenes of a single visit, and the worst errors."""
+    lines, programmes = [], {scene.name for scene in result.scenes if scene.is_programme}
     for name in _TIERS:
-        rows = [row for row in result.rows if row.point == name]
+        rows = [row for row in result.rows if row.point == name and row.scene not in programmes]
         good = [row for row in rows if row.status == "ok"]
         if not good:
             continue

@@ -25,8 +25,9 @@ SCRATCH = HERE.parents[1] / "out" / "speed_accuracy"
 
 
 def rows_of(result: TradeoffResult, point: str) -> list[TradeoffRow]:
-    """One way on every scene."""
-    return [row for row in result.rows if row.point == point]
+    """One way on every scene of a single visit."""
+    programmes = {scene.name for scene in result.scenes if scene.is_programme}
+    return [row for row in result.rows if row.point == point and row.scene not in programmes]
 
 
 def beyond(row: TradeoffRow, flux: float, snr: float) -> bool:

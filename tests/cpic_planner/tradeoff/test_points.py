@@ -10,10 +10,13 @@ from cpic_planner.tradeoff.chain import NotApplicable, Places, aperture_flux_e, 
 from cpic_planner.tradeoff.points import (
     TOLERANCES_MEASURED,
     expected_flux_e,
+    flux_of_programme,
     light_without,
     named_points,
     own_noise_e2,
     points_of,
+    ratio_of_programmes,
+    snr_of_programme,
     speckle_samples,
     walk_samples,
     white_of_frames,
@@ -208,3 +211,22 @@ def test_a_brighter_place_counts_for_what_the_planet_has(places):
     assert 0.3 < places.level[places.white].min() < 1.0 < places.level[places.white].max() < 3.0
     assert not (places.near & ~places.white).any()
     assert (places.near.sum(), places.white.sum()) > (0, places.near.sum())
+
+
+def test_the_closed_form_of_independent_visits_gains_as_their_root():
+    answers = [closed_form(SCENES[name]).answer() for name in ("visits_1", "visits_16")]
+    one, many = (answer["flux_e"] / answer["white_e2"] ** 0.5 for answer in answers)
+    assert many / one == pytest.approx(4.0, rel=0.02)
+
+
+def test_what_is_common_to_realisations_drops_out_of_their_ratio():
+    rng = np.random.default_rng(5)
+    contrast, error = rng.normal(1.0, 0.1, 20), rng.normal(0.1, 0.01, 20)
+    ours = {"contrast": list(1.1 * contrast), "contrast_error": list(error)}
+    theirs = {"contrast": list(contrast), "contrast_error": list(error)}
+    for what in (flux_of_programme, snr_of_programme):
+        assert ratio_of_programmes(ours, theirs, what, paired=True) == pytest.approx((1.1, 0.0), abs=1e-12)
+    # Apart, each mean carries its scatter over the root of its number.
+    _, spread = ratio_of_programmes(ours, theirs, flux_of_programme, paired=False)
+    relative = contrast.std(ddof=1) / contrast.mean() / 20**0.5
+    assert spread == pytest.approx(1.1 * 2**0.5 * relative, rel=1e-9)

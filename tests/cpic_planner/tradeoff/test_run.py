@@ -10,7 +10,8 @@ from cpic_planner.jobs import run
 from cpic_planner.tradeoff import run as module, tradeoff_job
 from cpic_planner.tradeoff.points import points_of
 from cpic_planner.tradeoff.run import compared, speed_ups
-from cpic_planner.tradeoff.worker import GLANCE, measure_point, measure_shared
+from cpic_planner.tradeoff.setup import GLANCE
+from cpic_planner.tradeoff.worker import measure_point, measure_shared
 from cpic_planner.version import __version__
 from simulator.knobs import FIDELITIES, Knobs
 

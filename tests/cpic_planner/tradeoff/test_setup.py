@@ -8,12 +8,20 @@ CONTRASTS = {"faint": 4e-8, "saturating": 1e-8, "binary": 1e-7, "edge": 4e-8, "f
 
 
 def test_every_kind_of_scene_is_there():
-    assert list(SCENES) == ["faint", "saturating", "binary", "edge", "field", "infrared", "paper"]
+    single = [name for name, case in SCENES.items() if not case.is_programme]
+    assert single == ["faint", "saturating", "binary", "edge", "field", "infrared", "paper"]
     assert {name for name, case in SCENES.items() if case.scene_model == "paper"} == {"paper"}
     cameras = {name: case.instrument.band(case.band).camera for name, case in SCENES.items()}
     assert {name for name, camera in cameras.items() if camera == "NIR"} == {"infrared"}
     assert len(SCENES["field"].scene.stars) == 300
     assert len(SCENES["binary"].scene.stars) == 1
+
+
+def test_programmes_pair_visits_and_modes():
+    made = {(case.visits, case.reference_visits, case.n_modes) for case in SCENES.values() if case.is_programme}
+    assert {(1, 1, 0), (4, 4, 0), (16, 16, 0)} < made
+    assert {(4, 16, 4), (4, 16, 12), (16, 16, 4), (16, 16, 12)} < made
+    assert SCENES["rolls_4"].library == "roll"
 
 
 @pytest.mark.parametrize("name", CONTRASTS)
