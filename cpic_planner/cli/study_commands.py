@@ -132,10 +132,11 @@ def tradeoff(
 ) -> None:
     """Measure speed against accuracy on this machine: time, memory and error of every tier, tolerance and knob.
 
-    Seven fixed scenes are observed in every way there is: closed forms, sums of frames, frames, and the reference
-    with one knob changed or one effect left out. Errors of the planet's flux and SNR are against the reference of
-    the scene. Writes results.csv, results.json, report.md, pareto.png and run.json into --out. All scenes take half
-    an hour on one core; stopped half way, it continues when started again on the same folder.
+    Fixed scenes of a single visit are observed in every way there is: closed forms, sums of frames, frames, and the
+    reference with one knob changed or one effect left out; programmes of several visits, with and without modes, in
+    the ways that differ for them. Errors of the planet's flux and SNR are against the reference of the scene. Writes
+    results.csv, results.json, report.md, pareto.png and run.json into --out. All scenes take 40 minutes on one core;
+    stopped half way, it continues when started again on the same folder.
 
     Examples:
 

@@ -348,7 +348,7 @@ def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: 
 
 def _planet_left(model: EtcModel, band: str, x: FloatArray, y: FloatArray) -> FloatArray:
     """Part of a planet's light that its negative image, where the other roll shows it, leaves in its aperture."""
-    rolls_deg = model.strategy.reference_library.rolls_deg(model.strategy)
+    rolls_deg = model.strategy.rolls_deg
     if len(rolls_deg) == 1:
         return np.ones((1,) * x.ndim)
     first, second = (np.exp(1j * np.radians(roll)) for roll in rolls_deg)

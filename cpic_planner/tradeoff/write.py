@@ -1,9 +1,4 @@
-"""CSV and text of the measurements.
-
-Error against time, a panel for each scene.
-
-The files of a tradeoff, and reading the result back.
-"""
+"""The files of a tradeoff: table, report, figure of error against time; and reading the result back."""
 
 from __future__ import annotations
 
@@ -19,6 +14,7 @@ from pydantic import ValidationError
 from cpic_core import InputError, read_text
 from cpic_planner.report import new_figure, place_labels, style
 from cpic_planner.results import MachineRecord, TradeoffResult, TradeoffRow, csv_text as table_text, names_of
+from cpic_planner.tradeoff.points import REFERENCE
 from cpic_planner.tradeoff.setup import SCENES
 from simulator.knobs import Quantity
 
@@ -32,6 +28,7 @@ _COUNTED = [name for name in names_of(TradeoffRow) if name != "variance_e2"]
 _AT = _COUNTED.index("n_frames")
 COLUMNS = (*_COUNTED[:_AT], "predicted_flux_error", "predicted_snr_error", *_COUNTED[_AT:])
 """Columns of the CSV file: those of `TradeoffRow`, and what the ledger predicts for flux and SNR."""
+_MEASURED = ("flux", "snr")
 _TIERS = ("etc", "quick", "standard", "reference")
 
 
@@ -95,6 +92,43 @@ def tier_table(result: TradeoffResult) -> str:
     return _table(head, lines)
 
 
+_OF_PROGRAMMES = {"etc": "closed form", REFERENCE: "sums of frames", "hole_standard": "every frame"}
+"""Ways that the table of programmes compares, and their words."""
+
+
+def programme_table(result: TradeoffResult) -> str:
+    """One line per programme of visits: time of each way, and what the closed form says against the images."""
+    lines = []
+    for scene in (scene for scene in result.scenes if scene.is_programme):
+        rows = {row.point: row for row in result.rows if row.scene == scene.name and row.status == "ok"}
+        known = (rows.get(name) for name in _OF_PROGRAMMES)
+        times = [_seconds(row.cpu_s) if row else "" for row in known]
+        form, best = rows.get("etc"), rows.get(REFERENCE)
+        errors = [_error(getattr(form, f"{of}_error"), getattr(form, f"{of}_uncertainty")) for of in _MEASURED if form]
+        cells = [scene.visits, scene.reference_visits, scene.n_modes, scene.library.replace("_", " ")]
+        snr = f"{best.snr:.2f}" if best and best.snr else ""
+        lines.append([*map(str, cells), snr, *(errors or ["", ""]), *times])
+    head = ["visits", "reference visits", "modes", "references", "SNR of the images", "closed form: flux", "its SNR"]
+    return _table(head + [f"time: {words}" for words in _OF_PROGRAMMES.values()], lines)
+
+
+def _programmes_text(result: TradeoffResult) -> str:
+    """The section of programmes; nothing where none was measured."""
+    if not any(scene.is_programme for scene in result.scenes):
+        return ""
+    return f"""
+## Programmes of visits and modes
+
+Each programme is drawn many times with wavefronts of its own in every visit, reduced as one and measured at the
+planet's place. Errors are those of the closed form against the images made from sums of frames; the processor time is
+that of one realisation. The time of the closed form does not grow with the visits, that of the images does. What modes
+bring is the SNR of a line against that of the line with as many visits and reference visits and no modes; what they
+cost is its time. White noise rules these visits, so that there is little for modes to take away.
+
+{programme_table(result)}
+"""
+
+
 def _worst(rows: Sequence[TradeoffRow], quantity: str) -> str:
     def size(row: TradeoffRow) -> float:
         return float(abs(getattr(row, f"{quantity}_error") or 0.0))
@@ -114,10 +148,16 @@ def _machine_text(machine: MachineRecord) -> str:
 
 def _scene_text(result: TradeoffResult, scene: str) -> str:
     about = next(item for item in result.scenes if item.name == scene)
-    parts = [
-        f"## {about.title} (`{scene}`)\n\n{about.why[0].upper()}{about.why[1:]}.\n{about.band}, {about.n_frames} "
-        f"frames of {about.exposure_s:g} s and as many of a reference visit, gain {about.em_gain:g}."
-    ]
+    frames = f"{about.band}, {about.n_frames} frames of {about.exposure_s:g} s, gain {about.em_gain:g}"
+    if not about.is_programme:
+        frames += "; as many of a reference visit"
+    elif about.library == "roll":
+        frames += f", in each of {about.visits} visits, half of it at either roll"
+    else:
+        frames += (
+            f", in each of {about.visits} visits, and as many in all over {about.reference_visits} reference visits"
+        )
+    parts = [f"## {about.title} (`{scene}`)\n\n{about.why[0].upper()}{about.why[1:]}.\n{frames}."]
     own = [row for row in result.rows if row.scene == scene]
     for group, (heading, *_) in LOOKS.items():
         rows = [row for row in own if row.group == group]
@@ -169,14 +209,14 @@ def report_text(result: TradeoffResult, *, head: str = "") -> str:
 ## Tiers over {_scenes_text(result)}
 
 {tier_table(result)}
-
+{_programmes_text(result)}
 Wall clock of the reference over one call of the closed forms:
 
 {faster}
 
 ![error against time](pareto.png)
 
-*Every way on every scene: error against wall clock. Triangles are upper limits: the error is below what the
+*Every way on every scene of a single visit: error against wall clock. Triangles are upper limits: the error is below what the
 measurement can tell.*
 
 ## How it is measured
@@ -225,7 +265,7 @@ def pareto_png(result: TradeoffResult) -> bytes:
 
 def pareto_figure(result: TradeoffResult) -> Figure:
     """Draw the larger of the errors of flux and SNR against wall clock."""
-    scenes = list(result.scenes)
+    scenes = [scene for scene in result.scenes if not scene.is_programme] or list(result.scenes)
     columns = 2 if len(scenes) > 1 else 1
     lines = math.ceil((len(scenes) + (columns == 2 and len(scenes) % 2 == 0)) / columns) if scenes else 1
     figure = new_figure(3.0 * lines + 0.9)

@@ -6,7 +6,16 @@ import pytest
 from cpic_core import dump_json
 from cpic_planner.tradeoff import FILES, read_result
 from cpic_planner.tradeoff.setup import SCENES
-from cpic_planner.tradeoff.write import COLUMNS, LOOKS, SMALLEST, pareto_figure, products_of, report_text, tier_table
+from cpic_planner.tradeoff.write import (
+    COLUMNS,
+    LOOKS,
+    SMALLEST,
+    pareto_figure,
+    products_of,
+    programme_table,
+    report_text,
+    tier_table,
+)
 
 
 @pytest.fixture
@@ -110,6 +119,25 @@ def test_the_table_of_tiers(result):
     assert lines[2].startswith("| closed form | 2 ms to 2 ms | 100 | +0.4 % (faint) | -2 ± 0.3 % (faint) | 1 of 1 |")
     assert lines[4].startswith("| `reference` | 6 s to 12 s | 100 | 0 | 0 | 2 of 2 |")
     assert len(lines) == 5  # no scene has a quick answer
+
+
+def test_the_table_of_programmes(result, make):
+    """A programme has its line, is no scene of the tiers, and has no panel of its own."""
+    scene = result.scenes[0]
+    about = {"name": "four", "visits": 4, "reference_visits": 16, "n_modes": 3, "is_programme": True}
+    drawn = {"scene": "four", "flux_error": 0.0, "snr_error": 0.0}
+    rows = [
+        make.row("reference", group="tier", cpu_s=0.5, snr=11.0, **drawn),
+        make.row("etc", group="closed_form", cpu_s=2e-3, **drawn | {"snr_error": 0.02, "snr_uncertainty": 0.01}),
+    ]
+    update = {"scenes": [*result.scenes, scene.model_copy(update=about)], "rows": [*result.rows, *rows]}
+    with_programme = result.model_copy(update=update)
+    line = programme_table(with_programme).splitlines()[2]
+    assert line == "| 4 | 16 | 3 | same star planet free | 11.00 | 0 | +2 ± 1 % | 2 ms | 500 ms |  |"
+    assert "reference frames in 16 visits" in report_text(with_programme)
+    assert "Programmes of visits" not in report_text(result)
+    assert tier_table(with_programme) == tier_table(result)
+    assert len([axes for axes in pareto_figure(with_programme).axes if axes.axison]) == len(result.scenes)
 
 
 def test_the_figure_has_its_labels(result):
