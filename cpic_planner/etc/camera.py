@@ -167,7 +167,7 @@ def gain_table(gain_max: float, stages: int) -> GainTable:
 
 
 def _switch(true: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, high: FloatArray) -> FloatArray:
-    """Where a condition that holds from some point on becomes true, by bisection; ``low`` where it holds at once."""
+    """Return where a condition that holds from some point on becomes true: bisection, ``low`` if it holds at once."""
     at_low = true(low)
     a, b = low.copy(), high.copy()
     for _ in range(_BISECTIONS):

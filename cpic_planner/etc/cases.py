@@ -58,7 +58,7 @@ class FixedFrames:
 
 
 class Cases:
-    """What cases of one band, or of several of one camera, share; all arrays broadcast against ``contrast``."""
+    """Cases of one band, or of several of one camera, share this; all arrays broadcast against ``contrast``."""
 
     model: EtcModel
     fixed: FixedFrames
@@ -193,7 +193,7 @@ class BandCases(Cases):
 
     @functools.cached_property
     def motion(self) -> SearchMotion | None:
-        """What a search pays for the motion of the planets; None where it knows their places."""
+        """Price that a search pays for the motion of the planets; None where it knows their places."""
         place = np.broadcast_to(np.hypot(self.x_arcsec, self.y_arcsec), self.contrast.shape)
         return SearchMotion.asked(self.model, self.targets, self.band, place)
 
@@ -212,7 +212,7 @@ class BandCases(Cases):
 
     @functools.cached_property
     def residual_parts(self) -> tuple[ProgrammeLaw, ProgrammeLaw]:
-        """As of `Cases`."""
+        """Residual in units of the star's light, by the law of this band; see `Cases.residual_parts`."""
         model, strategy, place = self.model, self.model.strategy, np.hypot(self.x_arcsec, self.y_arcsec)
         width, ratio, metrics = strategy.annulus_lambda_d, strategy.reference_ratio, model.metrics[self.band]
         return programme_parts(metrics, model.instrument.drift, place, width, ratio, model.timing)
@@ -220,7 +220,7 @@ class BandCases(Cases):
     def with_modes(
         self, programme: Programme, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
     ) -> Programme:
-        """As of `Cases`."""
+        """Return a programme with what modes change in this band; see `Cases.with_modes`."""
         place = np.hypot(self.x_arcsec, self.y_arcsec)
         return with_modes(self.model, self.band, place, self.rates, programme, exposure_s, n_frames, em_gain)
 
@@ -279,7 +279,7 @@ class BandCases(Cases):
 
 @functools.lru_cache(maxsize=256)
 def _excluded(name: str, distance_au: float, radius_rjup: float) -> bool:
-    """Whether velocities exclude a planet: every band of a question asks about the same one."""
+    """Return whether velocities exclude a planet: every band of a question asks about the same one."""
     return bool(excluded_by_rv([name], distance_au, radius_rjup)[0])
 
 

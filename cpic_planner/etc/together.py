@@ -63,22 +63,22 @@ class CameraCases(Cases):
 
     @functools.cached_property
     def camera(self) -> FrameCamera:
-        """As of `Cases`."""
+        """One frame of the camera that all bands share, of the exposure that is fixed."""
         return self.bands[0].camera
 
     @property
     def free_camera(self) -> FrameCamera:
-        """As of `Cases`."""
+        """One frame of the camera that all bands share, of any exposure."""
         return self.bands[0].free_camera
 
     @functools.cached_property
     def usable(self) -> NDArray[np.bool_]:
-        """As of `Cases`."""
+        """Cases whose aperture lies in the controlled zone, one row a band."""
         return np.stack([cases.usable for cases in self.bands])
 
     @functools.cached_property
     def residual_parts(self) -> tuple[ProgrammeLaw, ProgrammeLaw]:
-        """As of `Cases`."""
+        """Residual in units of the star's light, one row a band; see `Cases.residual_parts`."""
         crossed, light = together([cases.residual_parts for cases in self.bands], self.contrast.shape[1:])
         return crossed, light
 
@@ -106,7 +106,7 @@ class CameraCases(Cases):
     def problem(
         self, objective: Objective, contrast: FloatArray | None = None, programme: Programme | None = None
     ) -> FrameProblem:
-        """As of `Cases`, with the exposure of most SNR per time where it is that of a single visit."""
+        """Return what the solver needs, as `Cases.problem`; exposure of most SNR per time where it is of one visit."""
         made, ratio = super().problem(objective, contrast, programme), self.model.strategy.reference_ratio
         if contrast is not None or self.model.strategy.n_modes:  # of the planet's own light modes leave another part
             return made
@@ -121,7 +121,7 @@ class CameraCases(Cases):
     def with_modes(
         self, programme: Programme, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
     ) -> Programme:
-        """As of `Cases`."""
+        """Return a programme with what modes change in each band; see `Cases.with_modes`."""
         if self.model.strategy.n_modes == 0:
             return programme
         parts = [

@@ -103,7 +103,8 @@ class Outlook:
         """
         metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
         exposure_s, white = etc.best_exposure_s(problem)
-        parts = programme_parts(metrics, drift, separation_arcsec, strategy.annulus_lambda_d, strategy.reference_ratio)
+        width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
+        parts = programme_parts(metrics, drift, separation_arcsec, width, ratio, model.timing)
         mean = 1.0 if searched else 1.0 + 1.0 / rates.background_apertures
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             kept = rates.variance_factor * model.library_noise(band, np.ones(1)).speckle
@@ -321,9 +322,13 @@ def nearby(visits: FloatArray) -> FloatArray:
 
 def _deeper(law: ProgrammeLaw) -> ProgrammeLaw:
     """A law whose arrays have one more axis, for programmes."""
-    parts = (SpeckleLaw(*(np.asarray(k, float)[..., None] for k in part)) for part in law[:3])
-    science, reference, common = parts
-    return law._replace(science=science, reference=reference, common=common)
+
+    def deeper(part: SpeckleLaw) -> SpeckleLaw:
+        return SpeckleLaw(*(np.asarray(k, float)[..., None] for k in part))
+
+    science, reference, common = map(deeper, law[:3])
+    turned = None if law.turned is None else deeper(law.turned)
+    return law._replace(science=science, reference=reference, common=common, turned=turned)
 
 
 def _least(value: FloatArray, *others: FloatArray) -> list[FloatArray]:

@@ -157,6 +157,20 @@ def test_places_hold_an_aperture_and_a_background(band):
     assert np.all(metrics.resolution_elements(grid) >= 3)
 
 
+@pytest.mark.parametrize("scheme", ["interleaved", "half", "swapped", "other_star"])
+def test_visits_are_chosen_for_the_scheme_of_references(scheme):
+    """What the orbit moves averages in one scheme and stays in another: the choice is that of one star's question."""
+    instrument = load_instrument({"drift": {"visit_nm": 0.02, "orbital_nm": 3.0}})
+    model = build_model(instrument, ["F520"], Strategy(reference_scheme=scheme))
+    stars = STARS.select(np.isin(STARS.name, ["tau Cet", "alf CMi", "bet Hyi"]))
+    best = optimise(model, stars, time_s=36000.0)
+    assert best.visits.min() > 1
+    for i in range(len(stars)):
+        one, place = stars.select([i]), [best.separation_arcsec[i]]
+        asked = {"bands": ["F520"], "separation_arcsec": place, "time_s": 36000.0}
+        assert best.contrast_limit[i] == pytest.approx(contrast_limit(model, one, **asked)[0].value, rel=5e-3)
+
+
 def test_what_no_programme_can_pass():
     """The bound holds for every time, and where it decides it is reached by one."""
     for model, times in ((ONE, (1e4, 4e4, 1e6)), (MODEL, (1e5, 1e8))):
