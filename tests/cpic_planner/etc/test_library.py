@@ -90,7 +90,7 @@ def test_two_rolls_halve_the_variance():
     roll, both = noise(ALONE, library="roll")
     left = np.squeeze(both.planet_left)
     assert both.variance_factor == 0.5
-    assert 0.9 < left <= 1.0
+    assert left == pytest.approx(1.0, abs=0.01)  # far apart; the spline of the table misses it by a little either way
     planet = 0.5 * (2.0 - left) * np.squeeze(same.terms["planet"])
     assert np.squeeze(roll.terms["planet"]) == pytest.approx(planet, rel=1e-12)
     for name in set(same.terms) - {"background_mean", "planet"}:
