@@ -154,15 +154,6 @@ def _scene_text(result: TradeoffResult, scene: str) -> str:
     elif about.library == "roll":
         frames += f", in each of {about.visits} visits, half of it at either roll"
     else:
-        frames += (
-            f", in each of {about.visits} visits, and as many in all over {about.reference_visits} reference visits"
-        )
-    frames = f"{about.band}, {about.n_frames} frames of {about.exposure_s:g} s, gain {about.em_gain:g}"
-    if not about.is_programme:
-        frames += "; as many of a reference visit"
-    elif about.library == "roll":
-        frames += f", in each of {about.visits} visits, half of it at either roll"
-    else:
         references = f"as many reference frames in {about.reference_visits} visits"
         frames += f", in each of {about.visits} visits; {references}"
     parts = [f"## {about.title} (`{scene}`)\n\n{about.why[0].upper()}{about.why[1:]}.\n{frames}."]
