@@ -17,7 +17,7 @@ from cpic_core.user_files import read_text
 
 MAX_BYTES = 4_000_000
 _SETTINGS = ("instrument", "scene", "simulation", "strategies", "strategy", "population", "visibility")
-KINDS = (*_SETTINGS, "simulator_overrides", "question")
+KINDS = (*_SETTINGS, "simulator_overrides", "question", "ensemble")
 """Kinds by which our files name themselves."""
 _KIND_LINE = re.compile(rf"^kind:[ \t]*(?:{'|'.join(KINDS)})[ \t]*(?:#.*)?$", re.MULTILINE)
 _QUOTED = re.compile(r"\s*('[^']*'|\"[^\"]*\")")

@@ -13,8 +13,9 @@ import numpy as np
 
 from cpic_core import NDArray, write_npz
 from simulator.config import Instrument, load_instrument, preset_names
-from simulator.imaging import metrics_key
+from simulator.imaging import metrics_key, psf_metrics
 from simulator.imaging.build import dig
+from simulator.imaging.mirror_states import LEVELS, SHARED, sensed_with
 from simulator.imaging.store import DIGITS, EXACT_DIGITS, measure, shipped_file, to_arrays
 
 
@@ -65,15 +66,38 @@ def rebuild(folder: str | Path, *, holes: bool = True) -> list[Path]:
     return written
 
 
+def rebuild_states(folder: str | Path) -> list[Path]:
+    """Dig the states of the mirror of the default instrument that no preset has, and write their metrics.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where to write.
+    """
+    default, written = load_instrument(), []
+    for band in default.visible_bands():
+        for level in LEVELS:
+            instrument = sensed_with(default, band, level)
+            key = metrics_key(instrument, band)
+            if not shipped_file("metrics", key, band).is_file():
+                arrays = psf_metrics(instrument, band).to_arrays()
+                own = {name: array for name, array in _packed(arrays, exact=False).items() if name not in SHARED}
+                written.append(Path(folder) / shipped_file("state", key, band).name)
+                write_npz(written[-1], own | {"key": np.asarray(key)})
+    return written
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Rebuild the shipped files."""
     parser = argparse.ArgumentParser(prog="python -m tools.dig_holes", description=__doc__)
     parser.add_argument("--keep-holes", action="store_true", help="measure the metrics only")
+    parser.add_argument("--states-only", action="store_true", help="only the states of the mirror between the presets")
     data = shipped_file("metrics", "", "").parent
     parser.add_argument("--out", type=Path, default=data, help="folder (the package's data)")
     options = parser.parse_args(argv)
     began = time.perf_counter()
-    for path in rebuild(options.out, holes=not options.keep_holes):
+    paths = [] if options.states_only else rebuild(options.out, holes=not options.keep_holes)
+    for path in [*paths, *rebuild_states(options.out)]:
         print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB, {time.perf_counter() - began:.1f} s")
     return 0
 

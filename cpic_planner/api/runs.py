@@ -70,10 +70,11 @@ def rank_targets(question: queries.RankQuestion) -> results.RankResult:
     InputError
         For bad input, naming key, value, unit and range.
     """
-    from cpic_planner.ranking import rank_targets as rank
+    from cpic_planner.ranking import rank_under
 
-    ready = prepared(question)
-    return rank(ready.model, ready.targets, sample=ready.sample, catalogue=ready.catalogue.provenance, **ready.asked)
+    ready, instruments = prepared(question), question.drawn_instruments
+    named = {"sample": ready.sample, "catalogue": ready.catalogue.provenance}
+    return rank_under(ready.model, ready.targets, instruments, **named, **ready.asked)
 
 
 @takes(queries.RankQuestion)

@@ -64,6 +64,8 @@ def rank(
 
       cpic rank --sensitivity
 
+      cpic rank --instruments 200
+
       cpic rank --exclusions none
 
       cpic rank --json | python -m json.tool | head -40
@@ -110,8 +112,8 @@ def rank(
         compared = sensitivity_of(ready.model, ready.targets, **ready.asked)
         print_result(compared, as_json, partial(report.print_sensitivity, compared))
         return
-    catalogue = ready.catalogue.provenance
-    result = ranking.rank_targets(ready.model, ready.targets, sample=ready.sample, catalogue=catalogue, **ready.asked)
+    named = {"sample": ready.sample, "catalogue": ready.catalogue.provenance}
+    result = ranking.rank_under(ready.model, ready.targets, question.drawn_instruments, **named, **ready.asked)
     if out is not None:
         table = report.ranking_csv if out.suffix == ".csv" else report.ranking_ecsv
         options.write_out(out, lambda: table(result), len(result.targets))

@@ -25,7 +25,15 @@ from cpic_planner.queries import (
     observed_utc,
     refuse_counting,
 )
-from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets, planet_record, rank_targets, timed_model
+from cpic_planner.ranking import (
+    KNOWN_ONLY,
+    KnownChoice,
+    counted_planets,
+    planet_record,
+    rank_targets,
+    rank_under,
+    timed_model,
+)
 from cpic_planner.ranking.sensitivity import sensitivity
 from cpic_planner.results import BandConfirmation, ConfirmedTarget, PlanResult, RankedTarget, RankResult
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
@@ -279,9 +287,10 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     if isinstance(drawn, KnownChoice):
         targets = drawn.stars(targets)
         sample = f"{sample}; {KNOWN_ONLY}"
-    rank = rank_targets(
+    rank = rank_under(
         model,
         targets,
+        config.drawn_instruments,
         time_s=time_s,
         planet=config.planet,
         population=drawn,

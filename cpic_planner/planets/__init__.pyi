@@ -8,7 +8,7 @@ from cpic_planner.planets.known_draws import (
     planets_of as planets_of,
     quantiles as quantiles,
 )
-from cpic_planner.planets.laws import chosen_entry as chosen_entry
+from cpic_planner.planets.laws import Law as Law, chosen_entry as chosen_entry, read_law as read_law
 from cpic_planner.planets.mass_radius import least_mass as least_mass
 from cpic_planner.planets.motion import (
     ORBIT_DUTY as ORBIT_DUTY,

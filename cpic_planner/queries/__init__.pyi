@@ -8,6 +8,13 @@ from cpic_planner.queries.base import (
     scaled as scaled,
 )
 from cpic_planner.queries.changes import Change as Change, changed as changed
+from cpic_planner.queries.ensemble import (
+    CONTRAST as CONTRAST,
+    OCCURRENCE as OCCURRENCE,
+    Ensemble as Ensemble,
+    EnsembleChoice as EnsembleChoice,
+    load_ensemble as load_ensemble,
+)
 from cpic_planner.queries.etc import EtcQuestion as EtcQuestion, OptimiseQuestion as OptimiseQuestion
 from cpic_planner.queries.fields import (
     asked as asked,

@@ -11,6 +11,7 @@ from cpic_core import InputError
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import Question, called
+from cpic_planner.queries.ensemble import Ensemble, EnsembleChoice, load_ensemble
 from cpic_planner.queries.etc import check_visits
 from cpic_planner.queries.fields import asked
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
@@ -180,11 +181,33 @@ class RankedQuestion(shared.InstrumentQuestion, shared.CutsQuestion, CountedPlan
     )
     seed: shared.Seed = asked(1, "Seed of every random number.")
     score: ScoreName = asked(DEFAULT_SCORE, "What the ranking is by.")
+    instruments: int | None = asked(
+        None,
+        "Rank the stars under so many instruments too, drawn from {ensemble}: how sure each rank is, how often each "
+        "reference planet is detected, and which assumption decides.",
+        unset="none",
+        ge=2,
+        le=100_000,
+    )
+    ensemble: Ensemble = asked(
+        load_ensemble,
+        "What is not known of the instrument: the preset default, or a YAML file with what differs from it.",
+        read=load_ensemble,
+        unset="default",
+        accepts="Ensemble, mapping, str or Path",
+    )
 
     @model_validator(mode="after")
     def _one_kind_of_planets(self) -> Self:
         self.check_planets()
+        if "ensemble" in self.model_fields_set and self.instruments is None:
+            raise InputError("ensemble", "given", allowed=f"only with {called('instruments')}")
         return self
+
+    @property
+    def drawn_instruments(self) -> EnsembleChoice | None:
+        """The instruments that the stars are ranked under too; None where none are asked."""
+        return None if self.instruments is None else EnsembleChoice(self.ensemble, self.instruments, self.seed)
 
 
 class RankQuestion(RankedQuestion):

@@ -90,15 +90,20 @@ def best_in_band(
     time_s: float,
     planet: ReferencePlanet,
     separation_arcsec: float | None = None,
+    *,
+    with_limits: bool = True,
 ) -> OptimalSetting:
-    """Best separation, visits and settings of each target in one band within a time; see `optimise`."""
+    """Best separation, visits and settings of each target in one band within a time; see `optimise`.
+
+    What limits a planet that is not detected, and what would detect it, only ``with_limits``.
+    """
     search = _Search(model, targets, band, planet, separation_arcsec)
     # The best place depends on the number of visits: both are chosen together.
     chosen, endless = search.lowest(lambda outlook: outlook.finely_in_time(time_s)[0])
     visits, visit = chosen.outlook().finely_in_time(time_s)[1:]
     programme = programme_of(model, visits, visit)
     choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
-    return search.best(chosen, choice, programme, endless, time_s)
+    return search.best(chosen, choice, programme, endless, time_s, with_limits=with_limits)
 
 
 def _least_in_band(
@@ -286,6 +291,8 @@ class _Search:
         programme: etc.Programme,
         endless: FloatArray,
         time_s: float | None = None,
+        *,
+        with_limits: bool = True,
     ) -> OptimalSetting:
         """Everything about the chosen separations and programmes; what limits them only in a given time."""
         model, band, n = self.model, self.band, len(self.targets)
@@ -359,7 +366,7 @@ class _Search:
             extrapolated=np.full(n, bool(beyond)),
             outside=np.full(n, refused.value),
         )
-        if time_s is None or not lost.any():
+        if time_s is None or not with_limits or not lost.any():
             return best
         # A bound leaves few stars to be solved again: white noise alone.
         with np.errstate(divide="ignore", invalid="ignore"):

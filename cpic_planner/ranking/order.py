@@ -192,17 +192,18 @@ class Ranked:
         return np.stack([item.time_s for item in self.by_band])[self.picked, np.arange(len(self.picked))]
 
 
-def ranked(setting: RankSetting, targets: Targets, *, with_times: bool = True) -> Ranked:
-    """Best settings, completeness and score of every star; least times of detection only ``with_times``."""
+def ranked(setting: RankSetting, targets: Targets, *, brief: bool = False) -> Ranked:
+    """Best settings, completeness and score of every star; ``brief``: neither least times nor what limits them."""
     model, planet, bands = setting.model, setting.planet, setting.bands
     planets = setting.drawn(targets)
     chosen = SCORES[setting.score]
     if len(targets) < 1:
         raise InputError("targets", len(targets), allowed="at least one star")
-    by_band = tuple(best_in_band(model, targets, band, setting.time_s, planet) for band in bands)
+    found = (best_in_band(model, targets, band, setting.time_s, planet, with_limits=not brief) for band in bands)
+    by_band = tuple(found)
     best = best_of(by_band)
     quickest = np.full((2, len(targets)), np.nan)
-    if with_times or chosen.timed:
+    if not brief or chosen.timed:
         floors = np.stack([item.floor_margin / item.needed_margin for item in by_band])
         near = np.nan_to_num(floors).max(axis=0) * _SLACK > 1.0
         quickest[:, near] = _quickest(setting, targets.select(near)) if near.any() else np.nan

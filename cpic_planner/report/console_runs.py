@@ -73,6 +73,37 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> N
         f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
         f"Stars{f' on {rank.date_utc[:10]}' * bool(rank.date_utc)}: {rank.sample}. {rank.catalogue}",
     )
+    if rank.ensemble is not None:
+        _print_ensemble(rank.ensemble, shown, console)
+
+
+_MOST_BARS = 12
+
+
+def _print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.RankedTarget], console: Console) -> None:
+    """Print what becomes of the shown stars under an ensemble of instruments, and what decides."""
+    cells = row_cells(
+        results.RankedTarget,
+        "rank name rank_median between p_rank_le_10 p_reachable required_drift_factor/1 required_time_s/2 limited_by/3",
+        between=Cells("5 to 95 %", lambda row: f"{row.rank_p05:.0f} to {row.rank_p95:.0f}", True),
+    )
+    title = f"The same stars under {count_text(ensemble.n_instruments)} instruments that fit what is known"
+    print_table(console, title, cells, shown)
+    bars = row_cells(
+        results.EnsembleBar,
+        "label low high planets_low planets_high n_reachable_low/2 n_reachable_high/2 tau_low/3 tau_high/3",
+    )
+    title = "What the expected planets of one observation of every star hang on, one number at a time"
+    print_table(console, title, bars, ensemble.bars[:_MOST_BARS])
+    print_plain(console, ensemble.statement)
+    print_note(
+        console,
+        f"low, high: values, or factors on the instrument asked, that 5 and 95 % of what each number may be are below; "
+        f"with all numbers as asked {ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars. "
+        f"All {count_text(ensemble.n_instruments)} instruments rank {count_text(ensemble.n_stars)} stars; no other "
+        "star has a score, or its reference planet detected, under those that rank all. Ensemble "
+        f"{ensemble.name}, seed {ensemble.seed}.",
+    )
 
 
 def _zeros(rank: results.RankResult) -> str:

@@ -175,6 +175,7 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
         f"{count_text(plan.counts.get('ok', 0))} of them, {programme_text(rank)}"
         + (f" ({limits_text(rank.counts_limited_by)})." if rank.counts_limited_by else "."),
         *filter(None, [detected_sentence(rank)]),
+        *([] if rank.ensemble is None else [rank.ensemble.statement]),
     ]
     if not plan.targets:
         return [*sentences, "No target was confirmed with simulated images."]

@@ -53,6 +53,8 @@ from cpic_planner.results.planned import (
 from cpic_planner.results.ranked import (
     KNOWN_PLANETS as KNOWN_PLANETS,
     BandStanding as BandStanding,
+    EnsembleBar as EnsembleBar,
+    EnsembleRecord as EnsembleRecord,
     Explanation as Explanation,
     PopulationRecord as PopulationRecord,
     RankedTarget as RankedTarget,

@@ -151,7 +151,70 @@ class RankedTarget(Standing, RankedColumns):
     companion_position_error_arcsec: float | None = optional(
         "standard error of its place: by the grade of its orbit, or how far it can have moved since it was seen"
     )
+    p_reachable: float | None = optional(
+        "share of the ensemble's instruments that detect the reference planet in the given time; null without an "
+        "ensemble",
+        label="reachable",
+        short="reach %",
+        format="%",
+    )
+    rank_median: float | None = optional("median rank over the ensemble; null without one", short="rank", format=".0f")
+    rank_p05: float | None = optional("rank that 5 % of the ensemble do not pass upwards", short="5 %", format=".0f")
+    rank_p95: float | None = optional("rank that 5 % of the ensemble fall behind", short="95 %", format=".0f")
+    p_rank_le_10: float | None = optional(
+        "share of the ensemble's instruments under which the star is among the first ten",
+        label="among the first ten",
+        short="first 10 %",
+        format="%",
+    )
     flags: list[str] = column("caveats, see the documentation of flags")
+
+
+class EnsembleBar(Row):
+    """What one number that is not known does to a ranking, all others as they are assumed."""
+
+    key: str = column("key of the number")
+    label: str = column("what the number is")
+    low: str = column("value, or factor on the instrument's, that 5 % of its law are below", label="low")
+    high: str = column("that 95 % are below", label="high")
+    planets_low: float = column("expected planets of one observation of every star, at low", format=".2g")
+    planets_high: float = column("the same at high", format=".2g")
+    n_reachable_low: int = column("stars whose reference planet is detected, at low", short="reached")
+    n_reachable_high: int = column("the same at high", short="reached")
+    tau_low: float | None = column(
+        "Kendall's tau-b of the nominal scores and those at low, over the stars among the first ten in either; null "
+        "where no order can be compared",
+        format=".2f",
+    )
+    tau_high: float | None = column("the same at high", format=".2f")
+    source: str = column("where the law is from")
+
+
+class EnsembleRecord(Result):
+    """The ranking under an ensemble of instruments that fit what is known."""
+
+    name: str
+    n_instruments: int = Field(description="instruments drawn, a Latin hypercube")
+    seed: int
+    n_stars: int = Field(
+        description="stars that all instruments rank; the others have no score and no detection under any of those "
+        "that rank all stars"
+    )
+    planets_nominal: float = Field(
+        description="expected planets of one observation of every star by the instrument asked; completeness summed "
+        "where the population has no rate of occurrence"
+    )
+    planets_p05: float = Field(description="the same, exceeded by 95 % of the instruments")
+    planets_median: float
+    planets_p95: float
+    n_reachable_nominal: int = Field(description="stars whose reference planet is detected, by the instrument asked")
+    n_reachable_p05: int = Field(description="the same, exceeded or equalled by 95 % of the instruments")
+    n_reachable_median: int
+    n_reachable_p95: int
+    bars: list[EnsembleBar] = Field(description="what the numbers hang on, the largest effect on planets first")
+    decides: str = Field(description="key of the number that decides how many planets are expected")
+    decides_order: str = Field(description="key of the number that changes the order of the first ten most")
+    statement: str = Field(description="the same in words")
 
 
 class RankResult(Result):
@@ -189,6 +252,7 @@ class RankResult(Result):
     counts_limited_by: dict[str, int] = Field(
         default_factory=dict, description="stars by limited_by; empty in older results"
     )
+    ensemble: EnsembleRecord | None = Field(default=None, description="the same under many instruments, where asked")
     targets: list[RankedTarget]
 
 

@@ -260,7 +260,7 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
         For an unknown band or an unusable apodizer.
     """
     key = metrics_key(instrument, band)
-    return PsfMetrics.from_arrays(_unpacked(_stored("metrics", key, band, lambda: measure(instrument, band))))
+    return PsfMetrics.from_arrays(unpacked(_stored("metrics", key, band, lambda: measure(instrument, band))))
 
 
 def measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
@@ -282,8 +282,14 @@ def measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
     return metrics.to_arrays() | {"hole_state": np.asarray(state)}
 
 
-def _unpacked(stored: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Arrays of a shipped file, rounded or exact."""
+def unpacked(stored: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a shipped file, rounded or exact.
+
+    Parameters
+    ----------
+    stored : mapping of str to ndarray
+        Arrays by name, as the file has them.
+    """
     arrays = dict(stored)
     for name in DIGITS:
         if arrays[name].dtype == np.uint8:

@@ -1,0 +1,310 @@
+"""How sure an order is: the stars ranked under many instruments that fit what is known, and what decides."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce
+from cpic_planner.etc import EtcModel
+from cpic_planner.queries import CONTRAST, OCCURRENCE, Change, Ensemble, EnsembleChoice, changed
+from cpic_planner.ranking.order import RankSetting, rank_targets, ranked, ranked_order
+from cpic_planner.ranking.sensitivity import tau_b
+from cpic_planner.results import EnsembleBar, EnsembleRecord, RankedTarget, RankResult
+from cpic_planner.targets import Targets
+from simulator.config import at, content_hash
+from simulator.imaging import at_contrast
+from simulator.passbands import Passbands
+
+FIRST = 10
+"""Ranks that the probability of standing among the first is of."""
+POOL, WHOLE = 100, 8
+"""Stars that every instrument ranks at first, and instruments that rank all of them."""
+_SMALL = 1e-3  # share of the expected planets of all stars below which a star does not matter
+ENDS = (0.05, 0.95)
+"""Shares of a number's law that are below the two ends of its bar."""
+
+
+def instrument_of(model: EtcModel, ensemble: Ensemble, drawn: Mapping[str, float]) -> EtcModel:
+    """Return the model of a drawn instrument.
+
+    Parameters
+    ----------
+    model : EtcModel
+        Of the instrument that is asked.
+    ensemble : Ensemble
+    drawn : mapping of str to float
+        Value or factor of some of the ensemble's numbers; the others are the instrument's own.
+
+    Raises
+    ------
+    InputError
+        For a number that the instrument cannot have.
+    """
+    nominal = model.instrument
+    changes = []
+    for key, value in drawn.items():
+        if key in (CONTRAST, OCCURRENCE):
+            continue
+        action: Literal["set", "scale"] = "set" if ensemble.numbers[key].factor is None else "scale"
+        changes.append(Change(key=key, action=action, value=float(value)))
+    instrument = changed(nominal, changes)
+    metrics = model.metrics
+    if CONTRAST in drawn:
+        try:
+            metrics = {band: at_contrast(nominal, band, float(drawn[CONTRAST])) for band in model.bands}
+        except InputError as error:
+            raise at("ensemble", error) from None
+    return EtcModel(instrument, Passbands.from_instrument(instrument), metrics, model.strategy)
+
+
+@dataclass(frozen=True)
+class Standings:
+    """Stars under some instruments, arrays ``(instruments, stars)``; ranks are among these stars.
+
+    ``planets`` are the expected planets of one observation of each star (completeness where the population has no rate
+    of occurrence); ``detected`` says whether the reference planet is detected in the given time.
+    """
+
+    rank: IntArray
+    score: FloatArray
+    detected: BoolArray
+    planets: FloatArray
+
+    @property
+    def total(self) -> FloatArray:
+        """Expected planets of one observation of every star, one number for each instrument."""
+        return np.asarray(self.planets.sum(axis=1))
+
+    @property
+    def reachable(self) -> IntArray:
+        """Stars whose reference planet is detected, for each instrument."""
+        return np.asarray(np.count_nonzero(self.detected, axis=1))
+
+
+def standings(
+    setting: RankSetting, targets: Targets, choice: EnsembleChoice, draws: Sequence[Mapping[str, float]]
+) -> Standings:
+    """Rank stars under some instruments.
+
+    Parameters
+    ----------
+    setting : RankSetting
+        Of the instrument that is asked.
+    targets : Targets
+        ``n`` stars.
+    choice : EnsembleChoice
+        Whose numbers are drawn.
+    draws : sequence of mapping
+        Of each instrument, the values of the numbers that are not the nominal ones.
+    """
+    rows = [_standing(setting, targets, choice, drawn) for drawn in draws]
+    return Standings(*(np.stack(part) for part in zip(*rows, strict=True)))
+
+
+def _standing(
+    setting: RankSetting, targets: Targets, choice: EnsembleChoice, drawn: Mapping[str, float]
+) -> tuple[IntArray, FloatArray, BoolArray, FloatArray]:
+    """Ranks, scores, detections and expected planets of the stars under one instrument."""
+    own = replace(setting, model=instrument_of(setting.model, choice.ensemble, drawn))
+    found = ranked(own, targets, brief=True)
+    rank = np.empty(len(targets), np.int64)
+    rank[ranked_order(found, targets)] = np.arange(1, len(targets) + 1)
+    counted = np.stack([part.counted for part in found.counted])[found.picked, np.arange(len(targets))]
+    rate = setting.population.record().planets_per_star
+    planets = counted if rate is None else counted * rate * drawn.get(OCCURRENCE, 1.0)
+    return rank, found.score, found.best.detected, planets
+
+
+def rank_under(
+    model: EtcModel,
+    targets: Targets,
+    instruments: EnsembleChoice | None,
+    *,
+    sample: str = "",
+    catalogue: str | None = None,
+    **asked: Any,
+) -> RankResult:
+    """Rank targets, and again under an ensemble of instruments where one is asked.
+
+    Parameters
+    ----------
+    model, targets, sample, catalogue, asked
+        As of `cpic_planner.ranking.order.rank_targets`.
+    instruments : EnsembleChoice or None
+    """
+    result = rank_targets(model, targets, sample=sample, catalogue=catalogue, **asked)
+    return (
+        result if instruments is None else with_ensemble(result, RankSetting.of(model, **asked), targets, instruments)
+    )
+
+
+def with_ensemble(result: RankResult, setting: RankSetting, targets: Targets, choice: EnsembleChoice) -> RankResult:
+    """Return a ranking with what becomes of it under an ensemble of instruments.
+
+    Parameters
+    ----------
+    result : RankResult
+        Ranking of the stars by the setting.
+    setting : RankSetting
+    targets : Targets
+    choice : EnsembleChoice
+
+    Notes
+    -----
+    All instruments rank the stars that may matter: the first `POOL` by nominal score and margin, and those that matter
+    under any of `WHOLE` of the instruments, which rank all stars: evenly spaced by the number of expected planets, the
+    best and the worst among them. The reference planets of the others are detected under none of these; their ranks
+    are those of these few instruments.
+    """
+    drawn = choice.draws()
+    draws = [{key: float(values[i]) for key, values in drawn.items()} for i in range(choice.n_instruments)]
+    row_of = {row.name: row for row in result.targets}
+    rows = [row_of[str(name)] for name in targets.name]
+    pool = _first(rows, POOL)
+    found, whole = _ranked_by_all(setting, targets, choice, draws, pool)
+    columns = _columns(found, whole, np.flatnonzero(pool))
+    named = {row.name: {name: values[i] for name, values in columns.items()} for i, row in enumerate(rows)}
+    record = _record(setting, targets.select(pool), choice, found)
+    shown = [row.model_copy(update=named[row.name]) for row in result.targets]
+    asked = {"rank": result.config_hash, "ensemble": choice.ensemble.model_dump(mode="json"), "seed": choice.seed}
+    digest = content_hash(asked | {"n_instruments": choice.n_instruments})
+    return result.model_copy(update={"targets": shown, "ensemble": record, "config_hash": digest})
+
+
+def _first(rows: Sequence[RankedTarget], most: int) -> BoolArray:
+    """The stars that come first by nominal rank or by the reference planet's margin."""
+    by_margin = np.empty(len(rows), np.int64)
+    by_margin[np.argsort([-row.detection_margin for row in rows], kind="stable")] = np.arange(1, len(rows) + 1)
+    nearest = np.minimum(by_margin, [row.rank for row in rows])
+    order = np.argsort(nearest, kind="stable")[:most]
+    chosen = np.zeros(len(rows), bool)
+    chosen[order] = True
+    return chosen
+
+
+def _ranked_by_all(
+    setting: RankSetting,
+    targets: Targets,
+    choice: EnsembleChoice,
+    draws: Sequence[Mapping[str, float]],
+    pool: BoolArray,
+) -> tuple[Standings, Standings]:
+    """Stars of the pool under every instrument, the pool grown as needed, and all stars under some of them."""
+    announce(f"ranking {np.count_nonzero(pool)} stars under {len(draws)} instruments")
+    found = standings(setting, targets.select(pool), choice, draws)
+    if pool.all():
+        return found, found
+    by_total = np.argsort(found.total, kind="stable")
+    some = by_total[np.unique(np.linspace(0, len(draws) - 1, min(WHOLE, len(draws))).astype(int))]
+    announce(f"ranking all {len(targets)} stars under {len(some)} of the instruments")
+    whole = standings(setting, targets, choice, [draws[i] for i in some])
+    counts = whole.planets > _SMALL * whole.total[:, None]
+    missed = ~pool & (whole.detected | counts | (whole.rank <= POOL // 2)).any(axis=0)
+    if missed.any():
+        pool |= missed
+        announce(f"ranking {np.count_nonzero(missed)} more stars under {len(draws)} instruments")
+        found = standings(setting, targets.select(pool), choice, draws)
+    return found, whole
+
+
+def _columns(found: Standings, whole: Standings, pool: IntArray) -> dict[str, list[float]]:
+    """What rows of all stars say, by the names of their columns."""
+    ranks: list[IntArray] = [whole.rank[:, i] for i in range(whole.rank.shape[1])]
+    reached = np.zeros(len(ranks))
+    for column, star in enumerate(pool.tolist()):
+        scored = (found.score[:, column] > 0.0).any()
+        ranks[star] = found.rank[:, column] if scored else ranks[star]
+        reached[star] = found.detected[:, column].mean()
+    low, middle, high = (
+        [float(np.quantile(rank, share, method="inverted_cdf")) for rank in ranks] for share in (ENDS[0], 0.5, ENDS[1])
+    )
+    return {
+        "p_reachable": reached.tolist(),
+        "rank_median": middle,
+        "rank_p05": low,
+        "rank_p95": high,
+        "p_rank_le_10": [float((rank <= FIRST).mean()) for rank in ranks],
+    }
+
+
+def _record(setting: RankSetting, targets: Targets, choice: EnsembleChoice, found: Standings) -> EnsembleRecord:
+    """Numbers of the whole ensemble, and the bars of what it hangs on."""
+    keys = list(choice.ensemble.drawn)
+    announce(f"ranking {len(targets)} stars with each of {len(keys)} numbers at the ends of what it may be")
+    ends = {key: choice.ensemble.numbers[key].law.quantile(np.array(ENDS)).tolist() for key in keys}
+    tried = standings(setting, targets, choice, [{}, *({key: end} for key in keys for end in ends[key])])
+    nominal = tried.score[0]
+    first = tried.rank[0] <= FIRST
+    bars = []
+    for number, key in enumerate(keys):
+        doubt, at = choice.ensemble.numbers[key], (1 + 2 * number, 2 + 2 * number)
+        compared = [(tried.rank[i] <= FIRST) | first for i in at]
+        tau = [tau_b(nominal[here], tried.score[i][here]) for i, here in zip(at, compared, strict=True)]
+        bars.append(
+            EnsembleBar(
+                key=key,
+                label=doubt.label,
+                low=doubt.text(ends[key][0]),
+                high=doubt.text(ends[key][1]),
+                planets_low=float(tried.total[at[0]]),
+                planets_high=float(tried.total[at[1]]),
+                n_reachable_low=int(tried.reachable[at[0]]),
+                n_reachable_high=int(tried.reachable[at[1]]),
+                tau_low=tau[0],
+                tau_high=tau[1],
+                source=doubt.source,
+            )
+        )
+    bars.sort(key=lambda bar: -abs(bar.planets_high - bar.planets_low))
+    low, middle, high = np.quantile(found.total, (ENDS[0], 0.5, ENDS[1])).tolist()
+    reached = [int(value) for value in np.quantile(found.reachable, (ENDS[0], 0.5, ENDS[1]), method="inverted_cdf")]
+    numbers = {
+        "planets_nominal": float(tried.total[0]),
+        "planets_p05": low,
+        "planets_median": middle,
+        "planets_p95": high,
+        "n_reachable_nominal": int(tried.reachable[0]),
+        "n_reachable_p05": reached[0],
+        "n_reachable_median": reached[1],
+        "n_reachable_p95": reached[2],
+    }
+    often = int(np.count_nonzero(found.detected.mean(axis=0) >= 0.5))
+    return EnsembleRecord(
+        name=choice.ensemble.name,
+        n_instruments=choice.n_instruments,
+        seed=choice.seed,
+        n_stars=len(targets),
+        bars=bars,
+        decides=bars[0].key,
+        decides_order=min(bars, key=_least_tau).key,
+        statement=_statement(bars, numbers, often, choice.n_instruments),
+        **numbers,
+    )
+
+
+def _least_tau(bar: EnsembleBar) -> float:
+    return min(1.0 if tau is None else tau for tau in (bar.tau_low, bar.tau_high))
+
+
+def _statement(bars: Sequence[EnsembleBar], numbers: Mapping[str, float], often: int, n_instruments: int) -> str:
+    """Say how many planets and stars the ensemble has, and which assumption decides."""
+    most, turned = bars[0], min(bars, key=_least_tau)
+    said = [
+        f"Under {n_instruments} instruments that fit what is published, one observation of every star finds "
+        f"{numbers['planets_p05']:.2g} to {numbers['planets_p95']:.2g} planets (5 to 95 %; "
+        f"{numbers['planets_nominal']:.2g} with the instrument asked), and the reference planet is detected around "
+        f"{numbers['n_reachable_p05']:g} to {numbers['n_reachable_p95']:g} stars ({numbers['n_reachable_nominal']:g}); "
+        f"around {often} it is in at least half of them.",
+        f"The number of planets depends most on {most.label}: {most.planets_low:.2g} for {most.low}, "
+        f"{most.planets_high:.2g} for {most.high}.",
+    ]
+    least = _least_tau(turned)
+    if least < 1.0:
+        said.append(
+            f"The order of the first {FIRST} depends most on {turned.label}: Kendall's tau falls to {least:.2f}."
+        )
+    else:
+        said.append(f"No number alone changes the order of the first {FIRST}.")
+    return " ".join(said)

@@ -1,0 +1,149 @@
+"""Dark holes between measured states of the mirror: the figures of a band for any mean raw contrast.
+
+The mirror of a state is set from a field that is sensed with errors, from none to ten times those that leave the
+contrast which is published of the instrument (preset ``as_published``). Every state is measured on images of the whole
+optical model. Between two of them the masked starlight is a mixture of both: where the errors of the field add to what
+is left without them, intensities are linear in the square of the errors. No state's light is scaled.
+
+Files of the states of the default instrument hold no maps of the far wings of an unmasked source, which are those of
+its own state: they differ by 3 to 14 % in the median, and only light of companions is read from them.
+"""
+
+import functools
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from cpic_core import InputError, NDArray, read_npz
+from simulator.config import Instrument, load_instrument
+from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.store import metrics_key, psf_metrics, shipped_file, unpacked
+
+LEVELS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
+"""Mean square errors of sensing of the states, over those of the preset ``as_published``."""
+SHARED = ("wing_map", "wing_map_step_arcsec", "aperture_map", "aperture_map_step_arcsec")
+"""Figures that a file of a state leaves to the instrument's own."""
+_PUBLISHED = "as_published"
+
+
+def sensed_with(instrument: Instrument, band: str, level: float) -> Instrument:
+    """Return an instrument whose mirror is set from a field that is sensed with errors.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        One of the visible bands of the preset ``as_published``.
+    level : float
+        Mean square error over that of the preset, 0 or more; 0 is the field without errors.
+
+    Raises
+    ------
+    InputError
+        For a band of which no contrast is published.
+    """
+    published = load_instrument(_PUBLISHED).dark_hole.sensing_contrast_by_band
+    if band not in published:
+        raise InputError("contrast", band, allowed=f"a band of which a contrast is published: {', '.join(published)}")
+    sensing: dict[str, Any] = {"sensing": "perfect", "sensing_contrast": 0.0, "sensing_contrast_by_band": {}}
+    if level > 0.0:
+        sensing |= {"sensing": "probes", "sensing_contrast_by_band": {band: level * published[band]}}
+    return instrument.changed({"dark_hole": sensing})
+
+
+def mean_contrast(metrics: PsfMetrics) -> float:
+    """Mean raw contrast of the pixels of the dark hole."""
+    return float(metrics.raw_contrast[metrics.hole].mean())
+
+
+def mirror_states(instrument: Instrument, band: str) -> tuple[PsfMetrics, ...]:
+    """Return the measured states of a band, from the darkest hole to the brightest.
+
+    Parameters
+    ----------
+    instrument : Instrument
+        Whose own errors of sensing do not matter.
+    band : str
+
+    Notes
+    -----
+    Those of the default instrument ship; of other optics each is dug and measured once, about half a minute a state.
+    """
+    key = metrics_key(sensed_with(instrument, band, 0.0), band)
+    return _states(key, band, _Instrument(instrument))
+
+
+def at_contrast(instrument: Instrument, band: str, contrast: float) -> PsfMetrics:
+    """Return the figures of a band whose dark hole has a mean raw contrast, or the darkest it can have.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+    contrast : float
+        Above 0. Below that of the darkest state the hole is the darkest.
+
+    Raises
+    ------
+    InputError
+        For a contrast above that of the brightest state.
+    """
+    states = mirror_states(instrument, band)
+    known = [mean_contrast(state) for state in states]
+    if not 0.0 < contrast <= known[-1]:
+        raise InputError("contrast", contrast, allowed=f"above 0, at most {known[-1]:.3g} in {band}")
+    if contrast <= known[0]:
+        return states[0]
+    above = int(np.searchsorted(known, contrast))
+    share = (contrast - known[above - 1]) / (known[above] - known[above - 1])
+    return mixed(states[above - 1], states[above], share)
+
+
+def mixed(first: PsfMetrics, second: PsfMetrics, share: float) -> PsfMetrics:
+    """Return the figures between two states of one instrument: ``share`` of the second and the rest of the first."""
+
+    def between(name: str) -> Any:
+        """Return one figure; words are those of the state that is worse."""
+        low, high = getattr(first, name), getattr(second, name)
+        if isinstance(low, str):
+            return high
+        if low is None or high is None:
+            return None
+        value = (1.0 - share) * low + share * high
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        return value
+
+    return PsfMetrics(**{field.name: between(field.name) for field in fields(PsfMetrics)})
+
+
+class _Instrument:
+    """An instrument that counts as equal to any other: the key beside it tells the optics apart."""
+
+    def __init__(self, instrument: Instrument) -> None:
+        self.instrument = instrument
+
+    def __hash__(self) -> int:
+        return 0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Instrument)
+
+
+@functools.lru_cache(maxsize=32)
+def _states(key: str, band: str, held: _Instrument) -> tuple[PsfMetrics, ...]:
+    own = psf_metrics(sensed_with(held.instrument, band, 0.0), band)
+    states = [own]
+    for level in LEVELS[1:]:
+        instrument = sensed_with(held.instrument, band, level)
+        path = shipped_file("state", metrics_key(instrument, band), band)
+        states.append(_of_file(read_npz(path), own) if path.is_file() else psf_metrics(instrument, band))
+    return tuple(sorted(states, key=mean_contrast))
+
+
+def _of_file(stored: Mapping[str, NDArray[Any]], own: PsfMetrics) -> PsfMetrics:
+    """Return a state from its file, and the far wings from the instrument's own state."""
+    arrays = own.to_arrays()
+    return PsfMetrics.from_arrays(unpacked({name: arrays[name] for name in SHARED} | dict(stored)))
