@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from cpic_planner.ranking.sensitivity import tau_b
 from cpic_planner.results import EnsembleBar, EnsembleRecord, RankedTarget, RankResult
 from cpic_planner.targets import Targets
 from simulator.config import at, content_hash
-from simulator.imaging import at_contrast
+from simulator.imaging import PsfMetrics, at_contrast, measured_states
 from simulator.passbands import Passbands
 
 FIRST = 10
@@ -26,7 +26,17 @@ ENDS = (0.05, 0.95)
 """Shares of a number's law that are below the two ends of its bar."""
 
 
-def instrument_of(model: EtcModel, ensemble: Ensemble, drawn: Mapping[str, float]) -> EtcModel:
+MirrorStates: TypeAlias = dict[str, tuple[PsfMetrics, ...]]
+"""Measured states of the mirror, by band."""
+
+
+def states_of(model: EtcModel, ensemble: Ensemble) -> MirrorStates:
+    """Return the states of the mirror that the contrast is drawn on; none where it is not drawn."""
+    bands = model.bands if CONTRAST in ensemble.drawn else ()
+    return {band: measured_states(model.instrument, band) for band in bands}
+
+
+def instrument_of(model: EtcModel, ensemble: Ensemble, states: MirrorStates, drawn: Mapping[str, float]) -> EtcModel:
     """Return the model of a drawn instrument.
 
     Parameters
@@ -34,6 +44,8 @@ def instrument_of(model: EtcModel, ensemble: Ensemble, drawn: Mapping[str, float
     model : EtcModel
         Of the instrument that is asked.
     ensemble : Ensemble
+    states : dict
+        Of `states_of`.
     drawn : mapping of str to float
         Value or factor of some of the ensemble's numbers; the others are the instrument's own.
 
@@ -53,7 +65,7 @@ def instrument_of(model: EtcModel, ensemble: Ensemble, drawn: Mapping[str, float
     metrics = model.metrics
     if CONTRAST in drawn:
         try:
-            metrics = {band: at_contrast(nominal, band, float(drawn[CONTRAST])) for band in model.bands}
+            metrics = {band: at_contrast(own, float(drawn[CONTRAST])) for band, own in states.items()}
         except InputError as error:
             raise at("ensemble", error) from None
     return EtcModel(instrument, Passbands.from_instrument(instrument), metrics, model.strategy)
@@ -99,16 +111,17 @@ def standings(
     draws : sequence of mapping
         Of each instrument, the values of the numbers that are not the nominal ones.
     """
-    rows = [_standing(setting, targets, choice, drawn) for drawn in draws]
+    states = states_of(setting.model, choice.ensemble)
+    models = (instrument_of(setting.model, choice.ensemble, states, drawn) for drawn in draws)
+    rows = [_standing(replace(setting, model=one), targets, drawn) for one, drawn in zip(models, draws, strict=True)]
     return Standings(*(np.stack(part) for part in zip(*rows, strict=True)))
 
 
 def _standing(
-    setting: RankSetting, targets: Targets, choice: EnsembleChoice, drawn: Mapping[str, float]
+    setting: RankSetting, targets: Targets, drawn: Mapping[str, float]
 ) -> tuple[IntArray, FloatArray, BoolArray, FloatArray]:
     """Ranks, scores, detections and expected planets of the stars under one instrument."""
-    own = replace(setting, model=instrument_of(setting.model, choice.ensemble, drawn))
-    found = ranked(own, targets, brief=True)
+    found = ranked(setting, targets, brief=True)
     rank = np.empty(len(targets), np.int64)
     rank[ranked_order(found, targets)] = np.arange(1, len(targets) + 1)
     counted = np.stack([part.counted for part in found.counted])[found.picked, np.arange(len(targets))]

@@ -11,7 +11,7 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray, InputError, NDArray, Reason, Status
 from cpic_planner import etc
 from cpic_planner.results import LimitText
-from simulator.imaging import PsfMetrics
+from simulator.imaging import BandGeometry
 from simulator.signal import frame_limit
 
 _CHANGES = ("without_motion", "without_speckles", "without_background")
@@ -25,7 +25,7 @@ MIN_BACKGROUND_APERTURES = 25.0
 def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
     """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
     inner, outer = etc.usable_range_arcsec(model.instrument, band)
-    grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
+    grid = _roomy(model.metrics[band].geometry, inner, outer, model.strategy.annulus_lambda_d)
     if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
         grid = grid[np.array([etc.place_status(model, band, float(place))[0] is Status.OK for place in grid], bool)]
     if grid.size == 0:
@@ -35,11 +35,11 @@ def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
 
 
 @functools.lru_cache(maxsize=64)
-def _roomy(metrics: PsfMetrics, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
+def _roomy(band: BandGeometry, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
     grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
-    enough = [np.count_nonzero(metrics.annulus(s, annulus_lambda_d)) for s in grid]
-    room = np.asarray(enough) >= MIN_BACKGROUND_APERTURES * metrics.aperture_pixels
-    usable: FloatArray = grid[(metrics.resolution_elements(grid) >= 3.0) & room]
+    enough = [np.count_nonzero(band.annulus(s, annulus_lambda_d)) for s in grid]
+    room = np.asarray(enough) >= MIN_BACKGROUND_APERTURES * band.aperture_pixels
+    usable: FloatArray = grid[(band.resolution_elements(grid) >= 3.0) & room]
     usable.flags.writeable = False
     return usable
 

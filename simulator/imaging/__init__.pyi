@@ -29,7 +29,11 @@ from simulator.imaging.map_files import (
 )
 from simulator.imaging.measure import visit_responses as visit_responses
 from simulator.imaging.metrics import PsfMetrics as PsfMetrics
-from simulator.imaging.mirror_states import at_contrast as at_contrast, mean_contrast as mean_contrast
+from simulator.imaging.mirror_states import (
+    at_contrast as at_contrast,
+    mean_contrast as mean_contrast,
+    measured_states as measured_states,
+)
 from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
 from simulator.imaging.sampling import pixel_axis as pixel_axis
 from simulator.imaging.store import metrics_key as metrics_key, psf_metrics as psf_metrics

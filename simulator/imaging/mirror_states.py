@@ -10,7 +10,7 @@ its own state: they differ by 3 to 14 % in the median, and only light of compani
 """
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -58,7 +58,7 @@ def mean_contrast(metrics: PsfMetrics) -> float:
     return float(metrics.raw_contrast[metrics.hole].mean())
 
 
-def mirror_states(instrument: Instrument, band: str) -> tuple[PsfMetrics, ...]:
+def measured_states(instrument: Instrument, band: str) -> tuple[PsfMetrics, ...]:
     """Return the measured states of a band, from the darkest hole to the brightest.
 
     Parameters
@@ -71,17 +71,17 @@ def mirror_states(instrument: Instrument, band: str) -> tuple[PsfMetrics, ...]:
     -----
     Those of the default instrument ship; of other optics each is dug and measured once, about half a minute a state.
     """
-    key = metrics_key(sensed_with(instrument, band, 0.0), band)
-    return _states(key, band, _Instrument(instrument))
+    own = sensed_with(instrument, band, 0.0)
+    return _states(metrics_key(own, band), band, _Instrument(own))
 
 
-def at_contrast(instrument: Instrument, band: str, contrast: float) -> PsfMetrics:
+def at_contrast(states: Sequence[PsfMetrics], contrast: float) -> PsfMetrics:
     """Return the figures of a band whose dark hole has a mean raw contrast, or the darkest it can have.
 
     Parameters
     ----------
-    instrument : Instrument
-    band : str
+    states : sequence of PsfMetrics
+        Of one band, of `measured_states`.
     contrast : float
         Above 0. Below that of the darkest state the hole is the darkest.
 
@@ -90,10 +90,9 @@ def at_contrast(instrument: Instrument, band: str, contrast: float) -> PsfMetric
     InputError
         For a contrast above that of the brightest state.
     """
-    states = mirror_states(instrument, band)
     known = [mean_contrast(state) for state in states]
     if not 0.0 < contrast <= known[-1]:
-        raise InputError("contrast", contrast, allowed=f"above 0, at most {known[-1]:.3g} in {band}")
+        raise InputError("contrast", contrast, allowed=f"above 0, at most {known[-1]:.3g} in {states[0].band}")
     if contrast <= known[0]:
         return states[0]
     above = int(np.searchsorted(known, contrast))
@@ -111,7 +110,7 @@ def mixed(first: PsfMetrics, second: PsfMetrics, share: float) -> PsfMetrics:
             return high
         if low is None or high is None:
             return None
-        value = (1.0 - share) * low + share * high
+        value = low + share * (high - low)  # geometry, the same in both, stays to the last bit
         if isinstance(value, np.ndarray):
             value.flags.writeable = False
         return value
@@ -134,7 +133,7 @@ class _Instrument:
 
 @functools.lru_cache(maxsize=32)
 def _states(key: str, band: str, held: _Instrument) -> tuple[PsfMetrics, ...]:
-    own = psf_metrics(sensed_with(held.instrument, band, 0.0), band)
+    own = psf_metrics(held.instrument, band)
     states = [own]
     for level in LEVELS[1:]:
         instrument = sensed_with(held.instrument, band, level)
