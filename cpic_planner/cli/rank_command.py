@@ -120,5 +120,6 @@ def rank(
     if plot is not None:
         shown, most = min(limit, len(result.targets)), report.MOST_STARS
         few = f" with the first {most} stars only: names of {shown} could not be read" * (shown > most)
-        options.write_plot(plot, report.rank_figure(result, limit), few)
+        draw = report.rank_figure if result.ensemble is None else report.ensemble_figure
+        options.write_plot(plot, draw(result, limit), few)
     print_result(result, as_json, partial(report.print_rank, result, limit=limit))

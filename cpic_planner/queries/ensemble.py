@@ -11,7 +11,8 @@ from pydantic import BeforeValidator, Field
 from cpic_core import FloatArray, InputError, stream
 from cpic_planner.planets import Law, read_law
 from cpic_planner.queries.changes import is_optical
-from simulator.config import FrozenModel, preset_tree, validate
+from cpic_planner.queries.written_values import with_unit
+from simulator.config import FrozenModel, preset_tree, unit_of, validate
 
 CONTRAST, OCCURRENCE = "contrast", "planets_per_star"
 """Keys of numbers that no key of an instrument has: mean raw contrast of the dark hole, and the population's rate."""
@@ -52,9 +53,10 @@ class Doubt(FrozenModel):
         """Law of the number or of the factor."""
         return self.value or self.factor  # type: ignore[return-value]
 
-    def text(self, drawn: float) -> str:
-        """Return a drawn value in words: a factor with an x."""
-        return f"{drawn:.3g}" if self.factor is None else f"x{drawn:.3g}"
+    def text(self, key: str, drawn: float) -> str:
+        """Return a drawn value of a key in words: a factor with an x, a number with its unit."""
+        number = f"{drawn:.0f}" if 1e3 <= drawn < 1e5 else f"{drawn:.3g}"
+        return with_unit(number, unit_of(key)) if self.factor is None else f"x{number}"
 
 
 class Ensemble(FrozenModel):

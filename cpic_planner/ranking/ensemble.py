@@ -1,15 +1,16 @@
 """How sure an order is: the stars ranked under many instruments that fit what is known, and what decides."""
 
+import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, announce
 from cpic_planner.etc import EtcModel
 from cpic_planner.queries import CONTRAST, OCCURRENCE, Change, Ensemble, EnsembleChoice, changed
-from cpic_planner.ranking.order import RankSetting, rank_targets, ranked, ranked_order
+from cpic_planner.ranking.order import RankSetting, rank_targets, ranked
 from cpic_planner.ranking.sensitivity import tau_b
 from cpic_planner.results import EnsembleBar, EnsembleRecord, RankedTarget, RankResult
 from cpic_planner.targets import Targets
@@ -73,16 +74,27 @@ def instrument_of(model: EtcModel, ensemble: Ensemble, states: MirrorStates, dra
 
 @dataclass(frozen=True)
 class Standings:
-    """Stars under some instruments, arrays ``(instruments, stars)``; ranks are among these stars.
+    """Stars under some instruments, arrays ``(instruments, stars)``, and their names.
 
     ``planets`` are the expected planets of one observation of each star (completeness where the population has no rate
-    of occurrence); ``detected`` says whether the reference planet is detected in the given time.
+    of occurrence); ``detected`` says whether the reference planet, whose margin is ``margin``, is detected in the given
+    time.
     """
 
-    rank: IntArray
+    names: NDArray[np.str_]
     score: FloatArray
+    margin: FloatArray
     detected: BoolArray
     planets: FloatArray
+
+    @functools.cached_property
+    def rank(self) -> IntArray:
+        """Ranks among these stars under each instrument, in the order of `ranked_order`."""
+        by_name = np.broadcast_to(np.argsort(np.argsort(self.names, kind="stable"), kind="stable"), self.score.shape)
+        order = np.lexsort((by_name, -self.margin, -self.score), axis=1)
+        rank = np.empty(order.shape, np.int64)
+        np.put_along_axis(rank, order, np.broadcast_to(np.arange(1, order.shape[1] + 1), order.shape), axis=1)
+        return rank
 
     @property
     def total(self) -> FloatArray:
@@ -93,6 +105,11 @@ class Standings:
     def reachable(self) -> IntArray:
         """Stars whose reference planet is detected, for each instrument."""
         return np.asarray(np.count_nonzero(self.detected, axis=1))
+
+    def beside(self, other: "Standings") -> "Standings":
+        """Return these stars and others under the same instruments."""
+        parts = ((getattr(self, item.name), getattr(other, item.name)) for item in fields(Standings))
+        return Standings(*(np.concatenate(pair, axis=-1) for pair in parts))
 
 
 def standings(
@@ -114,20 +131,16 @@ def standings(
     states = states_of(setting.model, choice.ensemble)
     models = (instrument_of(setting.model, choice.ensemble, states, drawn) for drawn in draws)
     rows = [_standing(replace(setting, model=one), targets, drawn) for one, drawn in zip(models, draws, strict=True)]
-    return Standings(*(np.stack(part) for part in zip(*rows, strict=True)))
+    return Standings(targets.name, *(np.stack(part) for part in zip(*rows, strict=True)))
 
 
-def _standing(
-    setting: RankSetting, targets: Targets, drawn: Mapping[str, float]
-) -> tuple[IntArray, FloatArray, BoolArray, FloatArray]:
-    """Ranks, scores, detections and expected planets of the stars under one instrument."""
+def _standing(setting: RankSetting, targets: Targets, drawn: Mapping[str, float]) -> tuple[NDArray[Any], ...]:
+    """Scores, margins, detections and expected planets of the stars under one instrument."""
     found = ranked(setting, targets, brief=True)
-    rank = np.empty(len(targets), np.int64)
-    rank[ranked_order(found, targets)] = np.arange(1, len(targets) + 1)
     counted = np.stack([part.counted for part in found.counted])[found.picked, np.arange(len(targets))]
     rate = setting.population.record().planets_per_star
     planets = counted if rate is None else counted * rate * drawn.get(OCCURRENCE, 1.0)
-    return rank, found.score, found.best.detected, planets
+    return found.score, found.best.margin, found.best.detected, planets
 
 
 def rank_under(
@@ -175,9 +188,10 @@ def with_ensemble(result: RankResult, setting: RankSetting, targets: Targets, ch
     draws = [{key: float(values[i]) for key, values in drawn.items()} for i in range(choice.n_instruments)]
     row_of = {row.name: row for row in result.targets}
     rows = [row_of[str(name)] for name in targets.name]
-    pool = _first(rows, POOL)
-    found, whole = _ranked_by_all(setting, targets, choice, draws, pool)
-    columns = _columns(found, whole, np.flatnonzero(pool))
+    found, whole = _ranked_by_all(setting, targets, choice, draws, _first(rows, POOL))
+    index = {str(name): i for i, name in enumerate(targets.name)}
+    pool = np.array([index[str(name)] for name in found.names])
+    columns = _columns(found, whole, pool)
     named = {row.name: {name: values[i] for name, values in columns.items()} for i, row in enumerate(rows)}
     record = _record(setting, targets.select(pool), choice, found)
     shown = [row.model_copy(update=named[row.name]) for row in result.targets]
@@ -216,9 +230,8 @@ def _ranked_by_all(
     counts = whole.planets > _SMALL * whole.total[:, None]
     missed = ~pool & (whole.detected | counts | (whole.rank <= POOL // 2)).any(axis=0)
     if missed.any():
-        pool |= missed
         announce(f"ranking {np.count_nonzero(missed)} more stars under {len(draws)} instruments")
-        found = standings(setting, targets.select(pool), choice, draws)
+        found = found.beside(standings(setting, targets.select(missed), choice, draws))
     return found, whole
 
 
@@ -259,8 +272,8 @@ def _record(setting: RankSetting, targets: Targets, choice: EnsembleChoice, foun
             EnsembleBar(
                 key=key,
                 label=doubt.label,
-                low=doubt.text(ends[key][0]),
-                high=doubt.text(ends[key][1]),
+                low=doubt.text(key, ends[key][0]),
+                high=doubt.text(key, ends[key][1]),
                 planets_low=float(tried.total[at[0]]),
                 planets_high=float(tried.total[at[1]]),
                 n_reachable_low=int(tried.reachable[at[0]]),

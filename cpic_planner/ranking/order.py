@@ -23,6 +23,7 @@ from cpic_planner.ranking.settings import (
     finite,
     limits_of,
     setting_fields,
+    tier_of,
 )
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
 from cpic_planner.results import RankedTarget, RankResult, ReferencePlanetRecord
@@ -294,8 +295,7 @@ def rank_targets(
         What completeness refers to; giant planets by default. With known planets it is the probability that the
         observation detects at least one of the star's own at the given date; stars without any have 0.
     score : str
-        What the ranking is by, a name of `cpic_planner.registry.scores.SCORES`: ``completeness_per_hour``,
-        ``completeness``, ``detection_margin``, ``detection_time`` or ``contrast_limit``.
+        What the ranking is by, a name of `cpic_planner.registry.scores.SCORES`.
     sample : str
         Which stars these are, in words.
     catalogue : str, optional
@@ -382,6 +382,7 @@ def _row(
         counted,
         at=i,
         rank=rank,
+        tier=tier_of(setting, quickest_s, found.setting.time_s),
         score=float(found.score[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,
         detection_time_s=quickest_s,

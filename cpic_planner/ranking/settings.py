@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -249,6 +249,33 @@ def setting_fields(
         "required_drift_factor": finite(best.required_drift_factor[i]),
         "required_contrast_factor": finite(best.required_contrast_factor[i]),
     }
+
+
+QUICK, CALM, FAINT = 10.0, 0.1, 10.0
+"""Most time over that given, and least factor on the drift, of tier 2; most factor on the planet's light of tier 3."""
+
+
+def tier_of(setting: Mapping[str, Any], required_time_s: float | None, time_s: float) -> int:
+    """Return the tier of a star's priority, 1 to 4, by what its reference planet lacks.
+
+    1: it is detected in the given time. 2: it would be in at most `QUICK` times the time, or with at least `CALM` times
+    the drift, one of the two changed alone. 3: a planet at most `FAINT` times as bright there would be. 4: the others.
+
+    Parameters
+    ----------
+    setting : mapping
+        Of `setting_fields`.
+    required_time_s : float or None
+        Least wall time that detects it.
+    time_s : float
+        Given wall time.
+    """
+    if setting["verdict"] == "detected":
+        return 1
+    drift, contrast = setting["required_drift_factor"], setting["required_contrast_factor"]
+    if (required_time_s or math.inf) <= QUICK * time_s or (drift or 0.0) >= CALM:
+        return 2
+    return 3 if (contrast or math.inf) <= FAINT else 4
 
 
 def finite(value: float) -> float | None:

@@ -84,14 +84,15 @@ def _print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.Ra
     """Print what becomes of the shown stars under an ensemble of instruments, and what decides."""
     cells = row_cells(
         results.RankedTarget,
-        "rank name rank_median between p_rank_le_10 p_reachable required_drift_factor/1 required_time_s/2 limited_by/3",
+        "rank name tier rank_median between p_rank_le_10 p_reachable detection_time_s/3 detection_visits/2 "
+        "limited_by/1",
         between=Cells("5 to 95 %", lambda row: f"{row.rank_p05:.0f} to {row.rank_p95:.0f}", True),
     )
     title = f"The same stars under {count_text(ensemble.n_instruments)} instruments that fit what is known"
     print_table(console, title, cells, shown)
     bars = row_cells(
         results.EnsembleBar,
-        "label low high planets_low planets_high n_reachable_low/2 n_reachable_high/2 tau_low/3 tau_high/3",
+        "label low high planets_low planets_high n_reachable_low/1 n_reachable_high/1 tau_low/2 tau_high/2",
     )
     title = "What the expected planets of one observation of every star hang on, one number at a time"
     print_table(console, title, bars, ensemble.bars[:_MOST_BARS])

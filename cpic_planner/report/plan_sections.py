@@ -12,6 +12,7 @@ from cpic_planner.report.cells import Cells, frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import PLAN_FIGURES
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, pretty_name, significant
+from cpic_planner.report.priorities import priority_blocks
 from cpic_planner.report.words import method_credits, terms
 
 
@@ -165,6 +166,11 @@ def _request(report: PlanReport) -> Iterator[doc.Block]:
     yield doc.table("Observing request", caption, _REQUEST, rows)
     total_s = sum(best.time_s or 0.0 for _, best in rows)
     yield doc.Paragraph(f"Sum of the wall times: {duration_text(total_s)}.", "note")
+
+
+@doc.section_of(PLAN_SECTIONS, "priorities", "Priorities")
+def _priorities(report: PlanReport) -> Iterator[doc.Block]:
+    yield from priority_blocks(report.rank, report.rows)
 
 
 @doc.section_of(PLAN_SECTIONS, "sensitivity", "What the ranking depends on")

@@ -116,6 +116,11 @@ class RankedColumns(Row):
 class RankedTarget(Standing, RankedColumns):
     """One star of the ranking. Numbers refer to the stated reference planet in the best band and separation."""
 
+    tier: int | None = optional(
+        "1: the reference planet is detected in the given time; 2: it would be in at most ten times the time, or with "
+        "a tenth of the drift or more; 3: a planet at most ten times as bright would be; 4: the others; null in older "
+        "results"
+    )
     band: str = column("best band")
     deepest_limit: float | None = column("the same at the separation where it is faintest", format=".2e")
     deepest_separation_arcsec: float = column("that separation, arcsec", format=".3f")
@@ -174,19 +179,22 @@ class EnsembleBar(Row):
     """What one number that is not known does to a ranking, all others as they are assumed."""
 
     key: str = column("key of the number")
-    label: str = column("what the number is")
+    label: str = column("what the number is", label="number")
     low: str = column("value, or factor on the instrument's, that 5 % of its law are below", label="low")
     high: str = column("that 95 % are below", label="high")
-    planets_low: float = column("expected planets of one observation of every star, at low", format=".2g")
-    planets_high: float = column("the same at high", format=".2g")
-    n_reachable_low: int = column("stars whose reference planet is detected, at low", short="reached")
-    n_reachable_high: int = column("the same at high", short="reached")
+    planets_low: float = column(
+        "expected planets of one observation of every star, at low", short="planets low", format=".2g"
+    )
+    planets_high: float = column("the same at high", short="high", format=".2g")
+    n_reachable_low: int = column("stars whose reference planet is detected, at low", short="reached low")
+    n_reachable_high: int = column("the same at high", short="high")
     tau_low: float | None = column(
         "Kendall's tau-b of the nominal scores and those at low, over the stars among the first ten in either; null "
         "where no order can be compared",
+        short="tau low",
         format=".2f",
     )
-    tau_high: float | None = column("the same at high", format=".2f")
+    tau_high: float | None = column("the same at high", short="high", format=".2f")
     source: str = column("where the law is from")
 
 

@@ -1,0 +1,151 @@
+"""Priorities in reports: what each star still lacks, how sure its rank is, and what the ranking hangs on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from cpic_planner import results
+from cpic_planner.report import document as doc, words
+from cpic_planner.report.cells import Cells
+from cpic_planner.report.drawing import Picture, literal, new_figure, save, style
+from cpic_planner.report.numbers import MISSING, count_text, duration_text, pretty_name, significant
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TIERS = {
+    1: "the reference planet is detected in the given time",
+    2: "it would be in at most ten times the time, or with a tenth of the drift or more, one of the two changed",
+    3: "a planet at most ten times as bright would be",
+    4: "none of these",
+}
+"""Tiers of priority, in words."""
+N_BARS, N_STARS = 12, 25
+_LOW, _HIGH, _INK = "#4477aa", "#cc6677", "#222222"
+
+
+def priority_blocks(rank: results.RankResult, rows: Sequence[results.RankedTarget]) -> Iterator[doc.Block]:
+    """Yield the priorities of the first stars: a table, and what an ensemble of instruments says where one was asked.
+
+    Parameters
+    ----------
+    rank : RankResult
+    rows : sequence of RankedTarget
+        The stars that are shown.
+    """
+    ensemble = rank.ensemble
+    sure = "" if ensemble is None else " p_reachable rank_median between p_rank_le_10"
+    columns = doc.row_columns(
+        results.RankedTarget,
+        "rank name:row,star tier hours visits limit drift brighter expected_planets expected_planets_unconditional"
+        f"{sure}",
+        name=lambda row: pretty_name(row.name),
+        hours=Cells("", lambda row: _time(row.detection_time_s), label="time to detect it", right=True),
+        visits=Cells("", lambda row: _count(row.detection_visits), label="visits", right=True),
+        limit=Cells("", lambda row: words.LIMITED_BY[row.limited_by][0] if row.limited_by else MISSING, label="limit"),
+        drift=Cells("", lambda row: _factor(row.required_drift_factor), label="drift factor", right=True),
+        brighter=Cells("", lambda row: _factor(row.required_contrast_factor), label="planet factor", right=True),
+        between=Cells("", _between, label="5 to 95 %", right=True),
+    )
+    tiers = "; ".join(f"{tier}: {text}" for tier, text in TIERS.items())
+    caption = (
+        f"What a detection of the reference planet by a search of the strategy asks for. Tier {tiers}. Time to detect "
+        "it: the least of all visits in any band, whatever was given; drift factor, planet factor: the largest "
+        "drift, or the least brightness of the planet, over that assumed, with which the given time is enough, each "
+        "changed alone. Expected planets are of one observation: those that nothing known excludes, and all."
+    )
+    yield doc.table("Priorities", caption, columns, rows)
+    if ensemble is not None:
+        yield doc.Paragraph(ensemble.statement, "lead")
+        yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what decides", "ensemble")
+
+
+def _time(seconds: float | None) -> str:
+    return MISSING if seconds is None else duration_text(seconds)
+
+
+def _count(value: int | None) -> str:
+    return MISSING if value is None else count_text(value)
+
+
+def _factor(value: float | None) -> str:
+    return MISSING if value is None else f"×{significant(value, 2)}"
+
+
+def _between(row: results.RankedTarget) -> str:
+    return MISSING if row.rank_p05 is None else f"{row.rank_p05:.0f} to {row.rank_p95:.0f}"
+
+
+def ensemble_figure(rank: results.RankResult, n_stars: int = N_STARS) -> Figure:
+    """Draw the ranks of the first stars over an ensemble, and what the number of planets hangs on.
+
+    Parameters
+    ----------
+    rank : RankResult
+        With an ensemble.
+    n_stars : int
+        How many stars are drawn, at most 100.
+    """
+    ensemble = rank.ensemble
+    assert ensemble is not None
+    rows, bars = rank.targets[: min(n_stars, 100)], ensemble.bars[:N_BARS]
+    with style():
+        figure = new_figure(max(4.2, 1.4 + 0.24 * max(len(rows), len(bars))))
+        left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.05))
+        _draw_ranks(left, rows)
+        _draw_bars(right, bars, ensemble.planets_nominal)
+        title = f"{count_text(ensemble.n_instruments)} instruments that fit what is known"
+        figure.suptitle(literal(f"{title}; up to {duration_text(rank.time_s)} per star and band"), fontsize=11)
+        figure.draw_without_rendering()
+    return figure
+
+
+def ensemble_picture(rank: results.RankResult) -> Picture:
+    """Return that figure for a page."""
+    ensemble = rank.ensemble
+    assert ensemble is not None
+    first = ", ".join(pretty_name(row.name) for row in rank.targets[:5])
+    return save(
+        ensemble_figure(rank),
+        alt=f"Left: median rank and its 5 to 95 % interval of the first stars ({first}, ...). Right: bars of the "
+        f"expected planets for low and high values of {len(ensemble.bars[:N_BARS])} uncertain numbers, the longest "
+        f"for {ensemble.bars[0].label}.",
+        caption="Left: the median rank of each star over the ensemble, and between which ranks it is under 90 % of the "
+        "instruments; the share beside it is how many detect the reference planet in the given time. Right: expected "
+        "planets of one observation of every star with one number at the value that 5 % (blue) or 95 % (red) of its "
+        "law are below, all others as assumed; the line is the instrument as assumed.",
+    )
+
+
+def _draw_ranks(axes: Axes, rows: Sequence[results.RankedTarget]) -> None:
+    for at, row in enumerate(rows):
+        if row.rank_median is None or row.rank_p05 is None or row.rank_p95 is None:
+            continue
+        axes.plot([row.rank_p05, row.rank_p95], [at, at], color=_LOW, lw=2.2, solid_capstyle="butt")
+        axes.plot([row.rank_median], [at], "o", color=_INK, ms=4.5)
+        text = f" {100 * (row.p_reachable or 0.0):.0f} %"
+        axes.annotate(text, (row.rank_p95, at), fontsize=7.5, va="center", color=_INK, annotation_clip=False)
+    axes.set_yticks(range(len(rows)), [literal(f"{row.rank}  {pretty_name(row.name)}") for row in rows])
+    last = max((row.rank_p95 or 1.0 for row in rows), default=1.0)
+    axes.set(xlabel="rank (and share that reaches it)", ylim=(len(rows) - 0.4, -0.6), xlim=(0, 1.18 * last + 1))
+    axes.grid(visible=True, axis="x")
+
+
+def _draw_bars(axes: Axes, bars: Sequence[results.EnsembleBar], nominal: float) -> None:
+    for at, bar in enumerate(bars):
+        for value, text, colour in ((bar.planets_low, bar.low, _LOW), (bar.planets_high, bar.high, _HIGH)):
+            axes.barh(at, value - nominal, left=nominal, height=0.6, color=colour)
+            side = "left" if value >= nominal else "right"
+            gap = " " if side == "left" else ""
+            axes.annotate(
+                literal(f"{gap}{text}{'' if gap else ' '}"), (value, at), fontsize=7.0, va="center", ha=side, color=_INK
+            )
+    axes.axvline(nominal, color=_INK, lw=1.0)
+    axes.set_yticks(range(len(bars)), [literal(bar.label) for bar in bars])
+    ends = [value for bar in bars for value in (bar.planets_low, bar.planets_high)] or [nominal]
+    width = max(max(ends) - min(ends), 1e-12)
+    axes.set(xlabel="expected planets of one observation each", ylim=(len(bars) - 0.4, -0.6))
+    axes.set_xlim(min(ends) - 0.22 * width, max(ends) + 0.22 * width)
+    axes.grid(visible=True, axis="x")
