@@ -15,17 +15,17 @@ from cpic_core import NDArray, write_npz
 from simulator.config import Instrument, load_instrument, preset_names
 from simulator.imaging import metrics_key, psf_metrics
 from simulator.imaging.build import dig
-from simulator.imaging.mirror_states import LEVELS, SHARED, sensed_with
+from simulator.imaging.mirror_states import LEVELS, SHARED, STATE_DIGITS, sensed_with
 from simulator.imaging.store import DIGITS, EXACT_DIGITS, measure, shipped_file, to_arrays
 
 
-def _packed(arrays: Mapping[str, NDArray[Any]], exact: bool) -> dict[str, NDArray[Any]]:
+def _packed(arrays: Mapping[str, NDArray[Any]], rounded: Mapping[str, int]) -> dict[str, NDArray[Any]]:
     """Arrays as a file holds them: those that are rounded as bytes of equal weight side by side, which compress.
 
     No file has the halo map, which follows from the others.
     """
     packed = {name: array for name, array in arrays.items() if name != "halo_map"}
-    for name, digits in (EXACT_DIGITS if exact else DIGITS).items():
+    for name, digits in rounded.items():
         fraction, exponent = np.frexp(arrays[name])
         short = np.ldexp(np.round(np.ldexp(fraction, digits)), exponent - digits).astype("<f4")
         packed[name] = np.moveaxis(short.view(np.uint8).reshape(*short.shape, 4), -1, 0)
@@ -62,7 +62,7 @@ def rebuild(folder: str | Path, *, holes: bool = True) -> list[Path]:
         key, arrays = metrics_key(instrument, band), measure(instrument, band)
         exact = instrument.name == "cpic_default" and band in instrument.visible_bands()
         written.append(Path(folder) / shipped_file("metrics", key, band).name)
-        write_npz(written[-1], _packed(arrays, exact) | {"key": np.asarray(key)})
+        write_npz(written[-1], _packed(arrays, EXACT_DIGITS if exact else DIGITS) | {"key": np.asarray(key)})
     return written
 
 
@@ -81,7 +81,7 @@ def rebuild_states(folder: str | Path) -> list[Path]:
             key = metrics_key(instrument, band)
             if not shipped_file("metrics", key, band).is_file():
                 arrays = psf_metrics(instrument, band).to_arrays()
-                own = {name: array for name, array in _packed(arrays, exact=False).items() if name not in SHARED}
+                own = {name: array for name, array in _packed(arrays, STATE_DIGITS).items() if name not in SHARED}
                 written.append(Path(folder) / shipped_file("state", key, band).name)
                 write_npz(written[-1], own | {"key": np.asarray(key)})
     return written
