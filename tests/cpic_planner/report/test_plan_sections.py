@@ -36,7 +36,7 @@ def test_drawings_load_nothing_either(reader):
 
 def test_the_request_has_a_line_for_each_target_with_a_chosen_band(plan, rank, page):
     chosen = [target for target in plan.targets if target.chosen_band]
-    request = page[page.index('id="request"') : page.index('id="sensitivity"')]
+    request = page[page.index('id="request"') : page.index('id="priorities"')]
     assert request.count("<tr") == len(chosen) + 1
     for target in chosen:
         assert ra_text(target.ranked.ra_deg) in request
