@@ -86,6 +86,7 @@ from cpic_planner.results.surveyed import (
     ImageSample as ImageSample,
     OccurrenceRange as OccurrenceRange,
     PlanetShare as PlanetShare,
+    PlannedVisitRow as PlannedVisitRow,
     RankChange as RankChange,
     ScheduleRecord as ScheduleRecord,
     SettingSource as SettingSource,
@@ -94,6 +95,7 @@ from cpic_planner.results.surveyed import (
     TakenBack as TakenBack,
     TimeUse as TimeUse,
     VariedSetting as VariedSetting,
+    VisitsResult as VisitsResult,
     WhatIfResult as WhatIfResult,
 )
 from cpic_planner.results.table import (

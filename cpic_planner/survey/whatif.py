@@ -22,6 +22,7 @@ from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.visibility import load_visibility, utc_of
+from cpic_planner.survey.visits import VISIT_FILES, visit_files
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 
@@ -111,6 +112,11 @@ def whatif_job(
         return assemble(ready, tables, images, without, runner.digest)
 
     def write(folder: RunFolder, result: WhatIfResult, bodies: Mapping[str, Any]) -> None:
+        ready = prepared()
+        about = {"version": __version__, "config_hash": result.config_hash, "catalogue": result.catalogue}
+        date_utc = config.universe.date_utc or config.universe.start_utc
+        for name, text in visit_files(ready.surveys, ready.odds, about | {"date_utc": date_utc}).items():
+            folder.write(name, text)
         if pages:
             announce("writing the report")
             write_whatif(folder, result)
@@ -121,7 +127,7 @@ def whatif_job(
         decides=lambda: decided_by(prepared(), n_images),
         work=work,
         write=write,
-        products=(*table_files(TABLES), *(WHATIF_PRODUCTS if pages else ())),
+        products=(*table_files(TABLES), *VISIT_FILES, *(WHATIF_PRODUCTS if pages else ())),
         cost=lambda: whatif_cost(config, n_images),
     )
 
