@@ -1,4 +1,4 @@
-"""The table of planned visits as people give it back, and what visits that were made leave of the planets.
+"""The table of planned visits as an observatory gives it back, and what visits leave of the planets that may be there.
 
 ``visits.csv`` (`cpic_planner.results.PlannedVisitRow`) is plan and observation log in one: a line whose last columns
 are filled was observed, the others are still to be made.

@@ -14,13 +14,12 @@ from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import Candidate, Screened, candidates, screen, settings_of
 from cpic_planner.survey.detection import Setting, background_alarms, noise_alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
-from cpic_planner.survey.planning import PlanningSky
+from cpic_planner.survey.planning import PlanningSky, VisitOdds, visit_odds
 from cpic_planner.survey.schedule import Problem
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
 from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
 from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
-from cpic_planner.survey.visits import VisitOdds, visit_odds
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
 from simulator.config import Instrument, load_instrument
 
@@ -70,8 +69,8 @@ def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance
     catalogue = as_catalogue(universe.catalog)
     instrument = load_instrument(universe.instrument)
     known = known_table(universe)
-    names = [item.name for item in config.strategies]
-    log = _checked(read_log(universe.observed, names), catalogue, instrument) if universe.observed else None
+    strategies = [item.name for item in config.strategies]
+    log = _checked(read_log(universe.observed, strategies), catalogue, instrument) if universe.observed else None
     looked = []
     for strategy in config.strategies:
         logged = () if log is None else [visit.setting.band for visit in log.visits]

@@ -15,14 +15,13 @@ from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult
 from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.facts import Counts, count_block, counts_of, facts_record, taken_back
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
-from cpic_planner.survey.outcome import Columns, differences, outcome, rank_changes
+from cpic_planner.survey.outcome import VISIT_FILES, Columns, differences, outcome, rank_changes, visit_files
 from cpic_planner.survey.prepare import Prepared, prepare
 from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.visibility import load_visibility, utc_of
-from cpic_planner.survey.visits import VISIT_FILES, visit_files
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 
