@@ -62,6 +62,8 @@ def print_plan(plan: results.PlanResult, console: Console) -> None:
         "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
         f"the error of its mean; found: realisations in which {criterion}; seen at its place: "
         "significant at the known place, but not found blind.",
+        *summary.targets_sentences(plan),
+        *summary.not_imaged_lines(plan),
         f"{count_text(plan.n_ranked)} stars ranked. {_setup_text(plan)}",
     )
 

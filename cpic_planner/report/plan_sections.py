@@ -131,6 +131,8 @@ def _observe_first(report: PlanReport) -> Iterator[doc.Block]:
         yield doc.table("What to observe first", caption, _FIRST, picks)
     else:
         yield doc.Paragraph("No target was confirmed.")
+    for text in (*summary.targets_sentences(plan), *summary.not_imaged_lines(plan)):
+        yield doc.Paragraph(text, "note")
     yield doc.Paragraph(
         "Wall time is all visits to one target in one band: science frames, reference frames, readouts and the "
         "overhead of each visit. Occultations and visibility are not in it.",
@@ -270,6 +272,7 @@ def _completeness_fact(star: results.RankedTarget) -> str:
 def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
     plan, library = report.plan, LIBRARIES[report.plan.reference_library]
     audited = any(band.audit for target in plan.targets for band in target.bands)
+    of_ranking = "" if plan.schedule is None else " in the ranking, that of their frames for visits of the schedule"
     once = ", and one more frame by frame in the band of each target that promises most" if audited else ""
     yield doc.Facts(
         [
@@ -282,7 +285,8 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
             ("Score", f"{SCORES[report.rank.score_name].meaning}."),
             (
                 "Wall time",
-                f"at most {duration_text(plan.time_s)} per target and band (less where more time would not help): "
+                f"at most {duration_text(plan.time_s)} per target and band{of_ranking} (less where more time would not "
+                "help): "
                 "science frames, reference frames and readouts; no orbit duty cycle.",
             ),
             (

@@ -183,8 +183,9 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
     measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]
     detections = sum(bool(band.detected) for band in measured)
     searched = LIBRARIES[plan.reference_library].searched
+    first = "The first" if plan.schedule is None else "Of the schedule"
     sentences.append(
-        f"The first {_plural(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
+        f"{first} {_plural(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
         f"times in every band in reach, reduced, {searched}: the planet is found around "
         f"{len(confirmed)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
     )
@@ -198,6 +199,44 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
         picked = ", ".join(f"{band} ({count})" for band, count in counts.most_common())
         sentences.append(f"Chosen bands, with number of targets: {picked}.")
     return sentences
+
+
+def targets_sentences(plan: results.PlanResult) -> list[str]:
+    """Return where the targets come from: stars that are seen in a period, or the visits of a schedule."""
+    found = []
+    if plan.schedule is not None:
+        made = plan.schedule
+        left = made.n_stars - len(plan.targets)
+        found.append(
+            f"Targets, frames and numbers of visits are those of a schedule, {made.source}: the images stand for "
+            f"{made.n_imaged} of {_plural(made.n_visits, 'visit')}"
+            + (f"; {_plural(left, 'more star')} can be imaged (a larger --top)." if left else ".")
+        )
+        found.append(
+            "All visits of a star and band are reduced together, in images with the planet at one place: of months "
+            "between visits they know that the wavefront has changed, not that the planet moves."
+        )
+    if plan.period is not None:
+        period = plan.period
+        found.append(
+            f"Targets are stars that are seen for as long as their best observation takes in the "
+            f"{_plural(period.n_days, 'day')} from {day_text(period.start_utc)} (limits of pointing: {period.pointing})."
+        )
+        if period.not_checked:
+            names = ", ".join(map(pretty_name, period.not_checked))
+            found.append(f"Visibility is not known of {names}: the star table has no coordinates.")
+        if period.left_out:
+            listed = "; ".join(f"{pretty_name(row.name)}, rank {row.rank} ({row.message})" for row in period.left_out)
+            found.append(f"Left out, limited by visibility: {listed}.")
+    return found
+
+
+def not_imaged_lines(plan: results.PlanResult) -> list[str]:
+    """Return the lines of a schedule that have no images, one text for each reason."""
+    rows: dict[str, list[str]] = {}
+    for row in () if plan.schedule is None else plan.schedule.not_imaged:
+        rows.setdefault(row.message, []).append(f"{row.row} ({pretty_name(row.star)}, {row.band})")
+    return [f"No images of row{'s' * (len(named) > 1)} {', '.join(named)}: {why}." for why, named in rows.items()]
 
 
 def confirm_sentences(result: results.ConfirmResult) -> list[str]:

@@ -45,9 +45,13 @@ from cpic_planner.results.planned import (
     CandidateRecord as CandidateRecord,
     ConfirmedTarget as ConfirmedTarget,
     ConfirmResult as ConfirmResult,
+    LeftOutRow as LeftOutRow,
+    NotImagedRow as NotImagedRow,
+    PeriodRecord as PeriodRecord,
     PlanResult as PlanResult,
     PositionRecord as PositionRecord,
     RunRecord as RunRecord,
+    ScheduleImages as ScheduleImages,
     SearchRecord as SearchRecord,
 )
 from cpic_planner.results.ranked import (

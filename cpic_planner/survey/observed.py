@@ -116,7 +116,10 @@ class ObservationLog:
 
 @dataclass(frozen=True)
 class ScheduledVisit:
-    """One visit that is still to be made; ``mjd`` is the middle of its window, nan where the file gives none."""
+    """One visit that is still to be made: line ``row`` of the file.
+
+    ``mjd`` is the middle of its window, nan where the file gives none, as ``roll_deg``.
+    """
 
     star: str
     setting: Setting
@@ -125,7 +128,7 @@ class ScheduledVisit:
     roll_deg: float
     mjd: float
     reserve: bool
-    where: str
+    row: int
 
 
 def read_log(source: str | Path, strategies: Collection[str] = ()) -> ObservationLog:
@@ -196,7 +199,8 @@ def read_schedule(source: str | Path, strategy: str | None = None) -> tuple[tupl
         raise InputError("schedule", file.name, allowed="lines without an outcome", hint="all were observed")
     name = next((row["strategy"] for _, row in left if "strategy" in row), "")
     about = f"{len(left)} visits{f' of {name}' * bool(name)} ({file.name} {file.sha256[:12]})"
-    return tuple(_scheduled(table, where, row) for where, row in left), about
+    number = {id(row): i for i, row in enumerate(table.rows, start=1)}
+    return tuple(_scheduled(table, where, row, number[id(row)]) for where, row in left), about
 
 
 def _raw_table(file: TableBytes) -> RawTable:
@@ -258,11 +262,13 @@ def _observed(table: Rows, where: str, row: dict[str, Any], told: bool) -> Obser
     return ObservedVisit(str(row["star"]), mjd_of(utc), setting, hours, roll, int(planets or 0), where, lost)
 
 
-def _scheduled(table: Rows, where: str, row: dict[str, Any]) -> ScheduledVisit:
+def _scheduled(table: Rows, where: str, row: dict[str, Any], number: int) -> ScheduledVisit:
     setting, visits = _setting(table, where, row)
     mjd = 0.5 * (row.get("window_start_mjd", math.nan) + row.get("window_end_mjd", math.nan))
     library, roll = row.get("reference_library", ""), row.get("roll_deg", math.nan)
-    return ScheduledVisit(str(row["star"]), setting, visits, library, roll, mjd, bool(row.get("reserve", False)), where)
+    return ScheduledVisit(
+        str(row["star"]), setting, visits, library, roll, mjd, bool(row.get("reserve", False)), number
+    )
 
 
 def missed(
