@@ -131,7 +131,7 @@ def _observe_first(report: PlanReport) -> Iterator[doc.Block]:
         yield doc.table("What to observe first", caption, _FIRST, picks)
     else:
         yield doc.Paragraph("No target was confirmed.")
-    for text in (*summary.targets_sentences(plan), *summary.not_imaged_lines(plan)):
+    for text in (*words.targets_sentences(plan), *words.not_imaged_lines(plan)):
         yield doc.Paragraph(text, "note")
     yield doc.Paragraph(
         "Wall time is all visits to one target in one band: science frames, reference frames, readouts and the "
