@@ -345,6 +345,9 @@ def counted(count: float, noun: str) -> str:
     return f"{count_text(int(count))} {noun}{'' if count == 1 else 's'}"
 
 
+_MOST_NAMED = 10
+
+
 def targets_sentences(plan: PlanResult) -> list[str]:
     """Return where the targets come from: stars that are seen in a period, or the visits of a schedule."""
     found = []
@@ -370,8 +373,12 @@ def targets_sentences(plan: PlanResult) -> list[str]:
             names = ", ".join(map(pretty_name, period.not_checked))
             found.append(f"Visibility is not known of {names}: the star table has no coordinates.")
         if period.left_out:
-            listed = "; ".join(f"{pretty_name(row.name)}, rank {row.rank} ({row.message})" for row in period.left_out)
-            found.append(f"Left out, limited by visibility: {listed}.")
+            named = [
+                f"{pretty_name(row.name)}, rank {row.rank} ({row.message})" for row in period.left_out[:_MOST_NAMED]
+            ]
+            rest = len(period.left_out) - len(named)
+            more = f"; and {counted(rest, 'more star')}, which plan.json names" if rest else ""
+            found.append(f"Left out, limited by visibility: {'; '.join(named)}{more}.")
     return found
 
 

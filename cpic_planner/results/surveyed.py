@@ -130,13 +130,17 @@ class PlannedVisitRow(Row):
     window_end_utc: str = column("end of the last such day; the Moon may forbid some between")
     window_start_mjd: Annotated[float, _MJD] = column("the begin as Modified Julian Date of UTC", unit="d")
     window_end_mjd: Annotated[float, _MJD] = column("the end likewise", unit="d")
-    arcs: Annotated[int, _ORDINAL] = column("orbits that the frames take, each with one arc in which the star is seen")
+    arcs: Annotated[int, _ORDINAL] = column(
+        "orbits that the frames take, with the arc of each in which the star is seen"
+    )
     arc_usable_min: Annotated[float, _SPAN_MIN] = column(
         "time of an orbit that can be used, mean of the window: clear of the Earth's limb, less what the South "
         "Atlantic Anomaly takes on average",
         unit="min",
     )
-    arc_longest_min: Annotated[float, _SPAN_MIN] = column("longest time without the limb of the Earth", unit="min")
+    arc_longest_min: Annotated[float, _SPAN_MIN] = column(
+        "longest piece of that arc: the Earth may stand in its middle", unit="min"
+    )
     roll_deg: Annotated[float, Field(ge=-360, le=360)] = column(
         "position angle of the detector's +y axis; empty in a log: that of the solar panels on that day"
     )
