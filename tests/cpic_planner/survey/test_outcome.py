@@ -236,7 +236,7 @@ def test_a_planned_visit_is_where_and_when_the_calendar_has_it(plain, rows):
         orbits_h = row.telescope_h - 2 * calendar.settle_h
         assert row.arcs - 1 < orbits_h * 3600.0 / calendar.period_s <= row.arcs + 1e-3
         assert row.roll_deg == pytest.approx(calendar.sun_pa_deg[visit.star, visit.slot], abs=0.01)
-    assert {row.reason for row in rows if row.star == "eps Eri"} == {"known_planet"}
+    assert "known_planet" in {row.reason for row in rows if row.star == "eps Eri"}
     assert {row.reason for row in rows if row.star == "alf Cen A"} == {"search"}
     assert [row.reserve for row in rows] == [visit.reserve for visit in survey.schedule.visits]
     assert {row.quadrants for row in rows} == {"all"}
