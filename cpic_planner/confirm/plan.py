@@ -167,10 +167,10 @@ def _unseen(found: Visibility, at: int, row: RankedTarget, model: EtcModel) -> L
     longest_s = float(found.window_s[at].max())
     if usable_h <= 0.0:
         days = found.days(at)
-        why = ", ".join(f"{_BLOCKED[name]} on {days[name]:g}" for name in BLOCKS if name and days[name])
-        message = f"not seen on any of the {n_days:g} days: {why}"
+        why = ", ".join(f"{_BLOCKED[name]} for {days[name]:g} d" for name in BLOCKS if name and days[name])
+        message = f"not seen in {n_days:g} d: {why}"
     elif needed_h is not None and usable_h < needed_h:
-        message = f"seen for {usable_h:.1f} h in the {n_days:g} days, and its observation takes {needed_h:.1f} h"
+        message = f"seen for {usable_h:.1f} h in {n_days:g} d, and its observation takes {needed_h:.1f} h"
     elif longest_s < frame_s:
         message = f"never seen for the {frame_s:.0f} s of a frame without a break: {longest_s:.0f} s at most"
     else:
