@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ import pytest
 import cpic_planner.confirm.plan as module
 from cpic_planner.cli.main import main
 from cpic_planner.confirm import make_plan, plan_job
-from cpic_planner.jobs import estimate
+from cpic_planner.jobs import estimate, run
 from cpic_planner.planets import load_population
 from cpic_planner.queries import PlanQuestion
 from cpic_planner.ranking import counted_planets
@@ -272,10 +273,13 @@ def test_plan_visits_log_and_survey_close_by_files_alone(stars, tmp_path, capsys
     assert {row["strategy"] for row in rows} == {"once", "twice"}
     assert len(mine) == before.strategies[1].schedule.visits >= 3
 
-    options = "--strategy twice --top 1 --realisations 1 --fidelity quick --planets 200 --json".split()
-    files = "--schedule", survey / "visits.csv", "--catalog", stars, "--out", tmp_path / "plan"
-    assert main(["plan", *map(str, files), *options]) == 0
-    plan = PlanResult.model_validate_json(capsys.readouterr().out)
+    # Which of the two strategies is meant has to be said.
+    assert main(["plan", "--schedule", str(survey / "visits.csv"), "--catalog", str(stars)]) == 2
+    assert "it has those of once, twice: choose one with --strategy" in capsys.readouterr().err
+    asked = {"schedule": survey / "visits.csv", "schedule_strategy": "twice", "top": 1, "fidelity": "quick"}
+    config = PlanQuestion.of(asked | {"realisations": 1, "n_planets": 200})
+    run(replace(plan_job(config, stars), write=lambda folder, result, bodies: None), tmp_path / "plan")
+    plan = PlanResult.model_validate_json((tmp_path / "plan/plan.json").read_text())
     (target,) = plan.targets
     own = [row for row in mine if row["star"] == target.name]
     (band,) = target.bands
