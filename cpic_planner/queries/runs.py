@@ -105,7 +105,9 @@ class WhatIfQuestion(RunQuestion):
     )
     duration_days: float | None = asked(None, "Length of the survey in days.", option="--days")
     slot_days: float | None = asked(None, "Step of the calendar in days.")
-    observed: str | None = asked(None, "visits.csv with outcomes filled in: plan what is left of the survey.", read=str)
+    observed: str | None = asked(
+        None, "Table of visits with outcomes filled in (visits.csv): plan what is left of the survey.", read=str
+    )
     background: Literal["off", "on"] | None = asked(None, "Let background stars make false alarms.", unset="off")
     visibility: str | None = asked(None, "Limits of pointing: preset, or YAML file.", read=str)
     catalog: str | None = asked(None, "Star table: snapshot, latest, simbad_2012, or a file.", read=str)

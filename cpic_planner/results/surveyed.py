@@ -128,8 +128,8 @@ class PlannedVisitRow(Row):
     reserve: bool = column("whether it is made only where stop rules have freed the time for it")
     window_start_utc: str = column("begin of the first day in its slot on which the star may be pointed at")
     window_end_utc: str = column("end of the last such day; the Moon may forbid some between")
-    window_start_mjd: Annotated[float, _MJD] = column("the begin as Modified Julian Date of UTC", unit="d")
-    window_end_mjd: Annotated[float, _MJD] = column("the end likewise", unit="d")
+    window_start_mjd: Annotated[float, _MJD] = column("the begin as Modified Julian Date of UTC")
+    window_end_mjd: Annotated[float, _MJD] = column("the end likewise")
     arcs: Annotated[int, _ORDINAL] = column(
         "orbits that the frames take, with the arc of each in which the star is seen"
     )

@@ -259,7 +259,7 @@ def test_the_three_files_are_one_table(plain, rows, tmp_path):
     assert {name: getattr(stored, name) for name in ABOUT} == ABOUT
     table = Table.read(by_ecsv, format="ascii.ecsv")
     assert table.meta["config_hash"] == ABOUT["config_hash"]
-    assert (table["telescope_h"].unit, table["window_start_mjd"].unit) == (units.h, units.d)
+    assert (table["telescope_h"].unit, table["arc_usable_min"].unit) == (units.h, units.min)
     assert all(table[name].description for name in table.colnames)
     lines = list(csv.DictReader(io.StringIO(by_csv.read_text())))
     assert list(lines[0]) == table.colnames == list(PlannedVisitRow.model_fields)
