@@ -114,7 +114,7 @@ def whatif(
     done = with_progress("what if", int(cost["n_steps"]), start)
     print_result(done.result, as_json, partial(report.print_whatif, done.result))
     if not as_json:
-        typer.echo(f"report: {out / 'report.html'}")
+        typer.echo(f"visits: {out / 'visits.csv'}\nreport: {out / 'report.html'}")
 
 
 def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfig:

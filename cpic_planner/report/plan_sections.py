@@ -244,11 +244,7 @@ def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> I
         ("Completeness", _completeness_fact(star)),
         ("Predicted margin", f"{significant(star.detection_margin)} in {star.band}"),
     ]
-    if star.visits is not None and star.visit_time_s is not None:
-        span = "" if star.span_days is None else f" over {significant(star.span_days, 2)} days"
-        paid = words.orbits_text([star])
-        visits = f"{star.visits} of {duration_text(star.visit_time_s)}{span}, reduced together"
-        facts.append(("Visits", f"{visits}; {paid}" if paid else visits))
+    facts += [(title, text) for title, text in image_figures.visits_facts(target).items()]
     yield doc.Facts(facts, wide=False)
     if star.flags:
         yield doc.Facts([("Caveats", "; ".join(words.flag_text(flag) for flag in star.flags))])
@@ -272,7 +268,7 @@ def _completeness_fact(star: results.RankedTarget) -> str:
 def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
     plan, library = report.plan, LIBRARIES[report.plan.reference_library]
     audited = any(band.audit for target in plan.targets for band in target.bands)
-    of_ranking = "" if plan.schedule is None else " in the ranking, that of their frames for visits of the schedule"
+    scheduled = "" if plan.schedule is None else " Visits of the schedule take that of their frames."
     once = ", and one more frame by frame in the band of each target that promises most" if audited else ""
     yield doc.Facts(
         [
@@ -285,9 +281,8 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
             ("Score", f"{SCORES[report.rank.score_name].meaning}."),
             (
                 "Wall time",
-                f"at most {duration_text(plan.time_s)} per target and band{of_ranking} (less where more time would not "
-                "help): "
-                "science frames, reference frames and readouts; no orbit duty cycle.",
+                f"at most {duration_text(plan.time_s)} per target and band (less where more time would not help): "
+                f"science frames, reference frames and readouts; no orbit duty cycle.{scheduled}",
             ),
             (
                 "Reference library",

@@ -191,8 +191,9 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
     )
     if confirmed:
         target, band = confirmed[0]
+        which = "Highest ranked" if plan.schedule is None else "First"
         sentences.append(
-            f"Highest ranked and confirmed is {pretty_name(target.name)} in {band.band}: SNR "
+            f"{which} and confirmed is {pretty_name(target.name)} in {band.band}: SNR "
             f"{significant(band.recovered_snr)} recovered, {significant(band.predicted_snr)} predicted."
         )
         counts = Counter(band.band for _, band in confirmed)

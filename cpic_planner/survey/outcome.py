@@ -325,7 +325,7 @@ def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[re
             window_end_utc=texts[1][k],
             window_start_mjd=round(float(opens[k]), 5),
             window_end_mjd=round(float(closes[k]), 5),
-            arcs=math.ceil((visit.cost_h - settled_h) * _HOUR_S / calendar.period_s - _ROUNDING),
+            arcs=max(1, math.ceil((visit.cost_h - settled_h) * _HOUR_S / calendar.period_s - _ROUNDING)),
             arc_usable_min=round(float(calendar.fraction[star, slot]) * calendar.period_s / _MINUTE_S, 2),
             arc_longest_min=round(float(calendar.window_s[star, slot]) / _MINUTE_S, 2),
             roll_deg=round(rolls[k], 2),
