@@ -86,8 +86,10 @@ from catalogs.stellar_physics import (
     luminosity_from_v as luminosity_from_v,
     radius_from_luminosity as radius_from_luminosity,
 )
-from catalogs.table_cells import Column as Column, Columns as Columns, read_rows as read_rows
+from catalogs.table_cells import Column as Column, Columns as Columns, Rows as Rows, read_rows as read_rows
 from catalogs.table_files import (
+    RawColumn as RawColumn,
+    RawTable as RawTable,
     TableBytes as TableBytes,
     astropy_table as astropy_table,
     parse_table as parse_table,

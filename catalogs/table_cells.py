@@ -23,8 +23,8 @@ class Column:
         Its name, which is always accepted as a heading.
     description : str
         What it holds, in one line.
-    kind : {"text", "float", "bool", "int"}
-        How cells are read; the whole number that people give is that of Hipparcos.
+    kind : {"text", "float", "whole", "bool", "int"}
+        How cells are read; ``int`` is the number of Hipparcos, which people write with and without its letters.
     unit : str
         Unit in which it is kept (astropy's spelling); of a column that names none, the unit that is assumed.
     aliases : str
@@ -52,8 +52,8 @@ class Column:
     @property
     def allowed(self) -> str:
         """Return what a cell may hold, in words."""
-        if self.kind == "float":
-            return f"a number, {self.range}"
+        if self.kind in ("float", "whole"):
+            return f"a {'whole ' * (self.kind == 'whole')}number, {self.range}"
         words = {"bool": "yes or no, true or false, 1 or 0", "int": f"a Hipparcos number, {self.range}"}
         return words.get(self.kind, "text")
 
@@ -239,7 +239,7 @@ def _listed(words: Sequence[str], more: str) -> str:
 
 def _read(label: str, column: Column, given: RawColumn, names: Sequence[Any]) -> list[Any]:
     """Return the cells in the unit of the column, checked; None where missing."""
-    number = column.kind == "float"
+    number = column.kind in ("float", "whole")
     convert = _converter(label, column, given) if number else None
     values = []
     for i, cell in enumerate(given.cells):
@@ -247,7 +247,7 @@ def _read(label: str, column: Column, given: RawColumn, names: Sequence[Any]) ->
             value = None if cell is None else _READERS[column.kind](cell)
             if value is not None and convert is not None:
                 value = convert(value)
-                if not column.low <= value <= column.high:
+                if not column.low <= value <= column.high or (column.kind == "whole" and value % 1):
                     raise ValueError
         except (ValueError, OverflowError):
             who = "" if names[i] is None else f" ({names[i]})"
@@ -286,7 +286,13 @@ def _hip(cell: Any) -> int | None:
     return int(found[1]) or None
 
 
-_READERS: dict[str, Callable[[Any], Any]] = {"text": _text, "bool": _flag, "int": _hip, "float": _number}
+_READERS: dict[str, Callable[[Any], Any]] = {
+    "text": _text,
+    "bool": _flag,
+    "int": _hip,
+    "float": _number,
+    "whole": _number,
+}
 
 
 def _converter(label: str, column: Column, given: RawColumn) -> Callable[[float], float]:

@@ -28,6 +28,11 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
     promises most one more realisation runs frame by frame with every effect of the camera. The report compares:
     confirmed or not, ETC optimistic or pessimistic by how much.
 
+    Targets are the first stars of the ranking that are seen, in the year from --date on (--days), for as long as their
+    observation takes; those that are left out for it are named. With --schedule they are the visits of a strategy:
+    visits.csv as cpic whatif writes it, without the lines that have an outcome. The visits of a star and band are
+    then one programme, in the frames that the schedule says, and every line without images is named with its reason.
+
     Writes plan.json, sensitivity.json, run.json, ranking.csv, ranking.ecsv, measurements.csv and report.html into
     --out. Stopped half way, it continues when started again on the same folder; the result is the same for any
     number of workers.
@@ -53,6 +58,10 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
       cpic plan --known-planets snapshot --date 2027-06-01 --top 3
 
       cpic plan --library reference_star --reference-v-mag 3 --top 3
+
+      cpic plan --date 2028-06-01 --days 90 --top 10
+
+      cpic plan --schedule cpic-whatif/visits.csv --strategy few_and_deep --top 3
     """
     from catalogs import open_catalogue
     from cpic_planner.confirm import make_plan, plan_job
@@ -69,10 +78,22 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
         print_cost(cost, what, question.workers, as_json)
         return
     start = partial(make_plan, question, question.out, catalog=table, **question.how)
-    done = with_progress("confirming", question.top * len(question.band_names()), start)
+    done = with_progress("confirming", _n_bands(question), start)
     print_result(done.result, as_json, partial(report.print_plan, done.result))
     if not as_json:
         typer.echo(f"report: {question.out / 'report.html'}")
+
+
+def _n_bands(question: PlanQuestion) -> int:
+    """How many pairs of star and band there are at most."""
+    if question.schedule is None:
+        return question.top * len(question.band_names())
+    from cpic_planner.survey import read_schedule
+
+    visits, _ = read_schedule(question.schedule, question.schedule_strategy)
+    pairs = dict.fromkeys((visit.star, visit.setting.band) for visit in visits if not visit.reserve)
+    first = list(dict.fromkeys(star for star, _ in pairs))[: question.top]
+    return sum(star in first for star, _ in pairs)
 
 
 def confirm(question: ConfirmQuestion, dry_run: DryRunOption = False, as_json: JsonOption = False) -> None:

@@ -33,8 +33,9 @@ def whatif(
     its stars; then it is played in made-up universes (--universes), each with its own planets, drift of calibration
     and luck, the same for all strategies, so that differences are known far better than yields. A sample of the
     detections is simulated as images and searched blind. Writes whatif.json, universes.parquet, detections.parquet,
-    stars.parquet, targets.csv, run.json and report.html into --out. Stopped half way, it continues when started
-    again on the same folder; the result is the same for any number of workers.
+    stars.parquet, targets.csv, visits.csv (.ecsv, .json: the calendars, one line a visit), run.json and report.html
+    into --out. Stopped half way, it continues when started again on the same folder; the result is the same for any
+    number of workers.
 
     New planets are those of the population that what is known of their star still allows (--exclusions: radial
     velocities, stability beside companion stars, known giants); what the same visits would find of the whole
@@ -52,7 +53,7 @@ def whatif(
 
       cpic whatif my_strategies.yaml --universes 5000 --workers 2 --out my-survey
 
-      cpic whatif survey_default --observed log.csv --start 2030-01-01
+      cpic whatif survey_default --observed visits.csv --strategy few_and_deep
 
       cpic whatif survey_default --known-planets my_planets.csv
 
@@ -78,8 +79,10 @@ def whatif(
     (budget_h=x0.5), a number alone where the key ends in its unit or the quantity has none, or a word. drift,
     throughput and exozodi always need a unit or an x: drift=0.1nm makes the offset of a visit 0.1 nm rms and scales
     the walk within the visit in the same ratio; drift=x2 doubles both; throughput=x0.7; exozodi=3zodi. --observed
-    takes a table of visits made so far, with the columns star, start_utc, band, exposure_s, n_frames, em_gain, and
-    telescope_h, roll_deg, planets if known: the rest is planned.
+    takes what was done so far: visits.csv (or .ecsv, .json) with start_utc and outcome (detected, not_detected or
+    lost) filled in where a visit was made, and frames, roll_deg and telescope_h changed where they were other than
+    planned. Lines without an outcome are planned anew. Of a table with outcomes of several strategies --strategy
+    chooses one. Lines of one's own need star, start_utc, outcome, band, exposure_s, frames_per_visit and em_gain.
     """
     from cpic_planner.jobs import estimate
     from cpic_planner.survey import (
@@ -111,7 +114,7 @@ def whatif(
     done = with_progress("what if", int(cost["n_steps"]), start)
     print_result(done.result, as_json, partial(report.print_whatif, done.result))
     if not as_json:
-        typer.echo(f"report: {out / 'report.html'}")
+        typer.echo(f"visits: {out / 'visits.csv'}\nreport: {out / 'report.html'}")
 
 
 def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfig:

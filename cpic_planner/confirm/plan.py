@@ -1,6 +1,6 @@
-"""Confirmation of whole targets: which images to make of a star, and what they say together.
+"""The main job: rank, confirm the best targets with images, write the products.
 
-The main job: rank, confirm the best targets with images, write the products.
+Targets are the first of the ranking that are seen in the period of the plan, or those of a schedule.
 """
 
 import functools
@@ -13,239 +13,46 @@ import numpy as np
 
 from catalogs import Catalogue
 from cpic_core import InputError, announce, dump_json
+from cpic_planner.confirm.stars import (
+    RESULT_VERSION,
+    confirmed_target,
+    first_roll_deg,
+    image_tasks,
+    images_cost,
+    plan_tasks,
+    programme_task,
+    refuse_infrared,
+    result_header,
+    tasks_of,
+    why_not_imaged,
+)
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
+from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
-from cpic_planner.queries import (
-    ImageQuestion,
-    PlanQuestion,
-    ReferencePlanet,
-    SimulatorOverrides,
-    audited,
-    observed_utc,
-    refuse_counting,
-)
-from cpic_planner.ranking import (
-    KNOWN_ONLY,
-    KnownChoice,
-    counted_planets,
-    planet_record,
-    rank_targets,
-    rank_under,
-    timed_model,
-)
+from cpic_planner.queries import MAX_VISITS, PlanQuestion, observed_utc
+from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets, planet_record, rank_under, timed_model
 from cpic_planner.ranking.sensitivity import sensitivity
-from cpic_planner.results import BandConfirmation, ConfirmedTarget, PlanResult, RankedTarget, RankResult
-from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
-from cpic_planner.validation import (
-    ConfirmTask,
-    ImageSettings,
-    calibrate,
-    confirm_task,
-    images_of,
-    prepare_task,
-    refusals_of,
-    significant_at_place,
-    target_verdict,
-    task_cost,
+from cpic_planner.results import (
+    BandConfirmation,
+    LeftOutRow,
+    NotImagedRow,
+    PeriodRecord,
+    PlanResult,
+    RankedTarget,
+    RankResult,
+    ScheduleImages,
 )
-from cpic_planner.version import __version__
-from simulator.config import Instrument
-from simulator.ledger import not_modelled
+from cpic_planner.survey import ScheduledVisit, read_schedule
+from cpic_planner.survey.visibility import BLOCKS, Visibility, load_visibility, visibility
+from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_target, rank_sample, sample_text
+from cpic_planner.validation import ConfirmTask, confirm_task
 
-RESULT_VERSION = 5
-"""Raised when the same configuration gives other numbers, so that old folders are not resumed."""
-
-
-def result_header(config: ImageQuestion, digest: str, measured: Sequence[BandConfirmation]) -> dict[str, Any]:
-    """Return what every result of images says of itself.
-
-    Parameters
-    ----------
-    config : ImageQuestion
-    digest : str
-        Hash of everything that decides the result.
-    measured : sequence of BandConfirmation
-        What the ratio of recovered and predicted SNR is taken over.
-    """
-    mean = calibrate(measured)
-    return {
-        "version": __version__,
-        "config_hash": digest,
-        "seed": config.seed,
-        "fidelity": config.dial.fidelity,
-        "tolerance": config.dial.tolerance,
-        "instrument": config.instrument.name,
-        "sigma": config.strategy.sigma,
-        "reference_library": config.strategy.library,
-        "rdi_modes": config.strategy.n_modes,
-        "realisations": config.realisations,
-        "simulator_overrides": config.simulator_overrides.as_mapping(),
-        "calibration": vars(mean),
-        "calibration_text": mean.text,
-        "not_modelled": not_modelled(images_of(config.instrument)),
-    }
-
-
-def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None:
-    """Refuse unknown bands, and those of the near-infrared camera, whose images are not measured.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    bands : sequence of str or None
-        Names of bands of the instrument.
-    """
-    visible = instrument.visible_bands()
-    for band in bands or ():
-        instrument.band(band)
-        if band not in visible:
-            hint = "images of the near-infrared camera are simulated, not yet measured"
-            raise InputError("band", band, allowed=", ".join(visible), hint=hint)
-
-
-def plan_tasks(
-    model: EtcModel,
-    stars: Sequence[Targets],
-    rows: Sequence[RankedTarget],
-    *,
-    time_s: float,
-    planet: ReferencePlanet,
-    overrides: SimulatorOverrides | None = None,
-    **settings: Unpack[ImageSettings],
-) -> tuple[list[ConfirmTask], dict[str, BandConfirmation]]:
-    """Return work to do, and the bands that need none because the answer is already a refusal, by their keys.
-
-    Where the dial has audits, the band of each target that promises most gets one: a realisation frame by frame.
-
-    Parameters
-    ----------
-    model : EtcModel
-    stars : sequence of Targets
-    rows : sequence of RankedTarget
-        The row of each star in the ranking.
-    time_s : float
-        Wall time, s, overheads and reference frames included.
-    planet : ReferencePlanet
-    overrides : SimulatorOverrides, optional
-        What the images have otherwise.
-    **settings
-        `cpic_planner.validation.task.ImageSettings`; at least the seed.
-    """
-    tasks: list[ConfirmTask] = []
-    refused: dict[str, BandConfirmation] = {}
-    for star, row in zip(stars, rows, strict=True):
-        own = []
-        for band in model.bands:
-            ready = prepare_task(model, star, band, time_s=time_s, planet=planet, overrides=overrides, **settings)
-            answers = [ready] if isinstance(ready, BandConfirmation) else refusals_of(ready)
-            if isinstance(ready, ConfirmTask) and not answers:
-                own.append(ready)
-            else:
-                refused[f"{row.name} {band}"] = answers[0]
-        margins = [task.predictions[0]["significance"] / task.predictions[0]["threshold"] for task in own]
-        best = margins.index(max(margins)) if own else None
-        tasks.extend(replace(task, audit=i == best and audited(task.dial)) for i, task in enumerate(own))
-    return tasks, refused
-
-
-def image_tasks(tasks: Sequence[ConfirmTask]) -> list[Task]:
-    """Return tasks of `cpic_planner.validation.confirm.confirm_task`."""
-    return [Task(task.key, (task.to_dict(),)) for task in tasks]
-
-
-def images_cost(tasks: Sequence[ConfirmTask], **counts: float) -> Cost:
-    """Return the expected cost of simulating and measuring tasks, see `cpic_planner.validation.modelling`."""
-    costs = [task_cost(task) for task in tasks]
-    images = {
-        "n_tasks": len(tasks),
-        "n_realisations": sum(cost.realisations for cost in costs),
-        "n_frames": sum(cost.frames for cost in costs),
-    }
-    return Cost(
-        counts=counts | images,
-        times_s=[cost.work_s for cost in costs],
-        start_s=4.0,
-        memory_mb=max((cost.memory_mb for cost in costs), default=0.0),
-        disk_mb=1.0 + 0.35 * len(tasks),
-    )
-
-
-def confirm_stars(
-    model: EtcModel,
-    stars: Sequence[Targets],
-    *,
-    time_s: float,
-    planet: ReferencePlanet,
-    workers: int = 1,
-    overrides: SimulatorOverrides | None = None,
-    **settings: Unpack[ImageSettings],
-) -> list[ConfirmedTarget]:
-    """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`.
-
-    Parameters
-    ----------
-    model : EtcModel
-    stars : sequence of Targets
-    time_s : float
-        Wall time, s, overheads and reference frames included.
-    planet : ReferencePlanet
-    workers : int, optional
-        Local worker processes; the result does not depend on it.
-    overrides : SimulatorOverrides, optional
-        What the images have otherwise.
-    **settings
-        `cpic_planner.validation.task.ImageSettings`; at least the seed.
-    """
-    refuse_counting(model.strategy)
-    refuse_infrared(model.instrument, model.bands)
-    rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
-    tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
-    bodies = Runner(workers=workers).finish(confirm_task, image_tasks(tasks))
-    return [confirmed_target(model, row, refused, bodies) for row in rows]
-
-
-def confirmed_target(
-    model: EtcModel, row: RankedTarget, refused: Mapping[str, BandConfirmation], bodies: Mapping[str, Mapping[str, Any]]
-) -> ConfirmedTarget:
-    """Return one target's bands in order, and the best of them, from refusals and bodies by the keys of tasks.
-
-    Parameters
-    ----------
-    model : EtcModel
-    row : RankedTarget
-    refused : mapping of str to BandConfirmation
-        Bands that need no images, by star and band.
-    bodies : mapping of str to mapping
-        Results of the images, by star and band.
-    """
-    bands = [
-        BandConfirmation.model_validate(bodies[key]["confirmations"][0]) if key in bodies else refused[key]
-        for key in (f"{row.name} {band}" for band in model.bands)
-    ]
-
-    def margin(band: BandConfirmation) -> float:
-        return (band.predicted_significance or 0.0) / (band.threshold or np.inf)
-
-    # A few realisations rank bands by chance where they are close: the images veto, the prediction orders.
-    blind = [band for band in bands if band.detected]
-    best = max(blind or [band for band in bands if significant_at_place(band)], key=margin, default=None)
-    verdict, factor, error = target_verdict(bands)
-    return ConfirmedTarget.of(
-        row,
-        ranked=row,
-        planet_distance_au=row.ref_planet_distance_au,
-        chosen_band=best.band if best else None,
-        verdict=verdict,
-        etc_ratio=factor,
-        etc_ratio_error=error,
-        bands=bands,
-    )
+_CHUNK = 20
 
 
 @dataclass(frozen=True)
 class _Prepared:
-    """Ranking and the work that is left to do."""
+    """Ranking and the work that is left to do; either the period or the schedule says which targets there are."""
 
     model: EtcModel
     catalogue: Catalogue
@@ -255,6 +62,9 @@ class _Prepared:
     chosen: list[RankedTarget]
     tasks: list[ConfirmTask]
     refused: dict[str, BandConfirmation]
+    period: PeriodRecord | None
+    schedule: ScheduleImages | None
+    rolls_deg: dict[str, float]
 
 
 def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
@@ -266,8 +76,10 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     catalog : CatalogSource
         Star table: ``snapshot``, ``latest``, ``simbad_2012``, or a file.
     """
-    refuse_infrared(config.instrument, config.bands)
-    model, time_s = timed_model(build_model(config.instrument, config.bands, config.strategy), config)
+    listed, source = ((), "") if config.schedule is None else read_schedule(config.schedule, config.schedule_strategy)
+    bands = config.bands if config.schedule is None else _bands(config, listed)
+    refuse_infrared(config.instrument, bands)
+    model, time_s = timed_model(build_model(config.instrument, bands, config.strategy), config)
     catalogue = as_catalogue(catalog)
     targets = rank_sample(
         catalog=catalogue,
@@ -298,11 +110,150 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
         sample=sample,
         catalogue=catalogue.provenance,
     )
-    chosen = [row for row in rank.targets if row.status != "saturated"][: config.top]
-    index = {str(name): i for i, name in enumerate(targets.name)}
-    stars = [targets.select([index[row.name]]) for row in chosen]
+    ready = _Prepared(model, catalogue, targets, drawn, rank, [], [], {}, None, None, {})
+    if config.schedule is not None:
+        return _of_schedule(config, ready, listed, source)
+    chosen, period = _seen(config, ready)
+    stars = [_star(ready, row) for row in chosen]
     tasks, refused = plan_tasks(model, stars, chosen, time_s=time_s, planet=config.planet, **config.image_settings)
-    return _Prepared(model, catalogue, targets, drawn, rank, chosen, tasks, refused)
+    return replace(ready, chosen=chosen, tasks=tasks, refused=refused, period=period)
+
+
+def _star(ready: _Prepared, row: RankedTarget, roll_deg: float = 0.0) -> Targets:
+    index = int(np.flatnonzero(ready.targets.name == row.name)[0])
+    return replace(ready.targets.select([index]), roll_deg=roll_deg)
+
+
+def _seen(config: PlanQuestion, ready: _Prepared) -> tuple[list[RankedTarget], PeriodRecord]:
+    """The first stars of the ranking that can be observed in the period, and those that are left out for it."""
+    pointing, start_utc = load_visibility(config.limits), observed_utc(config)
+    chosen: list[RankedTarget] = []
+    left_out: list[LeftOutRow] = []
+    not_checked: list[str] = []
+    waiting = [row for row in ready.rank.targets if row.status != "saturated"]
+    while waiting and len(chosen) < config.top:
+        some, waiting = waiting[:_CHUNK], waiting[_CHUNK:]
+        placed = [row for row in some if row.ra_deg is not None and row.dec_deg is not None]
+        ra, dec = (np.array([getattr(row, name) for row in placed], float) for name in ("ra_deg", "dec_deg"))
+        when: dict[str, Any] = {"start_utc": start_utc, "n_days": config.n_days}
+        found = visibility(ra, dec, pointing, config.instrument.mission.orbit, **when) if placed else None
+        for row in some:
+            if len(chosen) >= config.top:
+                break
+            reason = None
+            if found is None or row not in placed:
+                not_checked.append(row.name)
+            else:
+                reason = _unseen(found, placed.index(row), row, ready.model)
+            if reason is None:
+                chosen.append(row)
+            else:
+                left_out.append(reason)
+    record = PeriodRecord(
+        start_utc=start_utc,
+        n_days=config.n_days,
+        pointing=pointing.name,
+        left_out=left_out,
+        not_checked=not_checked,
+    )
+    return chosen, record
+
+
+def _unseen(found: Visibility, at: int, row: RankedTarget, model: EtcModel) -> LeftOutRow | None:
+    """Why a star cannot have its best observation in the period; None where it can."""
+    n_days = len(found.mjd) * found.step_days
+    usable_h = float(found.visible_fraction[at].sum()) * 24.0 * found.step_days
+    needed_h = None if row.time_s is None else row.time_s / 3600.0
+    frame_s = (row.exposure_s or 0.0) + model.camera(row.band).readout_s
+    longest_s = float(found.window_s[at].max())
+    if usable_h <= 0.0:
+        days = found.days(at)
+        why = ", ".join(f"{_BLOCKED[name]} for {days[name]:g} d" for name in BLOCKS if name and days[name])
+        message = f"not seen in {n_days:g} d: {why}"
+    elif needed_h is not None and usable_h < needed_h:
+        message = f"seen for {usable_h:.1f} h in {n_days:g} d, and its observation takes {needed_h:.1f} h"
+    elif longest_s < frame_s:
+        message = f"never seen for the {frame_s:.0f} s of a frame without a break: {longest_s:.0f} s at most"
+    else:
+        return None
+    return LeftOutRow(name=row.name, rank=row.rank, usable_h=usable_h, needed_h=needed_h, message=message)
+
+
+_BLOCKED = {
+    "sun": "too near to the Sun",
+    "moon": "too near to the Moon",
+    "panel": "the solar panels get no light",
+    "limb": "behind the limb of the Earth",
+}
+
+
+def _bands(config: PlanQuestion, listed: Sequence[ScheduledVisit]) -> tuple[str, ...]:
+    """Bands of a schedule whose images are measured."""
+    visible = config.instrument.visible_bands()
+    found = tuple(band for band in visible if any(visit.setting.band == band for visit in listed))
+    if not found:
+        bands = ", ".join(dict.fromkeys(visit.setting.band for visit in listed))
+        raise InputError("schedule", bands, allowed=f"visits in {', '.join(visible)}, whose images are measured")
+    return found
+
+
+def _of_schedule(config: PlanQuestion, ready: _Prepared, listed: Sequence[ScheduledVisit], source: str) -> _Prepared:
+    """The visits of a schedule: those of one star and band are one programme, in the frames of the first."""
+    programmes: dict[str, dict[str, list[ScheduledVisit]]] = {}
+    refused_rows: list[NotImagedRow] = []
+    rows = {row.name: row for row in ready.rank.targets}
+
+    def refuse(visit: ScheduledVisit, message: str) -> None:
+        band = visit.setting.band
+        refused_rows.append(NotImagedRow(row=visit.row, star=visit.star, band=band, message=message))
+
+    for visit in listed:
+        try:
+            name = str(find_target(visit.star, catalog=ready.catalogue)[0].name[0])
+        except InputError:
+            refuse(visit, "no star of the catalogue has this name")
+            continue
+        message = why_not_imaged(config, visit)
+        if message or name not in rows:
+            refuse(visit, message or "the star is not among those that are ranked")
+            continue
+        mine = programmes.setdefault(name, {}).setdefault(visit.setting.band, [])
+        first = mine[0] if mine else visit
+        if visit.setting.frames != first.setting.frames:
+            refuse(visit, f"its frames are not those of row {first.row}, with which it would be reduced")
+        elif sum(item.visits for item in mine) + visit.visits > MAX_VISITS:
+            refuse(visit, f"more than {MAX_VISITS} visits of one star and band")
+        else:
+            mine.append(visit)
+    if not programmes:
+        hint = f"row {refused_rows[0].row}: {refused_rows[0].message}"
+        raise InputError("schedule", source, allowed="visits that can be imaged", hint=hint)
+    names = list(programmes)[: config.top]
+    chosen = [rows[name] for name in names]
+    rolls = {name: first_roll_deg(programmes[name]) for name in names}
+    stars = {name: _star(ready, rows[name], rolls[name]) for name in names}
+    prepared = [
+        [
+            programme_task(ready.model, star, band, own, planet=config.planet, **config.image_settings)
+            for band, own in programmes[name].items()
+        ]
+        for name, star in stars.items()
+    ]
+    tasks, refused = tasks_of(chosen, prepared)
+    for name in names:
+        for band, own in programmes[name].items():
+            if answer := refused.get(f"{name} {band}"):
+                for visit in own:
+                    refuse(visit, answer.message)
+    imaged = [own for name in names for band, own in programmes[name].items() if f"{name} {band}" not in refused]
+    record = ScheduleImages(
+        source=source,
+        n_visits=len(listed),
+        n_imaged=sum(map(len, imaged)),
+        n_stars=len(programmes),
+        not_imaged=sorted(refused_rows, key=lambda row: row.row),
+    )
+    return replace(ready, chosen=chosen, tasks=tasks, refused=refused, schedule=record, rolls_deg=rolls)
 
 
 def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[PlanResult]:
@@ -381,12 +332,17 @@ def _decides(config: PlanQuestion, prepared: _Prepared) -> dict[str, Any]:
         "config": config.hashed() | {"v_mag_max": limit},
         "rank": rank.config_hash,
         "catalogue": rank.catalogue if catalogue.kind == "snapshot" else catalogue.kind,
+        "period": None if prepared.period is None else prepared.period.model_dump(mode="json"),
+        "schedule": None if prepared.schedule is None else prepared.schedule.model_dump(mode="json"),
     }
 
 
 def _result(config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapping[str, Any]) -> PlanResult:
     rank = prepared.rank
-    targets = [confirmed_target(prepared.model, row, prepared.refused, bodies) for row in prepared.chosen]
+    targets = [
+        confirmed_target(prepared.model, row, prepared.refused, bodies, roll_deg=prepared.rolls_deg.get(row.name))
+        for row in prepared.chosen
+    ]
     return PlanResult(
         **result_header(config, digest, [band for target in targets for band in target.bands]),
         time_s=config.time_s,
@@ -398,5 +354,7 @@ def _result(config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapp
         n_ranked=len(rank.targets),
         counts=rank.counts,
         counts_limited_by=rank.counts_limited_by,
+        period=prepared.period,
+        schedule=prepared.schedule,
         targets=targets,
     )

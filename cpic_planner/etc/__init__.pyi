@@ -67,6 +67,7 @@ from cpic_planner.etc.noise import (
     stack_noise as stack_noise,
 )
 from cpic_planner.etc.planet import (
+    QUADRANTS as QUADRANTS,
     diagonal_pa_deg as diagonal_pa_deg,
     insolation_distance_au as insolation_distance_au,
     kinds_by_albedo as kinds_by_albedo,

@@ -6,9 +6,12 @@ The question of ``cpic tradeoff``: speed against accuracy on this machine.
 """
 
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
-from cpic_planner.queries.base import Question
+from pydantic import model_validator
+
+from cpic_core import InputError
+from cpic_planner.queries.base import Question, called
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.images import ImageQuestion
 from cpic_planner.queries.rank import RankedQuestion, asked_exclusions
@@ -20,12 +23,50 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
 
     ``v_mag_max`` None: 7, or all of a table of one's own. ``known_planets``
     (`catalogs.known_planets.load_known_planets`) stands instead of ``population``, with ``n_planets`` draws of each.
+    With ``schedule`` the targets are those of its visits, whose frames are taken as they are.
     """
 
     KIND: ClassVar[str] = "plan"
 
     top: int = asked(5, "How many targets to confirm with images.", ge=1, le=1000)
+    # What they leave out is in the hash of the plan.
+    n_days: int = asked(
+        365,
+        "Length in days of the period, from {date_utc} on, in which a target has to be seen for as long as its "
+        "observation takes.",
+        ge=1,
+        le=36525,
+        option="--days",
+        physics=False,
+    )
+    limits: str | None = asked(
+        None,
+        "Limits of pointing: preset, or YAML file.",
+        option="--visibility",
+        read=str,
+        unset="default",
+        physics=False,
+    )
+    schedule: str | None = asked(
+        None,
+        "Confirm just these visits: visits.csv of cpic whatif (or .ecsv, .json), without the lines that have an "
+        "outcome. {top} is then the number of its stars.",
+        read=str,
+        physics=False,
+    )
+    schedule_strategy: str | None = asked(
+        None, "Strategy of {schedule} whose visits are meant, where it has several.", option="--strategy", physics=False
+    )
     out: Path = asked(Path("cpic-plan"), "Output folder; an interrupted run continues there.", physics=False)
+
+    @model_validator(mode="after")
+    def _of_a_schedule(self) -> Self:
+        why = "the visits of a schedule have bands, frames and dates of their own"
+        for name in ("time_s", "visit_time_s", "strategy.visits", "bands", "n_days", "limits"):
+            self.refuse_together(("schedule", name), why)
+        if self.schedule_strategy is not None and self.schedule is None:
+            raise InputError("schedule_strategy", self.schedule_strategy, allowed=f"only with {called('schedule')}")
+        return self
 
 
 _SAMPLE = ("universes", "seed", "start_utc", "date_utc", "duration_days", "slot_days")
@@ -64,7 +105,9 @@ class WhatIfQuestion(RunQuestion):
     )
     duration_days: float | None = asked(None, "Length of the survey in days.", option="--days")
     slot_days: float | None = asked(None, "Step of the calendar in days.")
-    observed: str | None = asked(None, "Observation log (CSV): plan what is left of the survey.", read=str)
+    observed: str | None = asked(
+        None, "Table of visits with outcomes filled in (visits.csv): plan what is left of the survey.", read=str
+    )
     background: Literal["off", "on"] | None = asked(None, "Let background stars make false alarms.", unset="off")
     visibility: str | None = asked(None, "Limits of pointing: preset, or YAML file.", read=str)
     catalog: str | None = asked(None, "Star table: snapshot, latest, simbad_2012, or a file.", read=str)

@@ -17,7 +17,7 @@ from cpic_planner.registry import LIBRARIES
 from cpic_planner.report import cells as tables, numbers, summary
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, shortened, significant
-from cpic_planner.report.words import ALBEDO_STATUS, STATUS_SYMBOLS, plus_minus
+from cpic_planner.report.words import ALBEDO_STATUS, STATUS_SYMBOLS, not_imaged_lines, plus_minus, targets_sentences
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -62,6 +62,8 @@ def print_plan(plan: results.PlanResult, console: Console) -> None:
         "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
         f"the error of its mean; found: realisations in which {criterion}; seen at its place: "
         "significant at the known place, but not found blind.",
+        *targets_sentences(plan),
+        *not_imaged_lines(plan),
         f"{count_text(plan.n_ranked)} stars ranked. {_setup_text(plan)}",
     )
 

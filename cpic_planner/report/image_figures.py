@@ -11,11 +11,26 @@ import numpy as np
 from cpic_planner.report import document as doc, drawing
 from cpic_planner.report.cells import Cells
 from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, band_style, literal, new_figure, save, style
-from cpic_planner.report.numbers import MISSING, contrast_text, count_text, decimals, percent_text
+from cpic_planner.report.numbers import (
+    MISSING,
+    contrast_text,
+    count_text,
+    decimals,
+    duration_text,
+    percent_text,
+    significant,
+)
 from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.summary import ModelledRow, dial_text, error_text, modelled_groups
-from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, plus_minus, reason_text, status_text
-from cpic_planner.results import AuditRecord, BandConfirmation, ConfirmResult, ModellingRecord, PlanResult
+from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, orbits_text, plus_minus, reason_text, status_text
+from cpic_planner.results import (
+    AuditRecord,
+    BandConfirmation,
+    ConfirmedTarget,
+    ConfirmResult,
+    ModellingRecord,
+    PlanResult,
+)
 from cpic_planner.validation import PREDICTION_ERROR
 from simulator.config import Instrument, Scene
 from simulator.target import LitPlanet, spectrum_generator
@@ -321,3 +336,17 @@ def not_modelled_blocks(items: Sequence[str]) -> Iterator[doc.Block]:
         "both sides does not show in their comparison.",
         "note",
     )
+
+
+def visits_facts(target: ConfirmedTarget) -> dict[str, str]:
+    """Return the visits of a confirmed target, in words by heading: those of the ranking, or of a schedule."""
+    if target.roll_deg is not None:
+        own = ", ".join(f"{band.visits} in {band.band}" for band in target.bands if band.visits is not None)
+        return {"Visits": f"{own or 'none'}, reduced together", "Roll": f"{target.roll_deg:g} deg"}
+    star = target.ranked
+    if star.visits is None or star.visit_time_s is None:
+        return {}
+    span = "" if star.span_days is None else f" over {significant(star.span_days, 2)} days"
+    paid = orbits_text([star])
+    visits = f"{star.visits} of {duration_text(star.visit_time_s)}{span}, reduced together"
+    return {"Visits": f"{visits}; {paid}" if paid else visits}

@@ -132,6 +132,8 @@ def _observe_first(report: PlanReport) -> Iterator[doc.Block]:
         yield doc.table("What to observe first", caption, _FIRST, picks)
     else:
         yield doc.Paragraph("No target was confirmed.")
+    for text in (*words.targets_sentences(plan), *words.not_imaged_lines(plan)):
+        yield doc.Paragraph(text, "note")
     yield doc.Paragraph(
         "Wall time is all visits to one target in one band: science frames, reference frames, readouts and the "
         "overhead of each visit. Occultations and visibility are not in it.",
@@ -248,11 +250,7 @@ def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> I
         ("Completeness", _completeness_fact(star)),
         ("Predicted margin", f"{significant(star.detection_margin)} in {star.band}"),
     ]
-    if star.visits is not None and star.visit_time_s is not None:
-        span = "" if star.span_days is None else f" over {significant(star.span_days, 2)} days"
-        paid = words.orbits_text([star])
-        visits = f"{star.visits} of {duration_text(star.visit_time_s)}{span}, reduced together"
-        facts.append(("Visits", f"{visits}; {paid}" if paid else visits))
+    facts += [(title, text) for title, text in image_figures.visits_facts(target).items()]
     yield doc.Facts(facts, wide=False)
     if star.flags:
         yield doc.Facts([("Caveats", "; ".join(words.flag_text(flag) for flag in star.flags))])
@@ -276,6 +274,7 @@ def _completeness_fact(star: results.RankedTarget) -> str:
 def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
     plan, library = report.plan, LIBRARIES[report.plan.reference_library]
     audited = any(band.audit for target in plan.targets for band in target.bands)
+    scheduled = "" if plan.schedule is None else " Visits of the schedule take that of their frames."
     once = ", and one more frame by frame in the band of each target that promises most" if audited else ""
     yield doc.Facts(
         [
@@ -289,7 +288,7 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
             (
                 "Wall time",
                 f"at most {duration_text(plan.time_s)} per target and band (less where more time would not help): "
-                "science frames, reference frames and readouts; no orbit duty cycle.",
+                f"science frames, reference frames and readouts; no orbit duty cycle.{scheduled}",
             ),
             (
                 "Reference library",

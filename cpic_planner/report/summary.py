@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.numbers import count_text, duration_text, pretty_name, significant
-from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, SEARCHES, orbits_text, overrides_text, sentence
+from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, SEARCHES, counted, orbits_text, overrides_text, sentence
 from simulator.knobs import Quantity
 
 
@@ -131,7 +131,7 @@ def mode_of(rank: results.RankResult) -> results.DetectionMode:
 
 def programme_text(rank: results.RankResult) -> str:
     """Return how reference planets are looked for, in how many visits, and under which drift."""
-    visits = "the best number of visits for each" if rank.visits is None else _plural(rank.visits, "visit")
+    visits = "the best number of visits for each" if rank.visits is None else counted(rank.visits, "visit")
     if all(row.visits is None for row in rank.targets):
         visits = "1 visit"
     drift = "" if rank.drift_nm is None else f", a wavefront that drifts by {rank.drift_nm:g} nm between visits"
@@ -148,12 +148,12 @@ def detected_sentence(rank: results.RankResult) -> str:
         return ""
     blind = [row for row in told if (row.detection_probability or 0.0) >= 0.5]
     placed = [row for row in told if (row.detection_probability_known_place or 0.0) >= 0.5]
-    words = f"Half of such observations or more show {_plural(len(blind), 'reference planet')} blind"
+    words = f"Half of such observations or more show {counted(len(blind), 'reference planet')} blind"
     words = f"{words} and {len(placed)} at their known places"
     if not (seen := blind or placed):
         return f"{words}."
     visits = sorted(row.visits or 1 for row in seen)
-    extent = f"{visits[0]} to {_plural(visits[-1], 'visit')}" if visits[0] < visits[-1] else _plural(visits[0], "visit")
+    extent = f"{visits[0]} to {counted(visits[-1], 'visit')}" if visits[0] < visits[-1] else counted(visits[0], "visit")
     days = [row.span_days for row in seen if row.span_days is not None]
     span = f", which span {significant(statistics.median(days), 2)} days in the median" if days else ""
     paid = orbits_text(seen)
@@ -184,15 +184,17 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
     measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]
     detections = sum(bool(band.detected) for band in measured)
     searched = LIBRARIES[plan.reference_library].searched
+    first = "The first" if plan.schedule is None else "Of the schedule"
     sentences.append(
-        f"The first {_plural(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
+        f"{first} {counted(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
         f"times in every band in reach, reduced, {searched}: the planet is found around "
-        f"{len(confirmed)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
+        f"{len(confirmed)} of {len(plan.targets)}, in {detections} of {counted(len(measured), 'measurement')}."
     )
     if confirmed:
         target, band = confirmed[0]
+        which = "Highest ranked" if plan.schedule is None else "First"
         sentences.append(
-            f"Highest ranked and confirmed is {pretty_name(target.name)} in {band.band}: SNR "
+            f"{which} and confirmed is {pretty_name(target.name)} in {band.band}: SNR "
             f"{significant(band.recovered_snr)} recovered, {significant(band.predicted_snr)} predicted."
         )
         counts = Counter(band.band for _, band in confirmed)
@@ -206,8 +208,8 @@ def confirm_sentences(result: results.ConfirmResult) -> list[str]:
     planets = list(dict.fromkeys(band.planet for band in result.bands))
     bands = list(dict.fromkeys([*(search.band for search in result.searches), *(band.band for band in result.bands)]))
     sentences = [
-        f"{_plural(len(planets), 'planet')} in {', '.join(bands) or 'no band'}, "
-        f"{_plural(result.realisations, 'realisation')} each: simulated, reduced, "
+        f"{counted(len(planets), 'planet')} in {', '.join(bands) or 'no band'}, "
+        f"{counted(result.realisations, 'realisation')} each: simulated, reduced, "
         f"{LIBRARIES[result.reference_library].searched}."
     ]
     for planet in planets:
@@ -230,10 +232,6 @@ def _score_words(rank: results.RankResult) -> str:
         share = "the probability that one observation detects at least one of the star's own planets"
         hourly = "divided by its hours"
     return SCORES[rank.score_name].aim.format(share=share, hourly=hourly)
-
-
-def _plural(count: float, noun: str) -> str:
-    return f"{count_text(int(count))} {noun}{'' if count == 1 else 's'}"
 
 
 def day_text(utc: str) -> str:

@@ -282,7 +282,8 @@ def _glossary(report: WhatIfReport) -> Iterator[doc.Block]:
 def _reproduce(report: WhatIfReport) -> Iterator[doc.Block]:
     result = report.result
     note = (
-        "Numbers in full: `whatif.json`; stars of all strategies: `targets.csv`; every universe, star and detection: "
+        "Numbers in full: `whatif.json`; stars of all strategies: `targets.csv`; their calendars, one line a visit: "
+        "`visits.csv`, `visits.ecsv`, `visits.json`; every universe, star and detection: "
         "`universes.parquet`, `stars.parquet`, `detections.parquet`. Times, host and package versions of the run: "
         "`run.json`."
     )

@@ -10,8 +10,8 @@ from catalogs import ADDED_FLAGS
 from cpic_core import parse_yaml
 from cpic_planner.queries import SimulatorOverrides
 from cpic_planner.registry import LIBRARIES, SCORES
-from cpic_planner.report.numbers import MISSING, decimals, significant
-from cpic_planner.results import ProgrammeColumns
+from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, significant
+from cpic_planner.results import PlanResult, ProgrammeColumns
 from simulator.detectors import noise_terms
 
 #: Symbol of each status, so that badges do not rely on colour.
@@ -338,3 +338,53 @@ def reading() -> list[str]:
 def method_credits() -> list[str]:
     """Return what to cite besides the data."""
     return list(_prose()["credits"])
+
+
+def counted(count: float, noun: str) -> str:
+    """Return a number with its noun: 1 visit, 2 visits."""
+    return f"{count_text(int(count))} {noun}{'' if count == 1 else 's'}"
+
+
+_MOST_NAMED = 10
+
+
+def targets_sentences(plan: PlanResult) -> list[str]:
+    """Return where the targets come from: stars that are seen in a period, or the visits of a schedule."""
+    found = []
+    if plan.schedule is not None:
+        made = plan.schedule
+        left = made.n_stars - len(plan.targets)
+        found.append(
+            f"Targets, frames and numbers of visits are those of a schedule, {made.source}: the images stand for "
+            f"{made.n_imaged} of {counted(made.n_visits, 'visit')}"
+            + (f"; {counted(left, 'more star')} can be imaged (a larger --top)." if left else ".")
+        )
+        found.append(
+            "All visits of a star and band are reduced together, in images with the planet at one place: of months "
+            "between visits they know that the wavefront has changed, not that the planet moves."
+        )
+    if plan.period is not None:
+        period = plan.period
+        found.append(
+            f"Targets are seen for as long as their best observation takes in the {counted(period.n_days, 'day')} from "
+            f"{period.start_utc[:10]} on (limits of pointing: {period.pointing})."
+        )
+        if period.not_checked:
+            names = ", ".join(map(pretty_name, period.not_checked))
+            found.append(f"Visibility is not known of {names}: the star table has no coordinates.")
+        if period.left_out:
+            named = [
+                f"{pretty_name(row.name)}, rank {row.rank} ({row.message})" for row in period.left_out[:_MOST_NAMED]
+            ]
+            rest = len(period.left_out) - len(named)
+            more = f"; and {counted(rest, 'more star')}, which plan.json names" if rest else ""
+            found.append(f"Left out, limited by visibility: {'; '.join(named)}{more}.")
+    return found
+
+
+def not_imaged_lines(plan: PlanResult) -> list[str]:
+    """Return the lines of a schedule that have no images, one text for each reason."""
+    rows: dict[str, list[str]] = {}
+    for row in () if plan.schedule is None else plan.schedule.not_imaged:
+        rows.setdefault(row.message, []).append(f"{row.row} ({pretty_name(row.star)}, {row.band})")
+    return [f"No images of row{'s' * (len(named) > 1)} {', '.join(named)}: {why}." for why, named in rows.items()]

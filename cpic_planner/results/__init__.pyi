@@ -45,9 +45,13 @@ from cpic_planner.results.planned import (
     CandidateRecord as CandidateRecord,
     ConfirmedTarget as ConfirmedTarget,
     ConfirmResult as ConfirmResult,
+    LeftOutRow as LeftOutRow,
+    NotImagedRow as NotImagedRow,
+    PeriodRecord as PeriodRecord,
     PlanResult as PlanResult,
     PositionRecord as PositionRecord,
     RunRecord as RunRecord,
+    ScheduleImages as ScheduleImages,
     SearchRecord as SearchRecord,
 )
 from cpic_planner.results.ranked import (
@@ -88,6 +92,7 @@ from cpic_planner.results.surveyed import (
     ImageSample as ImageSample,
     OccurrenceRange as OccurrenceRange,
     PlanetShare as PlanetShare,
+    PlannedVisitRow as PlannedVisitRow,
     RankChange as RankChange,
     ScheduleRecord as ScheduleRecord,
     SettingSource as SettingSource,
@@ -96,6 +101,7 @@ from cpic_planner.results.surveyed import (
     TakenBack as TakenBack,
     TimeUse as TimeUse,
     VariedSetting as VariedSetting,
+    VisitsResult as VisitsResult,
     WhatIfResult as WhatIfResult,
 )
 from cpic_planner.results.table import (

@@ -139,6 +139,10 @@ class ConfirmedTarget(Result):
     hip: int | None
     ranked: RankedTarget
     planet_distance_au: float
+    roll_deg: float | None = optional(
+        "roll that a schedule asks for, by which companions stand in the images; position angles of the bands are "
+        "then counted from the detector's +y axis; null: none, north is up"
+    )
     chosen_band: str | None = Field(
         description="of the bands in which the blind search finds the planet, that of highest predicted margin; "
         "without any, of those that show it at its known place; null if none does"
@@ -180,6 +184,46 @@ class ImagedResult(Result):
     )
 
 
+class LeftOutRow(Row):
+    """A star that is not proposed because it cannot be observed in the period of the plan."""
+
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+    rank: int = column("in the ranking, which knows no visibility", label="#")
+    limited_by: Literal["visibility"] = "visibility"
+    usable_h: float = column("time of the period in which it is seen and may be pointed at", label="seen", format=".1f")
+    needed_h: float | None = optional("wall time of its best observation; null: none has frames", format=".1f")
+    message: str = column("why it is left out, in words", label="why")
+
+
+class PeriodRecord(Result):
+    """When the stars of a plan have to be seen, and which of those that come first are not."""
+
+    start_utc: str
+    n_days: int
+    pointing: str = Field(description="limits of pointing: preset or name in the file")
+    left_out: list[LeftOutRow] = Field(description="they would have been among the confirmed targets")
+    not_checked: list[str] = Field(description="targets without coordinates")
+
+
+class NotImagedRow(Row):
+    """A line of a schedule that has no images."""
+
+    row: int = column("number of the line in the file, its heading not counted", label="row")
+    star: str = column("as the file names it")
+    band: str
+    message: str = column("why there are none, in words", label="why")
+
+
+class ScheduleImages(Result):
+    """Which visits of a schedule were confirmed with images."""
+
+    source: str = Field(description="number of visits, strategy, name and checksum of the file")
+    n_visits: int = Field(description="lines without an outcome: visits still to be made")
+    n_imaged: int = Field(description="of them, those that the images stand for")
+    n_stars: int = Field(description="stars of the lines that can be imaged; those beyond the first --top are left")
+    not_imaged: list[NotImagedRow] = Field(description="empty: every visit of these stars is in the images")
+
+
 class PlanResult(ImagedResult):
     """The plan: reproducible from configuration and seed."""
 
@@ -195,6 +239,8 @@ class PlanResult(ImagedResult):
     counts_limited_by: dict[str, int] = Field(
         default_factory=dict, description="ranked stars by limited_by; empty in older results"
     )
+    period: PeriodRecord | None = optional("null for a schedule, which has dates of its own, and in older results")
+    schedule: ScheduleImages | None = optional("null where the ranking chooses the targets, and in older results")
     targets: list[ConfirmedTarget]
 
 

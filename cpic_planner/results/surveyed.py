@@ -1,6 +1,6 @@
 """Results of survey what-ifs."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -101,6 +101,86 @@ class SurveyTarget(Row):
     planets_per_100h: float = column(
         "planets found in 100 hours of telescope time", label="planets per 100 h", short="per 100 h", format=".2g"
     )
+
+
+_ORDINAL, _SPAN_MIN = Field(ge=1, le=1e6), Field(ge=0, le=1e5)
+_MJD = Field(ge=0, le=1e6)
+
+
+class PlannedVisitRow(Row):
+    """One visit of a strategy's calendar, and what came of it: one line of ``visits.csv``.
+
+    The first columns are the plan. The last three are empty until somebody has observed, and then the line is one of
+    an observation log; whoever took other frames, another roll or more time than planned writes that over the plan.
+    Ranges are those that a file may hold (`cpic_planner.survey.observed`).
+    """
+
+    strategy: str = column("name of the strategy that plans the visit; empty in a log: no plan had it")
+    visit: Annotated[int, _ORDINAL] = column("number of the visit in the calendar of its strategy, from 1")
+    star: str = column("name of the star in the catalogue", format="star")
+    hip: int | None = None
+    ra_deg: Annotated[float, Field(ge=-360, le=360)] = column("right ascension at the date of the survey's positions")
+    dec_deg: Annotated[float, Field(ge=-90, le=90)] = column("declination at that date")
+    reason: Literal["search", "known_planet", "follow_up"] = column(
+        "what the visit is for: search (planets that nobody knows), known_planet (which is the likelier detection), "
+        "or follow_up (the log has a detection at this star)"
+    )
+    reserve: bool = column("whether it is made only where stop rules have freed the time for it")
+    window_start_utc: str = column("begin of the first day in its slot on which the star may be pointed at")
+    window_end_utc: str = column("end of the last such day; the Moon may forbid some between")
+    window_start_mjd: Annotated[float, _MJD] = column("the begin as Modified Julian Date of UTC")
+    window_end_mjd: Annotated[float, _MJD] = column("the end likewise")
+    arcs: Annotated[int, _ORDINAL] = column(
+        "orbits that the frames take, with the arc of each in which the star is seen"
+    )
+    arc_usable_min: Annotated[float, _SPAN_MIN] = column(
+        "time of an orbit that can be used, mean of the window: clear of the Earth's limb, less what the South "
+        "Atlantic Anomaly takes on average",
+        unit="min",
+    )
+    arc_longest_min: Annotated[float, _SPAN_MIN] = column(
+        "longest piece of that arc: the Earth may stand in its middle", unit="min"
+    )
+    roll_deg: Annotated[float, Field(ge=-360, le=360)] = column(
+        "position angle of the detector's +y axis; empty in a log: that of the solar panels on that day"
+    )
+    quadrants: str = column("dark quadrants of the detector, +x right and +y up: all, or their names")
+    band: str = column("name of the band")
+    exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] = column("exposure of one frame")
+    visits: Annotated[int, Field(ge=1, le=1000)] = column(
+        "wavefronts of this visit that are reduced together, each begun with a settling of its own"
+    )
+    frames_per_visit: Annotated[int, Field(ge=1, le=1e9)] = column("science frames of each of them")
+    em_gain: Annotated[float, Field(ge=1, le=1e4)]
+    reference_library: str = column("where the reference frames come from")
+    reference_ratio: Annotated[float, Field(ge=0, le=1000)] = column("reference frames per science frame")
+    time_s: Annotated[float, Field(ge=0, le=1e9)] = column(
+        "wall time of science and reference frames with readouts, without occultations"
+    )
+    telescope_h: Annotated[float, Field(ge=0, le=1e5)] = column(
+        "telescope time with slews, settling and occultations; in a log what it took"
+    )
+    probability: Annotated[float, Field(ge=0, le=1)] = column(
+        "probability that this visit completes the detection of a planet, by the planets that the calendar was made "
+        "with, if the star's earlier visits are made as planned"
+    )
+    start_utc: str | None = optional("when the visit began, ISO 8601; empty: not observed")
+    outcome: Literal["detected", "not_detected", "lost"] | None = optional(
+        "what came of it; lost: its time is spent and its frames say nothing; empty: not observed"
+    )
+    planets: Annotated[int | None, Field(ge=0, le=1000)] = optional("number of planets that it showed")
+
+
+class VisitsResult(Result):
+    """Planned visits of all strategies of a comparison: ``visits.json``, the table of ``visits.csv``."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["visits"] = "visits"
+    version: str
+    config_hash: str = Field(description="hash of everything that decides the comparison")
+    catalogue: str
+    date_utc: str = Field(description="date of the positions of the stars")
+    visits: list[PlannedVisitRow]
 
 
 class ImageSample(Result):

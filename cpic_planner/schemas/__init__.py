@@ -34,6 +34,7 @@ RESULTS = {
         ("known", "KnownResult"),
         ("visibility", "VisibilityResult"),
         ("whatif", "WhatIfResult"),
+        ("visits", "VisitsResult"),
     )
 }
 """Where the model of each result is."""

@@ -1,3 +1,4 @@
+from cpic_planner.survey.observed import ScheduledVisit as ScheduledVisit, read_schedule as read_schedule
 from cpic_planner.survey.prepare import known_table as known_table
 from cpic_planner.survey.strategy_file import (
     StrategiesConfig as StrategiesConfig,

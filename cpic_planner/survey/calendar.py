@@ -43,6 +43,8 @@ class Calendar:
         Position angle of the Sun on that day, which sets the roll.
     period_s, settle_h : float
         Of the orbit; and of a mean slew with all that follows it.
+    opens_day, closes_day : ndarray, shape (n, b)
+        Begin of the first and end of the last of those days, after the start; the Moon may forbid some between.
     """
 
     start_mjd: float
@@ -54,6 +56,8 @@ class Calendar:
     sun_pa_deg: FloatArray
     period_s: float
     settle_h: float
+    opens_day: FloatArray
+    closes_day: FloatArray
 
     @property
     def n_slots(self) -> int:
@@ -62,7 +66,7 @@ class Calendar:
 
     def select(self, rows: IntArray) -> "Calendar":
         """The calendar of some of the stars."""
-        names = ("fraction", "allowed_h", "window_s", "day", "sun_pa_deg")
+        names = ("fraction", "allowed_h", "window_s", "day", "opens_day", "closes_day", "sun_pa_deg")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def closed_before(self, mjd: float) -> "Calendar":
@@ -151,6 +155,9 @@ def make_calendar(
         return np.where(count > 0, parts.sum(axis=2) / np.maximum(count, 1), 0.0)
 
     day = mean(found.mjd - start)
+    slot_day = universe.slot_days * np.arange(b)
+    opens = slot_day + step * np.argmax(allowed, axis=2)
+    closes = np.minimum(slot_day + step * (_SAMPLES - np.argmax(allowed[..., ::-1], axis=2)), universe.duration_days)
     lengths = np.minimum(universe.slot_days, universe.duration_days - np.arange(b) * universe.slot_days)
     settle_s = float(slew_s(_MEAN_SLEW_DEG, pointing)) + pointing.thermal_settle_orbits * found.period_s
     return Calendar(
@@ -163,6 +170,8 @@ def make_calendar(
         sun_pa_deg=sun_position_angle_deg(targets, start + day),
         period_s=found.period_s,
         settle_h=settle_s / _HOUR_S,
+        opens_day=opens,
+        closes_day=closes,
     )
 
 

@@ -44,6 +44,8 @@ class Candidate:
         Visits that the strategy still allows.
     day : ndarray, shape (b,)
         When a visit in each slot takes place, after the start.
+    known : ndarray of int, shape (m,)
+        Row of each planet in the table of known planets; ``NEW`` for those of the population.
     """
 
     index: int
@@ -54,6 +56,7 @@ class Candidate:
     known_rows: tuple[int, ...]
     visits_left: int
     day: FloatArray
+    known: IntArray
 
     @property
     def worth(self) -> float:
@@ -264,6 +267,7 @@ def candidates(
                 known_rows=host.known_rows,
                 visits_left=visits_left,
                 day=calendar.day[place],
+                known=planets.known[shown.seen][counts],
             )
             found.append(candidate)
     found.sort(key=lambda item: (_class(strategy, item), -item.worth, item.index))

@@ -1,16 +1,33 @@
-"""What a survey has done already: an observation log, and what it leaves of the planets that may be there."""
+"""The table of planned visits as an observatory gives it back, and what visits leave of the planets that may be there.
 
+``visits.csv`` (`cpic_planner.results.PlannedVisitRow`) is plan and observation log in one: a line whose last columns
+are filled was observed, the others are still to be made.
+"""
+
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from catalogs import Column, Columns, parse_table, read_bytes, read_rows, star_key
+from catalogs import (
+    Column,
+    Columns,
+    RawColumn,
+    RawTable,
+    Rows,
+    TableBytes,
+    parse_table,
+    read_bytes,
+    read_rows,
+    star_key,
+)
 from cpic_core import BoolArray, FloatArray, InputError
 from cpic_planner.etc import EtcModel
+from cpic_planner.results import PlannedVisitRow, columns_of
 from cpic_planner.survey.calendar import sun_position_angle_deg
 from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
 from cpic_planner.survey.strategy import DetectionRule
@@ -19,25 +36,50 @@ from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, checked_utc
 from simulator.products import mjd_of
 
-_ROLL = "position angle of the detector's +y axis; without it that of the panels on that day"
-COLUMNS = Columns(
-    Column("star", "any name of a star of the catalogue", aliases="target object name"),
-    Column("start_utc", "when the visit began, ISO 8601", aliases="date utc dateobs begin"),
-    Column("band", "band of the visit", aliases="filter"),
-    Column("exposure_s", "of one frame", "float", "s", "exposure exptime", 1e-6, 1e6),
-    Column("n_frames", "science frames", "float", "", "frames nframes", 1.0, 1e9),
-    Column("em_gain", "EM gain", "float", "", "gain emgain", 1.0, 1e4),
-    Column("telescope_h", "telescope time that it took", "float", "h", "hours telescopehours", 0.0, 1e5),
-    Column("roll_deg", _ROLL, "float", "deg", "roll", -360.0, 360.0),
-    Column("planets", "planets that it showed; without it none", "float", "", "detections found", 0.0, 1000.0),
-)
-"""Columns of a log; star, start_utc, band, exposure_s, n_frames and em_gain are needed."""
-_NEEDED = (("star",), ("start_utc",), ("band",), ("exposure_s",), ("n_frames",), ("em_gain",))
+_KINDS = {"float64": "float", "int64": "whole", "bool": "bool", "string": "text"}
+_ALIASES = {
+    "star": "target object name",
+    "start_utc": "date utc dateobs begin",
+    "band": "filter",
+    "exposure_s": "exposure exptime",
+    "frames_per_visit": "nframes frames",
+    "em_gain": "gain emgain",
+    "telescope_h": "hours telescopehours",
+    "roll_deg": "roll",
+    "planets": "detections found",
+}
+"""What else people call the columns of their logs."""
+_FRAMES = (("star",), ("band",), ("exposure_s",), ("frames_per_visit",), ("em_gain",))
+_OBSERVED = (*_FRAMES[:1], ("start_utc",), *_FRAMES[1:])
+OUTCOMES = ("detected", "not_detected", "lost")
+
+
+def _columns() -> Columns:
+    """The columns of `PlannedVisitRow` with the ranges that a file may hold."""
+    made = []
+    for item in columns_of(PlannedVisitRow):
+        limits = PlannedVisitRow.model_fields[item.name].metadata
+        low, high = (
+            next((getattr(limit, end) for limit in limits if hasattr(limit, end)), 0.0) for end in ("ge", "le")
+        )
+        kind = "int" if item.name == "hip" else _KINDS[item.dtype]
+        made.append(
+            Column(item.name, item.description, kind, item.unit, _ALIASES.get(item.name, ""), float(low), float(high))
+        )
+    return Columns(*made)
+
+
+COLUMNS = _columns()
+"""Columns of a table of visits; star, band, exposure_s, frames_per_visit and em_gain are needed."""
 
 
 @dataclass(frozen=True)
 class ObservedVisit:
-    """One line of a log; ``roll_deg`` is nan where the log does not say, ``where`` names file and row."""
+    """One visit that was made.
+
+    ``roll_deg`` is nan where the log does not say, ``where`` names file and row; the frames of a ``lost`` visit say
+    nothing.
+    """
 
     star: str
     mjd: float
@@ -46,6 +88,7 @@ class ObservedVisit:
     roll_deg: float
     planets: int
     where: str = ""
+    lost: bool = False
 
 
 @dataclass(frozen=True)
@@ -56,9 +99,9 @@ class ObservationLog:
     provenance: str
 
     def of(self, star: str) -> tuple[ObservedVisit, ...]:
-        """Visits of a star, by any of its names."""
+        """Visits of a star, by any of its names, without those that were lost."""
         key = star_key(star)
-        return tuple(visit for visit in self.visits if star_key(visit.star) == key)
+        return tuple(visit for visit in self.visits if star_key(visit.star) == key and not visit.lost)
 
     @property
     def until_mjd(self) -> float:
@@ -71,45 +114,161 @@ class ObservationLog:
         return sum(visit.telescope_h for visit in self.visits)
 
 
-def read_log(source: str | Path) -> ObservationLog:
-    """Read an observation log.
+@dataclass(frozen=True)
+class ScheduledVisit:
+    """One visit that is still to be made: line ``row`` of the file.
+
+    ``mjd`` is the middle of its window, nan where the file gives none, as ``roll_deg``.
+    """
+
+    star: str
+    setting: Setting
+    visits: int
+    reference_library: str
+    roll_deg: float
+    mjd: float
+    reserve: bool
+    row: int
+
+
+def read_log(source: str | Path, strategies: Collection[str] = ()) -> ObservationLog:
+    """Read what was observed: the lines of a table of visits that have an outcome.
 
     Parameters
     ----------
     source : str or Path
-        CSV, ECSV, VOTable or FITS with the columns of `COLUMNS`.
+        CSV, ECSV, JSON, VOTable or FITS with the columns of `COLUMNS`. A log without the columns ``outcome`` and
+        ``planets`` has visits that showed nothing.
+    strategies : collection of str
+        Names of strategies: where lines of several have an outcome, those of the one that is among them count.
 
     Raises
     ------
     InputError
-        Naming file, row, column, value, unit and range of the first fault.
+        Naming file, row, column, value, unit and range of the first fault; if no line has an outcome, or those of
+        several strategies have.
     """
     file = read_bytes(source, key="observed", presets="")
-    log = read_rows(parse_table(file), COLUMNS, _NEEDED, about="star")
-    visits = []
-    for where, row in log:
-        log.refuse_missing(where, row, _NEEDED)
-        visits.append(_visit(row, where))
+    table = read_rows(_raw_table(file), COLUMNS, _OBSERVED, about="star")
+    told = {"outcome", "planets"} & set(table.headings)
+    made = [(where, row) for where, row in table if {"start_utc", "outcome", "planets"} & set(row)]
+    if not made:
+        allowed = "at least one line with start_utc and outcome"
+        raise InputError("observed", file.name, allowed=allowed, hint=f"none of its {len(table.rows)} lines has them")
+    kept = _of_one_strategy(made, file.name, "observed", strategies)
+    visits = [_observed(table, where, row, bool(told)) for where, row in kept]
     visits.sort(key=lambda visit: (visit.mjd, visit.star))
     hours, planets = sum(visit.telescope_h for visit in visits), sum(visit.planets for visit in visits)
-    about = f"{len(visits)} visits, {hours:g} h, {planets} planets ({file.name} {file.sha256[:12]})"
-    return ObservationLog(tuple(visits), about)
+    lost = sum(visit.lost for visit in visits)
+    text = f"{len(visits)} visits, {f'{lost} of them lost, ' * bool(lost)}{hours:g} h, {planets} planets"
+    return ObservationLog(tuple(visits), f"{text} ({file.name} {file.sha256[:12]})")
 
 
-def _visit(row: dict[str, Any], where: str) -> ObservedVisit:
+def read_schedule(source: str | Path, strategy: str | None = None) -> tuple[tuple[ScheduledVisit, ...], str]:
+    """Read what is still to be made: the lines of a table of visits that have no outcome.
+
+    Parameters
+    ----------
+    source : str or Path
+        As of `read_log`.
+    strategy : str, optional
+        Which strategy's visits; needed where the table has several.
+
+    Returns
+    -------
+    visits : tuple of ScheduledVisit
+        In the order of the file.
+    provenance : str
+        What the file is.
+
+    Raises
+    ------
+    InputError
+        As of `read_log`, and if every line has an outcome.
+    """
+    file = read_bytes(source, key="schedule", presets="")
+    table = read_rows(_raw_table(file), COLUMNS, _FRAMES, about="star")
+    named = [row["strategy"] for row in table.rows if "strategy" in row]
+    if strategy is not None and strategy not in named:
+        known = ", ".join(dict.fromkeys(named)) or "no strategy: the file names none"
+        raise InputError("schedule_strategy", strategy, allowed=known)
+    chosen = () if strategy is None else (strategy,)
+    lines = _of_one_strategy(list(table), file.name, "schedule", chosen)
+    left = [(where, row) for where, row in lines if not {"start_utc", "outcome", "planets"} & set(row)]
+    if not left:
+        raise InputError("schedule", file.name, allowed="lines without an outcome", hint="all were observed")
+    name = next((row["strategy"] for _, row in left if "strategy" in row), "")
+    about = f"{len(left)} visits{f' of {name}' * bool(name)} ({file.name} {file.sha256[:12]})"
+    number = {id(row): i for i, row in enumerate(table.rows, start=1)}
+    return tuple(_scheduled(table, where, row, number[id(row)]) for where, row in left), about
+
+
+def _raw_table(file: TableBytes) -> RawTable:
+    """The table as it is written; JSON as ``visits.json`` has it."""
+    if not file.data.lstrip().startswith(b"{"):
+        return parse_table(file)
+    allowed = "JSON with a list of visits, as cpic whatif writes it"
+    try:
+        rows = json.loads(file.data)["visits"]
+        names = list(dict.fromkeys(name for row in rows for name in dict(row)))
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(file.name, "not a table of visits", allowed=allowed, hint=type(error).__name__) from None
+    if not names:
+        raise InputError(file.name, "no rows", allowed=allowed)
+    return RawTable(file.name, [RawColumn(name, "", [row.get(name) for row in rows]) for name in names])
+
+
+_Line = tuple[str, dict[str, Any]]
+
+
+def _of_one_strategy(lines: Sequence[_Line], file: str, key: str, wanted: Collection[str]) -> list[_Line]:
+    """Lines of one strategy, and those that no strategy planned; a varied strategy is meant by its name before."""
+    found = list(dict.fromkeys(row["strategy"] for _, row in lines if "strategy" in row))
+    mine = found
+    if wanted and (key == "schedule" or len(found) > 1):
+        mine = [name for name in found if any(item == name or item.startswith(f"{name} ") for item in wanted)]
+    if len(found) > 1 and len(mine) != 1:
+        hint = f"it has those of {', '.join(found)}: choose one with --strategy"
+        raise InputError(key, file, allowed="visits of one strategy", hint=hint)
+    return [(where, row) for where, row in lines if row.get("strategy") in (None, *mine)]
+
+
+def _setting(table: Rows, where: str, row: dict[str, Any]) -> tuple[Setting, int]:
+    """Frames of a line, and how many visits are reduced together."""
+    table.refuse_missing(where, row, _FRAMES)
+    visits, frames = int(row.get("visits", 1)), row["frames_per_visit"]
+    time_s = row.get("time_s") or 2.0 * row["exposure_s"] * frames * visits
+    return Setting(str(row["band"]), row["exposure_s"], frames, row["em_gain"], time_s), visits
+
+
+def _observed(table: Rows, where: str, row: dict[str, Any], told: bool) -> ObservedVisit:
+    table.refuse_missing(where, row, _OBSERVED)
     utc = checked_utc(f"{where} column start_utc", row["start_utc"])
-    for name in ("n_frames", "planets"):
-        if not float(row.get(name) or 0).is_integer():
-            raise InputError(f"{where} column {name}", row[name], allowed="a whole number")
-    exposure_s, n_frames = row["exposure_s"], row["n_frames"]
-    time_s = 2.0 * exposure_s * n_frames
-    setting = Setting(str(row["band"]), exposure_s, n_frames, row["em_gain"], time_s)
-    hours, roll = (
-        other if row.get(name) is None else row[name]
-        for name, other in (("telescope_h", time_s / 3600.0), ("roll_deg", math.nan))
+    outcome, planets = row.get("outcome"), row.get("planets")
+    if outcome is not None:
+        word = str(outcome).lower().replace(" ", "_").replace("-", "_")
+        if word not in OUTCOMES:
+            raise InputError(f"{where} column outcome", outcome, allowed=f"{', '.join(OUTCOMES)}, or empty")
+        planets = (word == "detected") if planets is None else planets
+        if (planets > 0) != (word == "detected"):
+            allowed = "1 or more with outcome detected, 0 or empty with another"
+            raise InputError(f"{where} column planets", int(planets), allowed=allowed)
+    elif planets is None and told:
+        allowed = f"{', '.join(OUTCOMES)}, for a visit that has a start_utc"
+        raise InputError(f"{where} column outcome", "missing", allowed=allowed)
+    setting, visits = _setting(table, where, row)
+    hours = row.get("telescope_h", 2.0 * setting.exposure_s * setting.n_frames * visits / 3600.0)
+    roll, lost = row.get("roll_deg", math.nan), outcome is not None and word == "lost"
+    return ObservedVisit(str(row["star"]), mjd_of(utc), setting, hours, roll, int(planets or 0), where, lost)
+
+
+def _scheduled(table: Rows, where: str, row: dict[str, Any], number: int) -> ScheduledVisit:
+    setting, visits = _setting(table, where, row)
+    mjd = 0.5 * (row.get("window_start_mjd", math.nan) + row.get("window_end_mjd", math.nan))
+    library, roll = row.get("reference_library", ""), row.get("roll_deg", math.nan)
+    return ScheduledVisit(
+        str(row["star"]), setting, visits, library, roll, mjd, bool(row.get("reserve", False)), number
     )
-    planets = int(row.get("planets") or 0)
-    return ObservedVisit(str(row["star"]), mjd_of(utc), setting, hours, roll, planets, where)
 
 
 def missed(

@@ -1,16 +1,24 @@
-"""From tables of universes to what strategies yield, how they differ, and which stars changed their rank."""
+"""From tables of universes to what strategies yield, how they differ, and which stars changed their rank.
 
-from collections.abc import Mapping, Sequence
+The calendar of every strategy as a table for an observatory: one line a visit, as CSV, ECSV and JSON.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, NDArray
+from cpic_core import FloatArray, NDArray, dump_json
 from cpic_planner import results
+from cpic_planner.etc import QUADRANTS
 from cpic_planner.survey.estimates import Estimate, convergence, difference_interval, mean_interval, spread
+from cpic_planner.survey.planning import VisitOdds
 from cpic_planner.survey.schedule import PlannedVisit
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.visibility import utc_of
+from simulator.imaging import PsfMetrics
 
 Columns = Mapping[str, NDArray[Any]]
 _CURVE_POINTS = 41
@@ -21,6 +29,10 @@ _N_CHANGES = 8
 _SAME = 1e-9
 _LEAST_SEEN = 2e-3
 _MEANS = ("visits", "search_h", "follow_up_h", "new_planets", "new_planets_unconditional", "known_planets")
+VISIT_FILES = ("visits.csv", "visits.ecsv", "visits.json")
+_PLACE = ("star", "slot", "ordinal")
+_MINUTE_S, _HOUR_S = 60.0, 3600.0
+_ROUNDING = 1e-6
 
 
 def outcome(
@@ -275,3 +287,94 @@ def _why(old: results.SurveyTarget | None, new: results.SurveyTarget | None) -> 
     gain_old, gain_new = old.new_planets + old.known_seen, new.new_planets + new.known_seen
     parts.append(f"{gain_new:.3f} planets instead of {gain_old:.3f}")
     return ", ".join(parts)
+
+
+def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[results.PlannedVisitRow]:
+    """Yield the visits of a strategy in the order of its calendar.
+
+    Parameters
+    ----------
+    survey : Survey
+    every_odds : sequence of VisitOdds
+        Of the visits of its schedule.
+    """
+    visits, calendar, reduction = survey.schedule.visits, survey.calendar, survey.model.strategy
+    stars, slots, ordinals = (np.array([getattr(item, name) for item in visits], np.int64) for name in _PLACE)
+    rolls = [
+        float(calendar.roll_deg(survey.strategy.revisits, star, slots[k : k + 1], ordinals[k : k + 1])[0])
+        for k, star in enumerate(stars.tolist())
+    ]
+    opens, closes = (calendar.start_mjd + days[stars, slots] for days in (calendar.opens_day, calendar.closes_day))
+    texts = [utc_of(part) if len(visits) else [] for part in (opens, closes)]
+    together = reduction.visits or 1
+    settled_h = together * survey.strategy.visit.settlings * calendar.settle_h
+    for k, (visit, odds) in enumerate(zip(visits, every_odds, strict=True)):
+        star, slot = visit.star, visit.slot
+        setting, name = survey.options[star][visit.option], str(survey.targets.name[star])
+        followed = survey.log is not None and any(item.planets for item in survey.log.of(name))
+        yield results.PlannedVisitRow(
+            strategy=survey.strategy.name,
+            visit=k + 1,
+            star=name,
+            hip=int(survey.targets.hip[star]) or None,
+            ra_deg=round(float(survey.targets.ra_deg[star]), 6),
+            dec_deg=round(float(survey.targets.dec_deg[star]), 6),
+            reason="follow_up" if followed else "known_planet" if odds.known else "search",
+            reserve=visit.reserve,
+            window_start_utc=texts[0][k],
+            window_end_utc=texts[1][k],
+            window_start_mjd=round(float(opens[k]), 5),
+            window_end_mjd=round(float(closes[k]), 5),
+            arcs=max(1, math.ceil((visit.cost_h - settled_h) * _HOUR_S / calendar.period_s - _ROUNDING)),
+            arc_usable_min=round(float(calendar.fraction[star, slot]) * calendar.period_s / _MINUTE_S, 2),
+            arc_longest_min=round(float(calendar.window_s[star, slot]) / _MINUTE_S, 2),
+            roll_deg=round(rolls[k], 2),
+            quadrants=_quadrants(survey.model.metrics[setting.band]),
+            band=setting.band,
+            exposure_s=_digits(setting.exposure_s),
+            visits=together,
+            frames_per_visit=int(setting.n_frames),
+            em_gain=_digits(setting.em_gain),
+            reference_library=reduction.library,
+            reference_ratio=reduction.reference_ratio,
+            time_s=round(setting.time_s, 1),
+            telescope_h=round(visit.cost_h, 3),
+            probability=round(odds.probability, 6),
+        )
+
+
+def _digits(value: float) -> float:
+    """Six digits, which no camera can tell from more."""
+    return float(f"{value:.6g}")
+
+
+def _quadrants(metrics: PsfMetrics) -> str:
+    """Quadrants of the hole: all, or the names of the two on its side."""
+    if metrics.hole_mode == "4q":
+        return "all"
+    side = {"top": "upper", "bottom": "lower"}.get(metrics.hole_side, metrics.hole_side)
+    return "; ".join(name for name in QUADRANTS if side in name)
+
+
+def visit_files(
+    surveys: Sequence[Survey], odds: Sequence[Sequence[VisitOdds]], about: Mapping[str, Any]
+) -> dict[str, str]:
+    """Return the texts of `VISIT_FILES`, which are one table.
+
+    Parameters
+    ----------
+    surveys : sequence of Survey
+    odds : sequence of sequence of VisitOdds
+        Of the visits of each.
+    about : mapping
+        The other fields of `cpic_planner.results.VisitsResult`.
+    """
+    every = [row for survey, own in zip(surveys, odds, strict=True) for row in planned_rows(survey, own)]
+    table = results.VisitsResult(visits=every, **about)
+    rows, meta = table.visits, table.model_dump(mode="json", exclude={"visits"})
+    texts = (
+        results.csv_text(results.names_of(results.PlannedVisitRow), map(results.values_of, rows)),
+        results.ecsv_text(results.PlannedVisitRow, rows, meta),
+        dump_json(table.model_dump(mode="json")),
+    )
+    return dict(zip(VISIT_FILES, texts, strict=True))

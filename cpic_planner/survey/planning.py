@@ -1,8 +1,12 @@
 """Planets with which schedules are made, where they stand, and how likely visits are to show them."""
 
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,9 +16,12 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.planets import PopulationConfig
 from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
 from cpic_planner.survey.strategy import SurveyStrategy
-from cpic_planner.survey.universe import PlanetSample, at_known_place, draw_planet_sample, star_mass_msun
+from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place, draw_planet_sample, star_mass_msun
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
+
+if TYPE_CHECKING:
+    from cpic_planner.survey.schedule import PlannedVisit, Problem
 
 N_DRAWS, N_KNOWN = 2000, 500
 """Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
@@ -185,3 +192,56 @@ class PlanningSky:
             seen = np.flatnonzero((chance > 0.0).any(axis=(0, 1)))
             self._shown[key] = Shown(planets, seen, chance[:, :, seen])
         return self._shown[key]
+
+
+@dataclass(frozen=True)
+class VisitOdds:
+    """What a planned visit is likely to bring.
+
+    Attributes
+    ----------
+    probability : float
+        That it completes the detection of at least one planet.
+    known : bool
+        Whether that is more likely of a known planet than of a new one.
+    """
+
+    probability: float
+    known: bool
+
+
+def visit_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[VisitOdds, ...]:
+    """Return the odds of visits in the order of time, the star's earlier ones made as planned.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the planets that the schedule was made with.
+    visits : iterable of PlannedVisit
+        In the order of time; what a reserve visit would show is taken from no later one.
+
+    Notes
+    -----
+    With ``p`` the chance that the visit detects a planet and ``c`` that earlier visits have brought it to one detection
+    less than it needs, each draw of a new planet stands for a Poisson number of mean ``w``, of which the visit
+    completes ``mu = sum w p c``; those of a known planet add up to the probability ``q`` that it is completed. The
+    probability of at least one is ``1 - exp(-mu) product(1 - q)``.
+    """
+    strategy, found = problem.strategy, []
+    states: dict[int, FloatArray] = {}
+    for visit in visits:
+        star = problem.stars[visit.star]
+        counts = states.setdefault(visit.star, np.eye(problem.needed, 1) * np.ones(len(star.weight)))
+        chance = star.chance[visit.option, visit.slot].astype(np.float64)
+        new = star.known == NEW
+        # The scheduler's weights hold what a planet is worth to it; how likely it is does not.
+        weight = star.weight / np.where(new, strategy.value_new, strategy.value_known)
+        completed = weight * chance * counts[-1]
+        each = [min(float(completed[star.known == row].sum()), 1.0) for row in np.unique(star.known[~new])]
+        none_new, none_known = math.exp(-float(completed[new].sum())), math.prod(1.0 - item for item in each)
+        found.append(VisitOdds(1.0 - none_new * none_known, none_known < none_new))
+        if not visit.reserve:
+            after = counts * (1.0 - chance)
+            after[1:] += counts[:-1] * chance
+            states[visit.star] = after
+    return tuple(found)

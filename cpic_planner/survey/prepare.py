@@ -14,7 +14,7 @@ from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import Candidate, Screened, candidates, screen, settings_of
 from cpic_planner.survey.detection import Setting, background_alarms, noise_alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
-from cpic_planner.survey.planning import PlanningSky
+from cpic_planner.survey.planning import PlanningSky, VisitOdds, visit_odds
 from cpic_planner.survey.schedule import Problem
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
@@ -29,8 +29,8 @@ class Prepared:
     """Surveys of all strategies, with what they were made of.
 
     ``calendar`` is that of ``stars``, all stars that any strategy looks at closely; ``worth`` is the value per hour of
-    the first visit of each survey's stars, in their order; ``sky`` is kept where the strategies are planned again
-    without some facts.
+    the first visit of each survey's stars, in their order, ``odds`` what each visit of its schedule is likely to bring;
+    ``sky`` is kept where the strategies are planned again without some facts.
     """
 
     config: StrategiesConfig
@@ -42,6 +42,7 @@ class Prepared:
     calendar: Calendar
     surveys: tuple[Survey, ...]
     worth: tuple[tuple[float, ...], ...]
+    odds: tuple[tuple[VisitOdds, ...], ...]
     sky: PlanningSky | None
 
 
@@ -68,7 +69,8 @@ def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance
     catalogue = as_catalogue(universe.catalog)
     instrument = load_instrument(universe.instrument)
     known = known_table(universe)
-    log = _checked(read_log(universe.observed), catalogue, instrument) if universe.observed else None
+    strategies = [item.name for item in config.strategies]
+    log = _checked(read_log(universe.observed, strategies), catalogue, instrument) if universe.observed else None
     looked = []
     for strategy in config.strategies:
         logged = () if log is None else [visit.setting.band for visit in log.visits]
@@ -98,7 +100,7 @@ def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance
     if sky is None:
         reach = [reach_au(item.model, 1.0) for item in looked]
         sky = PlanningSky(universe.seed, (min(low for low, _ in reach), max(high for _, high in reach)))
-    surveys, worth = [], []
+    surveys, worth, odds = [], [], []
     for item in looked:
         names = item.targets.name[item.rows]
         own = calendar.select(np.array([place[str(name)] for name in names], np.int64))
@@ -106,9 +108,11 @@ def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance
         found = candidates(item, own, known, sky, limits, log)
         surveys.append(_survey(universe, item, found, own, known, log))
         worth.append(tuple(star.worth for star in found))
+        odds.append(visit_odds(Problem(item.strategy, tuple(found), own.slot_h), surveys[-1].schedule.visits))
         advance(f"{item.strategy.name}: schedule")
     kept = sky if universe.facts else None
-    return Prepared(config, catalogue, instrument, known, log, stars, calendar, tuple(surveys), tuple(worth), kept)
+    plans = tuple(surveys), tuple(worth), tuple(odds)
+    return Prepared(config, catalogue, instrument, known, log, stars, calendar, *plans, kept)
 
 
 def known_table(universe: UniverseConfig) -> KnownPlanetTable | None:

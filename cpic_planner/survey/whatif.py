@@ -15,7 +15,7 @@ from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult
 from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.facts import Counts, count_block, counts_of, facts_record, taken_back
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
-from cpic_planner.survey.outcome import Columns, differences, outcome, rank_changes
+from cpic_planner.survey.outcome import VISIT_FILES, Columns, differences, outcome, rank_changes, visit_files
 from cpic_planner.survey.prepare import Prepared, prepare
 from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.store import ResultStore, table_files
@@ -111,6 +111,11 @@ def whatif_job(
         return assemble(ready, tables, images, without, runner.digest)
 
     def write(folder: RunFolder, result: WhatIfResult, bodies: Mapping[str, Any]) -> None:
+        ready = prepared()
+        about = {"version": __version__, "config_hash": result.config_hash, "catalogue": result.catalogue}
+        date_utc = config.universe.date_utc or config.universe.start_utc
+        for name, text in visit_files(ready.surveys, ready.odds, about | {"date_utc": date_utc}).items():
+            folder.write(name, text)
         if pages:
             announce("writing the report")
             write_whatif(folder, result)
@@ -121,7 +126,7 @@ def whatif_job(
         decides=lambda: decided_by(prepared(), n_images),
         work=work,
         write=write,
-        products=(*table_files(TABLES), *(WHATIF_PRODUCTS if pages else ())),
+        products=(*table_files(TABLES), *VISIT_FILES, *(WHATIF_PRODUCTS if pages else ())),
         cost=lambda: whatif_cost(config, n_images),
     )
 

@@ -300,6 +300,7 @@ def prepare_task(
     *,
     time_s: float,
     planet: ReferencePlanet,
+    frames: Frames | None = None,
     overrides: SimulatorOverrides | None = None,
     **settings: Unpack[ImageSettings],
 ) -> ConfirmTask | BandConfirmation:
@@ -314,6 +315,9 @@ def prepare_task(
     time_s : float
         Wall time of all visits, s, overheads and reference frames included.
     planet : ReferencePlanet
+    frames : Frames, optional
+        Those that are taken, whose time is ``time_s``; the best ones of that time by default. They do not move the
+        planet: it stands where the best ones see it best.
     overrides : SimulatorOverrides, optional
         What the images have otherwise.
     **settings
@@ -323,7 +327,7 @@ def prepare_task(
     separation = float(best.separation_arcsec[0])
     # Two rolls put it to either side of the diagonal; the ETC counts one of them.
     pa_deg = etc.diagonal_pa_deg(model, target, band)
-    if not 1 <= best.frames_per_visit[0] <= MAX_FRAMES:
+    if frames is None and not 1 <= best.frames_per_visit[0] <= MAX_FRAMES:
         status, reason = no_frame_status(best, 0, model.camera(band))
         if best.frames_per_visit[0] > MAX_FRAMES:
             status, reason = Status.INVALID, Reason.TOO_MANY_FRAMES
@@ -338,8 +342,9 @@ def prepare_task(
             verdict="not observed",
         )
     distance = float(etc.reference_distance_au(target, np.array([separation]), planet)[0, 0])
-    per_visit, visits = int(best.frames_per_visit[0]), int(best.visits[0])
-    frames = Frames(float(best.exposure_s[0]), per_visit, float(best.em_gain[0]), visits)
+    if frames is None:
+        per_visit, visits = int(best.frames_per_visit[0]), int(best.visits[0])
+        frames = Frames(float(best.exposure_s[0]), per_visit, float(best.em_gain[0]), visits)
     # Dust is part of the scene: where the simulator's differs, it is in the images alone.
     zodis = (overrides or SimulatorOverrides()).instrument(model.instrument).sky.exozodi_zodis
     scene = target_scene(target, planet, separation, distance, pa_deg, exozodi_zodis=zodis)

@@ -1,6 +1,7 @@
 """The main job: resumable, the same for any number of workers, and honest."""
 
 import contextlib
+import csv
 import io
 import json
 import os
@@ -8,16 +9,20 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import cpic_planner.confirm.plan as module
 from cpic_planner.cli.main import main
 from cpic_planner.confirm import make_plan, plan_job
-from cpic_planner.jobs import estimate
+from cpic_planner.jobs import estimate, run
 from cpic_planner.planets import load_population
 from cpic_planner.queries import PlanQuestion
 from cpic_planner.ranking import counted_planets
+from cpic_planner.results import PlannedVisitRow, PlanResult
+from cpic_planner.survey import load_strategies, run_whatif, with_universe
 from simulator.config import load_instrument, validate
 
 ARGUMENTS = """
@@ -163,3 +168,147 @@ def test_dry_run_estimates_without_working(stars):
 def test_unknown_band_is_refused(refused, tmp_path):
     config = PlanQuestion(instrument=load_instrument(), bands=("F1",))
     refused("F1", make_plan, config, tmp_path / "x")
+
+
+QUICK = {"bands": ("F520",), "time_s": 1000.0, "realisations": 1, "n_planets": 200}
+
+
+def planned(stars, **asked):
+    return module.prepare_plan(PlanQuestion(instrument=load_instrument(), **asked), stars)
+
+
+def test_a_star_that_is_not_seen_in_the_period_is_not_proposed(stars, tmp_path, monkeypatch):
+    """The Sun stands at 281.6, -23.0 deg on 2 January 2028, and a quarter of the sky away from there in April."""
+    monkeypatch.setattr(module, "plan_tasks", lambda *given, **more: ([], {}))  # no images are asked for
+    path = tmp_path / "sun.csv"
+    path.write_text(STARS.replace("53.2,-9.5", "281.6,-23.0") + "blind,3.6,K2V,5080,4.6,-0.1,3.4,0.34,,\n")
+    winter, year, april = (
+        planned(path, **QUICK, top=2, **period)
+        for period in ({"n_days": 3}, {}, {"n_days": 3, "date_utc": "2028-04-02"})
+    )
+    assert [row.name for row in year.chosen] == [row.name for row in april.chosen] == ["first", "blind"]
+    assert (year.period.start_utc, year.period.n_days, year.period.left_out) == ("2028-01-01T00:00:00", 365, [])
+    assert year.period.not_checked == ["blind"]  # a table of one's own without coordinates
+    assert april.period.start_utc == "2028-04-02T00:00:00"
+    (left,) = winter.period.left_out
+    assert (left.name, left.rank, left.limited_by, left.usable_h) == ("first", 1, "visibility", 0.0)
+    assert left.message == "not seen in 3 d: too near to the Sun for 3 d"
+    assert [row.name for row in winter.chosen] == ["blind", "second"]
+    # Who sees it for too short: a day has 24 h, and the Earth hides a star for half of them.
+    short = planned(stars, **(QUICK | {"time_s": 86000.0}), top=3, n_days=1)
+    seen = [row for row in short.period.left_out if row.usable_h > 0.0]
+    for row in seen:
+        assert 6.0 < row.usable_h < row.needed_h <= 86000.0 / 3600.0
+        assert f"seen for {row.usable_h:.1f} h in 1 d, and its observation takes" in row.message
+    assert seen
+    tight = tmp_path / "tight.yaml"
+    tight.write_text("sun_deg: 170\n")
+    assert len(planned(stars, **QUICK, limits=str(tight)).period.left_out) == 3
+
+
+SCHEDULE = "star,band,exposure_s,frames_per_visit,em_gain,roll_deg,reserve,"
+SCHEDULE += """reference_library,window_start_mjd,window_end_mjd
+first,F520,10,20,300,30,no,,61800,61810
+first,F520,10,20,300,80,no,,61830,61840
+first,F520,11,20,300,80,no,,61830,61840
+first,Y,10,20,300,80,no,,61830,61840
+Vulcan,F520,10,20,300,80,no,,61830,61840
+third,F520,10,20,300,,yes,,,
+third,F520,10,20,300,,no,archive,,
+second,F662,12,15,200,,,,,
+third,F520,10,5000,300,,,,,
+"""
+
+
+def test_visits_of_a_schedule_are_programmes_of_their_own_frames(stars, tmp_path, refused):
+    path = tmp_path / "visits.csv"
+    path.write_text(SCHEDULE)
+    ready = planned(stars, schedule=str(path), realisations=1, n_planets=200)
+    one, two = ready.tasks
+    assert (one.name, one.band, one.exposure_s, one.n_frames, one.em_gain) == ("first", "F520", 10.0, 20, 300.0)
+    assert (two.name, two.band, two.exposure_s, two.n_frames, two.em_gain) == ("second", "F662", 12.0, 15, 200.0)
+    assert (one.visits, one.reference_visits, two.visits) == (2, 2, 1)
+    assert one.gap_s == pytest.approx(30.0 * 86400.0, rel=1e-3)  # from window to window
+    assert ready.rolls_deg == {"first": 30.0, "second": 0.0}
+    assert ready.model.bands == ("F520", "F662")
+    made = ready.schedule
+    assert (made.n_visits, made.n_imaged, made.n_stars) == (9, 3, 2)
+    said = {row.row: row.message for row in made.not_imaged}
+    assert list(said) == [3, 4, 5, 6, 7, 9]
+    for row, words in zip(
+        said, ("those of row 1", "F520, F662", "no star", "a reserve visit", "give --library", "4000"), strict=True
+    ):
+        assert words in said[row]
+    assert planned(stars, schedule=str(path), top=1, realisations=1, n_planets=200).schedule.n_imaged == 2
+    asked = {"instrument": load_instrument(), "schedule": str(path)}
+    for more in ({"time_s": 60.0}, {"bands": ("F520",)}, {"n_days": 3}):
+        refused("schedule = given with", validate, PlanQuestion, asked | more, where="plan")
+    refused("schedule_strategy", PlanQuestion.of, {"schedule_strategy": "x"})
+    path.write_text(SCHEDULE.splitlines()[0] + "\nVulcan,F520,10,20,300,,,,,\n")
+    refused("row 1: no star of the catalogue", planned, stars, schedule=str(path))
+    path.write_text(SCHEDULE.splitlines()[0] + "\nfirst,Y,10,20,300,,,,,\n")
+    refused("whose images are measured", planned, stars, schedule=str(path))
+
+
+STRATEGIES = """kind: strategies
+universe: {duration_days: 300, slot_days: 60, universes: 20, known_planets: "off"}
+defaults: {time_budget_h: 60, visit: {bands: [F520], time_s: 2000}, scheduler: {reserve: 0}}
+strategies: [{name: once}, {name: twice, revisits: {max_visits: 2}}]
+"""
+
+
+def test_plan_visits_log_and_survey_close_by_files_alone(stars, tmp_path, capsys, refused):
+    """A survey plans, images confirm its visits, an observer fills in what happened, and the rest is planned anew."""
+    strategies, survey, log = tmp_path / "two.yaml", tmp_path / "survey", tmp_path / "log.csv"
+    strategies.write_text(STRATEGIES)
+
+    def whatif(out, observed=""):
+        config = with_universe(load_strategies(strategies), {"catalog": str(stars), "observed": str(observed)})
+        return run_whatif(config, out, pages=False).result
+
+    before = whatif(survey)
+    with (survey / "visits.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    mine = [row for row in rows if row["strategy"] == "twice"]
+    assert {row["strategy"] for row in rows} == {"once", "twice"}
+    assert len(mine) == before.strategies[1].schedule.visits >= 3
+
+    # Which of the two strategies is meant has to be said.
+    assert main(["plan", "--schedule", str(survey / "visits.csv"), "--catalog", str(stars)]) == 2
+    assert "it has those of once, twice: choose one with --strategy" in capsys.readouterr().err
+    asked = {"schedule": survey / "visits.csv", "schedule_strategy": "twice", "top": 1, "fidelity": "quick"}
+    config = PlanQuestion.of(asked | {"realisations": 1, "n_planets": 200})
+    run(replace(plan_job(config, stars), write=lambda folder, result, bodies: None), tmp_path / "plan")
+    plan = PlanResult.model_validate_json((tmp_path / "plan/plan.json").read_text())
+    (target,) = plan.targets
+    own = [row for row in mine if row["star"] == target.name]
+    (band,) = target.bands
+    assert (band.visits, band.exposure_s, band.frames_per_visit) == (
+        len(own),
+        float(own[0]["exposure_s"]),
+        int(own[0]["frames_per_visit"]),
+    )
+    assert band.recovered_snr is not None
+    assert plan.schedule.n_stars > 1
+
+    # The first visit shows nothing and takes two hours more; the second is lost.
+    first, second = mine[:2]
+    hours = float(first["telescope_h"]) + 2.0, float(second["telescope_h"])
+    first |= {"start_utc": first["window_start_utc"], "outcome": "not_detected", "telescope_h": str(hours[0])}
+    second |= {"start_utc": second["window_start_utc"], "outcome": "lost"}
+    with log.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(PlannedVisitRow.model_fields))
+        writer.writeheader()
+        writer.writerows(rows)
+    after = whatif(tmp_path / "rest", log)
+    assert after.observed.startswith(f"2 visits, 1 of them lost, {sum(hours):g} h, 0 planets (log.csv ")
+    with (tmp_path / "rest/visits.csv").open(encoding="utf-8") as file:
+        rest = [row for row in csv.DictReader(file) if row["strategy"] == "twice"]
+    assert rest
+    assert min(row["window_start_utc"] for row in rest) >= second["start_utc"]
+    # What was seen counts as a visit of its star; what was lost does not.
+    visits = [row["star"] for row in rest]
+    assert visits.count(first["star"]) <= 1
+    assert after.strategies[1].schedule.hours <= 60.0 - sum(hours)
+    # A new table says of itself that nothing is observed.
+    refused("at least one line with start_utc and outcome", whatif, tmp_path / "x", tmp_path / "rest/visits.csv")

@@ -396,6 +396,8 @@ def test_settlings_of_a_survey_are_those_of_all_visits():
         sun_pa_deg=np.array([[0.0]]),
         period_s=5553.6,
         settle_h=0.5,
+        opens_day=np.array([[0.0]]),
+        closes_day=np.array([[10.0]]),
     )
     setting = Setting("F520", 30.0, 10.0, 20.0, 36000.0)
     one, four = (

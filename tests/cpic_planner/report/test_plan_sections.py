@@ -10,7 +10,7 @@ from cpic_planner.report.plan_sections import PlanReport, plan_document
 from cpic_planner.report.summary import calibration_sentence, summary_sentences
 from cpic_planner.report.words import dec_text, ra_text
 from cpic_planner.report.write import page_html, plan_html
-from cpic_planner.results import PlanResult
+from cpic_planner.results import LeftOutRow, NotImagedRow, PeriodRecord, PlanResult, ScheduleImages
 
 HOSTILE = "<script>alert('x')</script>"
 
@@ -283,3 +283,20 @@ def test_scores_and_libraries_bring_their_words(plan, rank, read):
     for said in ("ranked by how many toys are seen", "by toy score: toys seen", "a toy box", "if a toy squeaks"):
         assert said in text
     assert "reduced, searched for toys: the planet" in text
+
+
+def test_the_page_says_where_the_targets_come_from(plan, rank):
+    """Text of a file, such as the name of a star in a schedule, is text."""
+    left = LeftOutRow(name="tau Cet", rank=1, usable_h=0.0, needed_h=2.0, message="not seen in 3 d")
+    period = PeriodRecord(start_utc="2028-01-01", n_days=3, pointing="default", left_out=[left], not_checked=[])
+    seen = page_html(plan_document(PlanReport(plan.model_copy(update={"period": period}), rank, {}, {})))
+    assert "limited by visibility: τ Cet, rank 1 (not seen in 3 d)" in seen
+    bad = NotImagedRow(row=2, star=HOSTILE, band="F520", message="no star of the catalogue has this name")
+    made = ScheduleImages(source="2 visits of deep", n_visits=2, n_imaged=1, n_stars=1, not_imaged=[bad])
+    target = plan.targets[0].model_copy(update={"roll_deg": 30.0})
+    asked = plan.model_copy(update={"schedule": made, "targets": [target]})
+    page = page_html(plan_document(PlanReport(asked, rank, {}, {})))
+    assert "the images stand for 1 of 2 visits." in page
+    assert "No images of row 2 (&lt;script&gt;" in page
+    assert "First and confirmed is" in page or "Highest ranked" not in page
+    assert "30 deg" in page

@@ -12,12 +12,15 @@ from cpic_planner.report.words import (
     cap_sentence,
     flag_text,
     limit_text,
+    not_imaged_lines,
     reason_text,
     remedy_text,
     score_number,
     short_limit,
+    targets_sentences,
     term_text,
 )
+from cpic_planner.results import LeftOutRow, NotImagedRow, PeriodRecord, ScheduleImages
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 
@@ -84,3 +87,28 @@ def test_scores_as_text(value, score, text):
 def test_gains_that_spare_something(name):
     assert cap_sentence(name, 482.2).startswith("EM gain up to 482 ")
     assert cap_sentence(name, float(np.float64(0.0))).startswith("no EM gain ")
+
+
+def test_who_is_left_out_and_why(plan):
+    assert targets_sentences(plan) == not_imaged_lines(plan) == []  # an older result
+    left = [
+        LeftOutRow(name=f"HD {i}", rank=i + 1, usable_h=0.0, needed_h=2.0, message="not seen in 3 d") for i in range(12)
+    ]
+    period = PeriodRecord(
+        start_utc="2028-01-01T00:00:00", n_days=3, pointing="default", left_out=left, not_checked=["tau Cet"]
+    )
+    first, unknown, named = targets_sentences(plan.model_copy(update={"period": period}))
+    assert "in the 3 days from 2028-01-01 on (limits of pointing: default)" in first
+    assert "not known of τ Cet" in unknown
+    assert "limited by visibility: HD 0, rank 1 (not seen in 3 d); HD 1" in named
+    assert named.endswith("HD 9, rank 10 (not seen in 3 d); and 2 more stars, which plan.json names.")
+
+
+def test_what_a_schedule_has_no_images_of(plan):
+    bad = [NotImagedRow(row=row, star="tau Cet", band="F520", message="a reserve visit") for row in (2, 5)]
+    made = ScheduleImages(source="9 visits of deep", n_visits=9, n_imaged=7, n_stars=50, not_imaged=bad)
+    shown = plan.model_copy(update={"schedule": made})
+    what, _ = targets_sentences(shown)
+    rest = 50 - len(plan.targets)
+    assert what.endswith(f"for 7 of 9 visits; {rest} more stars can be imaged (a larger --top).")
+    assert not_imaged_lines(shown) == ["No images of rows 2 (τ Cet, F520), 5 (τ Cet, F520): a reserve visit."]

@@ -8,6 +8,7 @@ from cpic_planner.survey.candidates import Candidate
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.schedule import Problem
 from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.universe import NEW
 
 SETTING = Setting("F520", 10.0, 10.0, 100.0, 200.0)
 
@@ -18,7 +19,8 @@ def candidate(rng, *, options=1, slots=4, planets=6, visits_left=3, day=None, kn
     cost[rng.random((options, slots)) < 0.2] = np.inf
     chance = (rng.random((options, slots, planets)) * (rng.random((options, slots, planets)) < 0.6)).astype(np.float32)
     day = 30.0 * np.arange(slots) + rng.uniform(0.0, 29.0, slots) if day is None else day
-    return Candidate(0, (SETTING,) * options, cost, chance, rng.uniform(0.0, 0.3, planets), known, visits_left, day)
+    weight, new = rng.uniform(0.0, 0.3, planets), np.full(planets, NEW)
+    return Candidate(0, (SETTING,) * options, cost, chance, weight, known, visits_left, day, new)
 
 
 def strategy(*, budget_h=10.0, share=0.25, needed=1, gap_days=0.0, max_visits=3, first="any", **scheduler):

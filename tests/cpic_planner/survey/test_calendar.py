@@ -51,6 +51,8 @@ def plain(fraction, window_s, allowed_h=1e9, settle_h=0.0):
         0.0 * even,
         5554.0,
         settle_h,
+        0.0 * even,
+        30.0 * even,
     )
 
 

@@ -1,5 +1,6 @@
 """Observation logs: what they leave, against universes that are thrown away, and what is refused."""
 
+import json
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -14,7 +15,7 @@ from cpic_core import InputError
 from cpic_planner.etc import build_model
 from cpic_planner.planets import load_population
 from cpic_planner.survey.detection import Setting, detection_chance, expected_signals, reach_au
-from cpic_planner.survey.observed import ObservedVisit, missed, read_log, resampled
+from cpic_planner.survey.observed import ObservedVisit, missed, read_log, read_schedule, resampled
 from cpic_planner.survey.planning import N_KNOWN, Host, PlanningSky, albedos_of
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
@@ -80,6 +81,88 @@ def test_files_that_are_no_log(refused, log_of, tmp_path):
     ):
         refused(text, read_log, log_of(*rows, head=head))
     refused("nowhere", read_log, tmp_path / "nowhere.csv")
+
+
+PLAN_HEAD = "strategy,star,band,exposure_s,frames_per_visit,em_gain,telescope_h,start_utc,outcome,planets\n"
+PLANNED = "deep,tau Cet,F520,20,100,400,5,,,\n"
+MADE = "deep,tau Cet,F520,20,100,400,5,2028-02-01T00:00:00,not_detected,\n"
+
+
+def test_a_log_is_the_table_of_visits_with_outcomes(log_of):
+    """Lines without one are still to be made, whatever stands before and behind them."""
+    shown = MADE.replace("not_detected,", "Detected,").replace("02-01", "03-01")
+    two = MADE.replace("not_detected,", "detected,2").replace("02-01", "04-01")
+    lost = MADE.replace("not_detected", "lost").replace("02-01", "05-01")
+    path = log_of(PLANNED, MADE, PLANNED, shown, two, lost, head=PLAN_HEAD)
+    log = read_log(path)
+    assert [(visit.planets, visit.lost) for visit in log.visits] == [(0, False), (1, False), (2, False), (0, True)]
+    assert log.hours == 20.0
+    assert "4 visits, 1 of them lost, 20 h, 3 planets" in log.provenance
+    # What was lost took time, and says nothing of planets.
+    assert len(log.of("tau Cet")) == 3
+    visits, about = read_schedule(path)
+    assert [visit.row for visit in visits] == [1, 3]
+    assert "2 visits of deep" in about
+    rows = [
+        {"star": "tau Cet", "band": "F520", "exposure_s": 20.0, "frames_per_visit": 100, "em_gain": 400.0} | more
+        for more in ({}, {"start_utc": "2028-02-01T00:00:00", "outcome": "not_detected", "telescope_h": 5.0})
+    ]
+    other = path.with_suffix(".json")
+    other.write_text(json.dumps({"visits": rows}))
+    assert read_log(other).visits == tuple(
+        replace(visit, where="visits.json row 2 (tau Cet)") for visit in _nan(log, 0)
+    )
+
+
+def _nan(log, at):
+    return [log.visits[at]]
+
+
+BAD_OUTCOMES = {
+    "column outcome = seen: not accepted; allowed: detected, not_detected, lost, or empty": ("not_detected", "seen"),
+    "column outcome = missing: not accepted; allowed: detected": ("not_detected", ""),
+    "column planets = 3: not accepted; allowed: 1 or more with outcome detected": ("not_detected,", "lost,3"),
+    "column planets = 0: not accepted; allowed: 1 or more with outcome detected": ("not_detected,", "detected,0"),
+    "column planets = 1.5: not accepted; allowed: a whole number, 0 to 1000": ("not_detected,", "detected,1.5"),
+    "column start_utc = missing": ("2028-02-01T00:00:00", ""),
+    "column telescope_h = -5 h: not accepted; allowed: a number, 0 to 100000 h": (",5,", ",-5,"),
+    "column frames_per_visit = 0: not accepted; allowed: a whole number, 1 to 1e+09": (",100,", ",0,"),
+}
+
+
+@pytest.mark.parametrize("says", BAD_OUTCOMES)
+def test_bad_outcomes_name_row_column_value_and_range(refused, log_of, says):
+    message = refused("", read_log, log_of(PLANNED, MADE.replace(*BAD_OUTCOMES[says]), head=PLAN_HEAD))
+    assert f"visits.csv row 2 (tau Cet) {says}" in message
+
+
+def test_a_table_with_nothing_observed_or_nothing_left(refused, log_of, tmp_path):
+    refused("at least one line with start_utc and outcome", read_log, log_of(PLANNED, PLANNED, head=PLAN_HEAD))
+    refused("lines without an outcome", read_schedule, log_of(MADE, head=PLAN_HEAD))
+    for text in ("{", "{}", '{"visits": 1}', '{"visits": [1]}', '{"visits": []}'):
+        broken = tmp_path / "broken.json"
+        broken.write_text(text)
+        refused("JSON with a list of visits", read_schedule, broken)
+
+
+def test_of_several_strategies_one_is_meant(refused, log_of):
+    wide = MADE.replace("deep", "wide").replace("02-01", "03-01")
+    own = MADE.replace("deep", "").replace("02-01", "04-01")  # a visit that nobody had planned
+    path = log_of(MADE, wide, own, PLANNED, PLANNED.replace("deep", "wide"), head=PLAN_HEAD)
+    message = refused("visits of one strategy", read_log, path)
+    assert "those of deep, wide: choose one with --strategy" in message
+    for names in (("deep", "wide"), ("other",)):
+        refused("visits of one strategy", read_log, path, names)
+    months = {name: [visit.where[15:17] for visit in read_log(path, (name,)).visits] for name in ("deep", "wide")}
+    assert months == {"deep": ["1 ", "3 "], "wide": ["2 ", "3 "]}
+    # A varied strategy is meant by its name before.
+    assert read_log(path, ("deep drift=0.1 nm",)).visits == read_log(path, ("deep",)).visits
+    refused("visits of one strategy", read_schedule, path)
+    assert [visit.row for visit in read_schedule(path, "wide")[0]] == [5]
+    refused("deep, wide", read_schedule, path, "narrow")
+    # Only one was followed: what the others had planned does not matter.
+    followed = log_of(MADE, PLANNED.replace("deep", "wide"), head=PLAN_HEAD)
+    assert len(read_log(followed, ("wide", "deep")).visits) == 1
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,26 @@
 """What strategies yield, from their tables."""
 
+import csv
+import io
+import json
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from astropy import units
+from astropy.table import Table
 
+from catalogs import parse_table, read_bytes, read_rows
 from cpic_planner.planets import load_population
+from cpic_planner.results import PlannedVisitRow, VisitsResult, values_of
 from cpic_planner.survey.estimates import difference_interval, mean_interval, spread
 from cpic_planner.survey.events import rows_of
-from cpic_planner.survey.outcome import differences, outcome, rank_changes
+from cpic_planner.survey.observed import COLUMNS, read_schedule
+from cpic_planner.survey.outcome import VISIT_FILES, differences, outcome, planned_rows, rank_changes, visit_files
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
+from cpic_planner.survey.visibility import load_visibility, visibility
 
 
 def tables_of(survey, n=150, seed=1):
@@ -179,3 +189,94 @@ def test_nothing_found(played):
     assert found.planets.low == 0.0
     assert all(target.planets_per_100h == 0.0 for target in found.targets)
     assert found.time_use.unused_h == survey.strategy.time_budget_h
+
+
+ABOUT = {"version": "1", "config_hash": "0123456789abcdef", "catalogue": "stars", "date_utc": "2028-01-01T00:00:00"}
+
+
+@pytest.fixture(scope="module")
+def rows(plain):
+    return list(planned_rows(plain.surveys[0], plain.odds[0]))
+
+
+def test_a_planned_visit_is_where_and_when_the_calendar_has_it(plain, rows):
+    (survey,), universe = plain.surveys, plain.config.universe
+    calendar, orbit = survey.calendar, survey.model.instrument.mission.orbit
+    fine = visibility(
+        survey.targets.ra_deg,
+        survey.targets.dec_deg,
+        load_visibility(),
+        orbit,
+        start_utc=universe.start_utc,
+        n_days=730,
+        step_days=0.25,
+    )
+    assert [row.visit for row in rows] == list(range(1, len(survey.schedule.visits) + 1))
+    for row, visit in zip(rows, survey.schedule.visits, strict=True):
+        setting = survey.options[visit.star][visit.option]
+        assert (row.star, row.band, row.frames_per_visit) == (survey.targets.name[visit.star], "F520", setting.n_frames)
+        assert (row.exposure_s, row.em_gain) == pytest.approx((setting.exposure_s, setting.em_gain), rel=1e-5)
+        begin = calendar.start_mjd + 60.0 * visit.slot
+        assert begin <= row.window_start_mjd < row.window_end_mjd <= begin + 60.0
+        middle = calendar.start_mjd + calendar.day[visit.star, visit.slot]
+        assert row.window_start_mjd < middle < row.window_end_mjd
+        # A calendar that looks every ten days, beside every quarter of one: none is seen farther out than that.
+        mine = (fine.mjd > begin) & (fine.mjd < begin + 60.0) & fine.observable[visit.star]
+        seen = fine.mjd[mine]
+        assert seen.min() > row.window_start_mjd - 10.0
+        assert seen.max() < row.window_end_mjd + 10.0
+        inside = mine & (fine.mjd > row.window_start_mjd) & (fine.mjd < row.window_end_mjd)
+        minutes = fine.visible_s[visit.star, inside] / 60.0
+        assert minutes.min() - 1.0 < row.arc_usable_min < minutes.max() + 1.0
+        longest = fine.window_s[visit.star, inside] / 60.0
+        assert longest.min() - 1.0 < row.arc_longest_min < longest.max() + 1.0
+        # The frames fill the arcs, and the arcs and settlings the telescope time.
+        assert (row.arcs - 1) * row.arc_usable_min * 60.0 < row.time_s * 1.05
+        assert row.arcs * row.arc_usable_min * 60.0 >= row.time_s
+        orbits_h = row.telescope_h - 2 * calendar.settle_h
+        assert row.arcs - 1 < orbits_h * 3600.0 / calendar.period_s <= row.arcs + 1e-3
+        assert row.roll_deg == pytest.approx(calendar.sun_pa_deg[visit.star, visit.slot], abs=0.01)
+    assert "known_planet" in {row.reason for row in rows if row.star == "eps Eri"}
+    assert {row.reason for row in rows if row.star == "alf Cen A"} == {"search"}
+    assert [row.reserve for row in rows] == [visit.reserve for visit in survey.schedule.visits]
+    assert {row.quadrants for row in rows} == {"all"}
+
+
+def test_two_quadrants_have_names(plain):
+    (survey,) = plain.surveys
+    metrics = {band: replace(item, hole_mode="2q", hole_side="top") for band, item in survey.model.metrics.items()}
+    half = replace(survey, model=replace(survey.model, metrics=metrics))
+    assert next(planned_rows(half, plain.odds[0])).quadrants == "upper right; upper left"
+
+
+def test_the_three_files_are_one_table(plain, rows, tmp_path):
+    """What each says reads back as it was, units and meanings with it, by others' readers and by ours."""
+    for name, text in visit_files(plain.surveys, plain.odds, ABOUT).items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    by_csv, by_ecsv, by_json = (tmp_path / name for name in VISIT_FILES)
+    stored = VisitsResult.model_validate_json(by_json.read_text())
+    assert stored.visits == rows
+    assert {name: getattr(stored, name) for name in ABOUT} == ABOUT
+    table = Table.read(by_ecsv, format="ascii.ecsv")
+    assert table.meta["config_hash"] == ABOUT["config_hash"]
+    assert (table["telescope_h"].unit, table["arc_usable_min"].unit) == (units.h, units.min)
+    assert all(table[name].description for name in table.colnames)
+    lines = list(csv.DictReader(io.StringIO(by_csv.read_text())))
+    assert list(lines[0]) == table.colnames == list(PlannedVisitRow.model_fields)
+    for path in (by_csv, by_ecsv):
+        read = read_rows(parse_table(read_bytes(path)), COLUMNS, (), about="star").rows
+        for row, got in zip(rows, read, strict=True):
+            assert got == {name: value for name, value in values_of(row).items() if value is not None}, path.name
+    found = [read_schedule(path)[0] for path in (by_csv, by_ecsv, by_json)]
+    # nan is not equal to itself, and no roll or window of these is missing.
+    assert found[0] == found[1] == found[2]
+    assert not any(math.isnan(visit.roll_deg + visit.mjd) for visit in found[0])
+    assert [visit.row for visit in found[0]] == [row.visit for row in rows]
+
+
+def test_a_calendar_without_visits_is_a_table_without_rows(plain):
+    empty = replace(plain.surveys[0], schedule=replace(plain.surveys[0].schedule, visits=()))
+    texts = visit_files([empty], [()], ABOUT)
+    assert texts["visits.csv"].splitlines() == [",".join(PlannedVisitRow.model_fields)]
+    assert json.loads(texts["visits.json"])["visits"] == []
+    assert len(Table.read(texts["visits.ecsv"], format="ascii.ecsv")) == 0

@@ -1,0 +1,329 @@
+"""Confirmation of whole targets: which images to make of a star, and what they say together."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Unpack
+
+import numpy as np
+
+from cpic_core import InputError
+from cpic_planner.etc import EtcModel
+from cpic_planner.jobs import Cost, Runner, Task
+from cpic_planner.queries import (
+    MAX_FRAMES,
+    ImageQuestion,
+    ReferencePlanet,
+    SimulatorOverrides,
+    audited,
+    refuse_counting,
+)
+from cpic_planner.ranking import rank_targets
+from cpic_planner.results import BandConfirmation, ConfirmedTarget, RankedTarget
+from cpic_planner.survey import ScheduledVisit
+from cpic_planner.targets import Targets
+from cpic_planner.validation import (
+    ConfirmTask,
+    Frames,
+    ImageSettings,
+    calibrate,
+    confirm_task,
+    images_of,
+    prepare_task,
+    refusals_of,
+    significant_at_place,
+    target_verdict,
+    task_cost,
+)
+from cpic_planner.version import __version__
+from simulator.config import Instrument
+from simulator.ledger import not_modelled
+
+RESULT_VERSION = 5
+"""Raised when the same configuration gives other numbers, so that old folders are not resumed."""
+
+
+def result_header(config: ImageQuestion, digest: str, measured: Sequence[BandConfirmation]) -> dict[str, Any]:
+    """Return what every result of images says of itself.
+
+    Parameters
+    ----------
+    config : ImageQuestion
+    digest : str
+        Hash of everything that decides the result.
+    measured : sequence of BandConfirmation
+        What the ratio of recovered and predicted SNR is taken over.
+    """
+    mean = calibrate(measured)
+    return {
+        "version": __version__,
+        "config_hash": digest,
+        "seed": config.seed,
+        "fidelity": config.dial.fidelity,
+        "tolerance": config.dial.tolerance,
+        "instrument": config.instrument.name,
+        "sigma": config.strategy.sigma,
+        "reference_library": config.strategy.library,
+        "rdi_modes": config.strategy.n_modes,
+        "realisations": config.realisations,
+        "simulator_overrides": config.simulator_overrides.as_mapping(),
+        "calibration": vars(mean),
+        "calibration_text": mean.text,
+        "not_modelled": not_modelled(images_of(config.instrument)),
+    }
+
+
+def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None:
+    """Refuse unknown bands, and those of the near-infrared camera, whose images are not measured.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    bands : sequence of str or None
+        Names of bands of the instrument.
+    """
+    visible = instrument.visible_bands()
+    for band in bands or ():
+        instrument.band(band)
+        if band not in visible:
+            hint = "images of the near-infrared camera are simulated, not yet measured"
+            raise InputError("band", band, allowed=", ".join(visible), hint=hint)
+
+
+def plan_tasks(
+    model: EtcModel,
+    stars: Sequence[Targets],
+    rows: Sequence[RankedTarget],
+    *,
+    time_s: float,
+    planet: ReferencePlanet,
+    overrides: SimulatorOverrides | None = None,
+    **settings: Unpack[ImageSettings],
+) -> tuple[list[ConfirmTask], dict[str, BandConfirmation]]:
+    """Return work to do, and the bands that need none because the answer is already a refusal, by their keys.
+
+    Where the dial has audits, the band of each target that promises most gets one: a realisation frame by frame.
+
+    Parameters
+    ----------
+    model : EtcModel
+    stars : sequence of Targets
+    rows : sequence of RankedTarget
+        The row of each star in the ranking.
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    planet : ReferencePlanet
+    overrides : SimulatorOverrides, optional
+        What the images have otherwise.
+    **settings
+        `cpic_planner.validation.task.ImageSettings`; at least the seed.
+    """
+    ready = [
+        [
+            prepare_task(model, star, band, time_s=time_s, planet=planet, overrides=overrides, **settings)
+            for band in model.bands
+        ]
+        for star in stars
+    ]
+    return tasks_of(rows, ready)
+
+
+def tasks_of(
+    rows: Sequence[RankedTarget], ready: Sequence[Sequence[ConfirmTask | BandConfirmation]]
+) -> tuple[list[ConfirmTask], dict[str, BandConfirmation]]:
+    """Return prepared work as `plan_tasks` does.
+
+    Parameters
+    ----------
+    rows : sequence of RankedTarget
+    ready : sequence of sequence of ConfirmTask or BandConfirmation
+        The bands of each star.
+    """
+    tasks: list[ConfirmTask] = []
+    refused: dict[str, BandConfirmation] = {}
+    for row, prepared in zip(rows, ready, strict=True):
+        own = []
+        for item in prepared:
+            answers = [item] if isinstance(item, BandConfirmation) else refusals_of(item)
+            if isinstance(item, ConfirmTask) and not answers:
+                own.append(item)
+            else:
+                refused[f"{row.name} {item.band}"] = answers[0]
+        margins = [task.predictions[0]["significance"] / task.predictions[0]["threshold"] for task in own]
+        best = margins.index(max(margins)) if own else None
+        tasks.extend(replace(task, audit=i == best and audited(task.dial)) for i, task in enumerate(own))
+    return tasks, refused
+
+
+def why_not_imaged(config: ImageQuestion, visit: ScheduledVisit) -> str:
+    """Return why a visit of a schedule has no images, whatever its star is; empty where it can have some.
+
+    Parameters
+    ----------
+    config : ImageQuestion
+    visit : ScheduledVisit
+    """
+    visible, library = config.instrument.visible_bands(), config.strategy.library
+    if visit.reserve:
+        return "a reserve visit, made only where others have freed the time for it"
+    if visit.setting.band not in visible:
+        return f"images are measured in {', '.join(visible)}"
+    if visit.reference_library not in ("", library):
+        return f"its references are those of {visit.reference_library}, the plan's of {library}: give --library"
+    if visit.setting.n_frames > MAX_FRAMES:
+        return f"more than {MAX_FRAMES} frames a visit"
+    return ""
+
+
+def first_roll_deg(bands: Mapping[str, Sequence[ScheduledVisit]]) -> float:
+    """Return the roll of a star's images, degrees: that of the first of its visits, by band, that states one; else 0.
+
+    Parameters
+    ----------
+    bands : mapping of str to sequence of ScheduledVisit
+    """
+    stated = (visit.roll_deg for own in bands.values() for visit in own if not math.isnan(visit.roll_deg))
+    return next(stated, 0.0)
+
+
+def programme_task(
+    model: EtcModel,
+    star: Targets,
+    band: str,
+    visits: Sequence[ScheduledVisit],
+    *,
+    planet: ReferencePlanet,
+    **settings: Any,
+) -> ConfirmTask | BandConfirmation:
+    """Return the work of visits of one star and band that are reduced together, in the frames of the first.
+
+    Parameters
+    ----------
+    model : EtcModel
+    star : Targets
+        One star, at the roll of the visits.
+    band : str
+    visits : sequence of ScheduledVisit
+        The time between them is the mean of that between their windows.
+    planet : ReferencePlanet
+    **settings
+        As of `plan_tasks`.
+
+    Notes
+    -----
+    The planet stands at one place in all of them, that where the calculator sees it best in as much time without
+    pauses: what months between visits do is that their wavefronts have forgotten each other.
+    """
+    exposure_s, n_frames, em_gain = visits[0].setting.frames
+    frames = Frames(exposure_s, int(n_frames), em_gain, sum(visit.visits for visit in visits))
+    days = sorted(visit.mjd for visit in visits if not math.isnan(visit.mjd))
+    gap_h = 24.0 * (days[-1] - days[0]) / (len(days) - 1) if len(days) > 1 else model.strategy.visit_gap_h
+    strategy = model.strategy.model_copy(update={"visits": frames.visits, "visit_gap_h": min(gap_h, 1e5)})
+    visit_s = n_frames * (exposure_s + model.camera(band).readout_s)
+    time_s = frames.visits * float(model.time_s(visit_s))
+    return prepare_task(
+        replace(model, strategy=strategy), star, band, time_s=time_s, planet=planet, frames=frames, **settings
+    )
+
+
+def image_tasks(tasks: Sequence[ConfirmTask]) -> list[Task]:
+    """Return tasks of `cpic_planner.validation.confirm.confirm_task`."""
+    return [Task(task.key, (task.to_dict(),)) for task in tasks]
+
+
+def images_cost(tasks: Sequence[ConfirmTask], **counts: float) -> Cost:
+    """Return the expected cost of simulating and measuring tasks, see `cpic_planner.validation.modelling`."""
+    costs = [task_cost(task) for task in tasks]
+    images = {
+        "n_tasks": len(tasks),
+        "n_realisations": sum(cost.realisations for cost in costs),
+        "n_frames": sum(cost.frames for cost in costs),
+    }
+    return Cost(
+        counts=counts | images,
+        times_s=[cost.work_s for cost in costs],
+        start_s=4.0,
+        memory_mb=max((cost.memory_mb for cost in costs), default=0.0),
+        disk_mb=1.0 + 0.35 * len(tasks),
+    )
+
+
+def confirm_stars(
+    model: EtcModel,
+    stars: Sequence[Targets],
+    *,
+    time_s: float,
+    planet: ReferencePlanet,
+    workers: int = 1,
+    overrides: SimulatorOverrides | None = None,
+    **settings: Unpack[ImageSettings],
+) -> list[ConfirmedTarget]:
+    """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`.
+
+    Parameters
+    ----------
+    model : EtcModel
+    stars : sequence of Targets
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    planet : ReferencePlanet
+    workers : int, optional
+        Local worker processes; the result does not depend on it.
+    overrides : SimulatorOverrides, optional
+        What the images have otherwise.
+    **settings
+        `cpic_planner.validation.task.ImageSettings`; at least the seed.
+    """
+    refuse_counting(model.strategy)
+    refuse_infrared(model.instrument, model.bands)
+    rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
+    tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
+    bodies = Runner(workers=workers).finish(confirm_task, image_tasks(tasks))
+    return [confirmed_target(model, row, refused, bodies) for row in rows]
+
+
+def confirmed_target(
+    model: EtcModel,
+    row: RankedTarget,
+    refused: Mapping[str, BandConfirmation],
+    bodies: Mapping[str, Mapping[str, Any]],
+    *,
+    roll_deg: float | None = None,
+) -> ConfirmedTarget:
+    """Return one target's bands in order, and the best of them, from refusals and bodies by the keys of tasks.
+
+    Parameters
+    ----------
+    model : EtcModel
+    row : RankedTarget
+    refused : mapping of str to BandConfirmation
+        Bands that need no images, by star and band.
+    bodies : mapping of str to mapping
+        Results of the images, by star and band.
+    roll_deg : float, optional
+        That of a schedule.
+    """
+    bands = [
+        BandConfirmation.model_validate(bodies[key]["confirmations"][0]) if key in bodies else refused[key]
+        for key in (f"{row.name} {band}" for band in model.bands)
+        if key in bodies or key in refused
+    ]
+
+    def margin(band: BandConfirmation) -> float:
+        return (band.predicted_significance or 0.0) / (band.threshold or np.inf)
+
+    # A few realisations rank bands by chance where they are close: the images veto, the prediction orders.
+    blind = [band for band in bands if band.detected]
+    best = max(blind or [band for band in bands if significant_at_place(band)], key=margin, default=None)
+    verdict, factor, error = target_verdict(bands)
+    return ConfirmedTarget.of(
+        row,
+        ranked=row,
+        planet_distance_au=row.ref_planet_distance_au,
+        roll_deg=roll_deg,
+        chosen_band=best.band if best else None,
+        verdict=verdict,
+        etc_ratio=factor,
+        etc_ratio_error=error,
+        bands=bands,
+    )
