@@ -313,7 +313,7 @@ def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
     wide = problem.spread(frames.shape)
     low = np.clip(np.where(possible, lower, 0.0) * (1.0 - 1e-9) / frames - camera.readout_s, shortest, longest)
     low = np.where(frames > 1.0, low, shortest)
-    high, aims = np.broadcast_to(longest, frames.shape), np.broadcast_to(aim, frames.shape)
+    high, aims = (np.broadcast_to(part, frames.shape) for part in (longest, np.where(possible, aim, 1.0)))
     start, top, least = bracketed(wide, _over_aim, low, high, frames, aims)
     hidden = possible & (least > 1.0) & (least < _NEARLY)  # a valley between two points may reach it
     if hidden.any():
