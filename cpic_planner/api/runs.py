@@ -15,8 +15,8 @@ from catalogs import Catalogue
 from cpic_planner import queries, results
 from cpic_planner.api.keywords import model_of, stars_named, takes
 from cpic_planner.etc import EtcModel
-from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets, timed_model
-from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
+from cpic_planner.ranking import AskedStars, asked_stars, timed_model
+from cpic_planner.targets import Targets, as_catalogue, find_target
 from simulator.config import checked_utc
 
 _QUIET = {"out": None, "images": 0, "workers": 1}
@@ -24,14 +24,21 @@ _QUIET = {"out": None, "images": 0, "workers": 1}
 
 @dataclass(frozen=True)
 class Prepared:
-    """The model, the stars and the order that a ranking is made of, with remarks for the person who asked."""
+    """The model, the stars and the order that a ranking is made of."""
 
     model: EtcModel
-    targets: Targets
+    stars: AskedStars
     catalogue: Catalogue
-    sample: str
     asked: dict[str, Any]
-    notes: tuple[str, ...]
+
+    def ranked(self) -> results.RankResult:
+        """Return the ranking."""
+        from cpic_planner.ranking import rank_targets as rank
+
+        stars, catalogue = self.stars, self.catalogue.provenance
+        return rank(
+            self.model, stars.targets, chosen=stars.chosen, sample=stars.text, catalogue=catalogue, **self.asked
+        )
 
 
 def prepared(question: queries.RankQuestion) -> Prepared:
@@ -43,17 +50,10 @@ def prepared(question: queries.RankQuestion) -> Prepared:
         For tables that cannot be read, unknown bands, or no star that is left.
     """
     table = as_catalogue(question.catalog)
-    cuts = {name: getattr(question, name) for name in ("v_mag_max", "dwarfs_only", "singles_only")}
-    date_utc = queries.observed_utc(question)
-    targets = rank_sample(catalog=table, companions=question.companions, date_utc=date_utc, **cuts)
-    sample = sample_text(table, *cuts.values())
-    counted, notes = counted_planets(question), table.notes
-    if isinstance(counted, KnownChoice):
-        targets, sample = counted.stars(targets), f"{sample}; {KNOWN_ONLY}"
-        notes = (*notes, *counted.table.notes)
+    stars = asked_stars(question, table)
     model, time_s = timed_model(model_of(question), question)
-    asked_for = {"time_s": time_s, "planet": question.planet, "population": counted, "score": question.score}
-    return Prepared(model, targets, table, sample, asked_for, tuple(notes))
+    asked_for = {"time_s": time_s, "planet": question.planet, "population": stars.counted, "score": question.score}
+    return Prepared(model, stars, table, asked_for)
 
 
 @takes(queries.RankQuestion)
@@ -63,17 +63,14 @@ def rank_targets(question: queries.RankQuestion) -> results.RankResult:
     Returns
     -------
     RankResult
-        One row per star, best first.
+        One row per star that passes the filters, best first; ``rank_in_catalogue`` is its rank among all.
 
     Raises
     ------
     InputError
         For bad input, naming key, value, unit and range.
     """
-    from cpic_planner.ranking import rank_targets as rank
-
-    ready = prepared(question)
-    return rank(ready.model, ready.targets, sample=ready.sample, catalogue=ready.catalogue.provenance, **ready.asked)
+    return prepared(question).ranked()
 
 
 @takes(queries.RankQuestion)
@@ -87,7 +84,7 @@ def rank_sensitivity(question: queries.RankQuestion) -> results.SensitivityResul
     from cpic_planner.ranking.sensitivity import sensitivity
 
     ready = prepared(question)
-    return sensitivity(ready.model, ready.targets, **ready.asked)
+    return sensitivity(ready.model, ready.stars.answered, **ready.asked)
 
 
 class ExplainQuestion(queries.RankQuestion):
@@ -113,7 +110,7 @@ def explain_rank(question: ExplainQuestion) -> results.Explanation:
 
     ready = prepared(question)
     name = str(find_target(question.target, catalog=ready.catalogue)[0].name[0])
-    return explain_star(ready.model, ready.targets, name, **ready.asked)
+    return explain_star(ready.model, ready.stars.targets, name, **ready.asked)
 
 
 @takes(queries.PlanQuestion, first=("out",), needs=("out",))

@@ -82,6 +82,7 @@ def rank(
     planet.
     """
     from cpic_planner.api import prepared
+    from cpic_planner.queries import called
     from cpic_planner.targets import find_target
 
     refuse_together({"--explain": explain, "--sensitivity": sensitivity}, "two answers")
@@ -90,28 +91,30 @@ def rank(
         refuse_together({name: value, "--plot": plot}, "it has no figure")
         known = question.known_planets
         refuse_together({name: value, "--known-planets": known}, "it is about a hypothetical population")
+    if explain is not None and question.filters:
+        hint = "its rank is that among all stars of the sample"
+        raise InputError("--explain", explain, allowed=f"without {called(question.filters[0])}", hint=hint)
     options.check_file(out, (".csv", ".ecsv"), "--out")
     options.check_plot(plot)
     ready = prepared(question)
-    note(*ready.notes)
+    note(*ready.stars.notes)
     if explain is not None:
         star, remark = find_target(explain, catalog=ready.catalogue)
         note(*filter(None, [remark]))
         name = str(star.name[0])
-        if name not in set(ready.targets.name.tolist()):
+        if name not in set(ready.stars.targets.name.tolist()):
             hint = "it is in the catalogue, but a cut leaves it out"
             raise InputError("--explain", explain, allowed="a star of the sample that is ranked", hint=hint)
-        reasons = ranking.explain_star(ready.model, ready.targets, name, **ready.asked)
+        reasons = ranking.explain_star(ready.model, ready.stars.targets, name, **ready.asked)
         print_result(reasons, as_json, partial(report.print_explanation, reasons))
         return
     if sensitivity:
         from cpic_planner.ranking.sensitivity import sensitivity as sensitivity_of
 
-        compared = sensitivity_of(ready.model, ready.targets, **ready.asked)
+        compared = sensitivity_of(ready.model, ready.stars.answered, **ready.asked)
         print_result(compared, as_json, partial(report.print_sensitivity, compared))
         return
-    catalogue = ready.catalogue.provenance
-    result = ranking.rank_targets(ready.model, ready.targets, sample=ready.sample, catalogue=catalogue, **ready.asked)
+    result = ready.ranked()
     if out is not None:
         table = report.ranking_csv if out.suffix == ".csv" else report.ranking_ecsv
         options.write_out(out, lambda: table(result), len(result.targets))

@@ -1,5 +1,6 @@
 from cpic_planner.queries.base import (
     Question as Question,
+    called as called,
     called_by_option as called_by_option,
     get as get,
     keys_of as keys_of,
@@ -30,12 +31,15 @@ from cpic_planner.queries.rank import (
     EXCLUSIONS as EXCLUSIONS,
     MAX_PLANETS as MAX_PLANETS,
     N_PLANETS as N_PLANETS,
+    FilteredQuestion as FilteredQuestion,
     KnownQuestion as KnownQuestion,
     RankedQuestion as RankedQuestion,
     RankQuestion as RankQuestion,
     VisibilityQuestion as VisibilityQuestion,
     asked_exclusions as asked_exclusions,
     read_exclusions as read_exclusions,
+    read_spectral_types as read_spectral_types,
+    read_star_names as read_star_names,
 )
 from cpic_planner.queries.runs import (
     PlanQuestion as PlanQuestion,

@@ -43,12 +43,16 @@ if TYPE_CHECKING:
 
 def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> None:
     """Print the first ``limit`` rows of a ranking, and what its numbers refer to."""
-    shown = rank.targets[:limit]
-    title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {SCORES[rank.score_name].title}"
+    shown, total = rank.targets[:limit], len(rank.targets)
+    some = f"first {len(shown)} of " if total > 1 else ""
+    stars = f"{count_text(total)} {'chosen ' * rank.filtered}star{'s' * (total != 1)}"
+    whole = f" of {count_text(rank.n_in_catalogue)}" if rank.filtered else ""
+    title = f"Ranking: {some}{stars}{whole}, by {SCORES[rank.score_name].title}"
     own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
     cells = row_cells(
         results.RankedTarget,
-        f"rank name v_mag/5 distance_pc/5 {own}completeness completeness_known_place completeness_unconditional/3 "
+        f"rank {'rank_in_catalogue ' * rank.filtered}name v_mag/5 distance_pc/5 {own}completeness "
+        "completeness_known_place completeness_unconditional/3 "
         "completeness_band/9 band/1 separation_arcsec/6 contrast/7 frames/11 em_gain/12 visits visit_time_s/8 "
         "time_s/10 snr/4 detection_margin/2 detection_probability detection_probability_known_place/3 status",
         score=_score_cells(rank.score_name),

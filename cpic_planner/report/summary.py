@@ -149,7 +149,7 @@ def detected_sentence(rank: results.RankResult) -> str:
     blind = [row for row in told if (row.detection_probability or 0.0) >= 0.5]
     placed = [row for row in told if (row.detection_probability_known_place or 0.0) >= 0.5]
     words = f"Half of such observations or more show {counted(len(blind), 'reference planet')} blind"
-    words = f"{words} and {len(placed)} at their known places"
+    words = f"{words} and {len(placed)} at {'its known place' if len(told) == 1 else 'their known places'}"
     if not (seen := blind or placed):
         return f"{words}."
     visits = sorted(row.visits or 1 for row in seen)

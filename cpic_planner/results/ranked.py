@@ -99,7 +99,14 @@ class Standing(VerdictColumns, ProgrammeColumns, PlaceColumns):
 class RankedColumns(Row):
     """Columns of a star in the ranking."""
 
-    rank: int = column("1 is best: highest score", label="#")
+    rank: int = column(
+        "1 is best: highest score; among the stars that the filters choose, where there are any", label="#"
+    )
+    rank_in_catalogue: int | None = optional(
+        "rank among all stars of the sample, whatever the filters are; null in older results",
+        label="rank in the catalogue",
+        short="# of all",
+    )
     score: float = column(
         "what the ranking is by, see score_name; more is better; stars of equal score, such as all those of score 0, "
         "follow each other by detection_margin, then name"
@@ -189,7 +196,15 @@ class RankResult(Result):
     counts_limited_by: dict[str, int] = Field(
         default_factory=dict, description="stars by limited_by; empty in older results"
     )
+    n_in_catalogue: int | None = Field(
+        default=None, description="stars of the sample before the filters; null in older results"
+    )
     targets: list[RankedTarget]
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the rows are some of the ranked stars."""
+        return self.n_in_catalogue is not None and self.n_in_catalogue > len(self.targets)
 
 
 class SensitivityRow(Row):
