@@ -9,9 +9,11 @@ import contextlib
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from catalogs import Catalogue
+from cpic_core import InputError
 from cpic_planner import queries, results
 from cpic_planner.api.keywords import model_of, stars_named, takes
 from cpic_planner.etc import EtcModel
@@ -85,6 +87,70 @@ def rank_sensitivity(question: queries.RankQuestion) -> results.SensitivityResul
 
     ready = prepared(question)
     return sensitivity(ready.model, ready.stars.answered, **ready.asked)
+
+
+def compared(question: queries.RankQuestion, other: Any, *, key: str = "other") -> results.RankComparison:
+    """Return what moves from another ranking, or from the same one with another instrument, to that of a question.
+
+    Parameters
+    ----------
+    question : RankQuestion
+    other : RankResult, Instrument, mapping, str or Path
+        A name that ends in .json, .csv or .ecsv is the file of an earlier ranking, any other one an instrument.
+    key : str
+        What it is asked for as, for messages.
+
+    Raises
+    ------
+    InputError
+        For what is neither, or has no star in common.
+    """
+    from cpic_planner.ranking.compare import ENDINGS, Ranking, compare_rankings, load_ranking
+
+    if isinstance(other, results.RankResult):
+        before = Ranking.of(other)
+    elif isinstance(other, str | Path) and str(other).lower().endswith(ENDINGS):
+        before = load_ranking(other, key=key)
+    else:
+        try:
+            instrument = queries.read_instrument(other)
+        except InputError as error:
+            if error.key not in ("instrument", "file"):
+                raise
+            allowed = f"{error.allowed}; or an earlier ranking, whose name ends in {', '.join(ENDINGS)}"
+            raise InputError(key, other, allowed=allowed, hint=error.hint) from None
+        same = question.model_copy(update={"instrument": instrument})
+        before = Ranking.of(prepared(same).ranked(), instrument=instrument)
+    after = Ranking.of(prepared(question).ranked(), instrument=question.instrument)
+    return compare_rankings(before, after)
+
+
+class CompareQuestion(queries.RankQuestion):
+    """What moves from another ranking to this one."""
+
+    other: Any = queries.asked(
+        ...,
+        "An earlier ranking (a RankResult, or a file that cpic rank --out or --json wrote), or another instrument with "
+        "which the same question is asked. It stands before, the ranking of the question after.",
+        argument=True,
+        accepts="RankResult, Instrument, mapping, str or Path",
+    )
+
+
+@takes(CompareQuestion, first=("other",))
+def compare_ranks(question: CompareQuestion) -> results.RankComparison:
+    """Say what moves from another ranking, or another instrument, to this ranking, and why.
+
+    Returns
+    -------
+    RankComparison
+
+    Raises
+    ------
+    InputError
+        For bad input, naming key, value, unit and range.
+    """
+    return compared(question, question.other)
 
 
 class ExplainQuestion(queries.RankQuestion):

@@ -28,6 +28,15 @@ def rank(
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity", help="Say how the order depends on assumptions, instead of the table.")
     ] = False,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            "--compare",
+            metavar="OTHER",
+            help="Say what moves from OTHER to this ranking and why, instead of the table: the file of an earlier "
+            "ranking (of --out, or .json of --json), or an instrument (preset or YAML file) asked the same.",
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", help="Draw the first --limit stars, at most 100, into FILE.png, .pdf or .svg as well."),
@@ -81,21 +90,26 @@ def rank(
     detects at least one of them, the errors of their orbits included; --planets is then the number of draws of each
     planet.
     """
-    from cpic_planner.api import prepared
+    from cpic_planner.api import compared, prepared
     from cpic_planner.queries import called
     from cpic_planner.targets import find_target
 
-    refuse_together({"--explain": explain, "--sensitivity": sensitivity}, "two answers")
-    for name, value in (("--explain", explain), ("--sensitivity", sensitivity)):
+    answers: dict[str, object] = {"--explain": explain, "--sensitivity": sensitivity, "--compare": compare}
+    refuse_together(answers, "two answers")
+    for name, value in answers.items():
         refuse_together({name: value, "--out": out}, "it holds no ranking")
         refuse_together({name: value, "--plot": plot}, "it has no figure")
-        known = question.known_planets
+        known = None if name == "--compare" else question.known_planets
         refuse_together({name: value, "--known-planets": known}, "it is about a hypothetical population")
     if explain is not None and question.filters:
         hint = "its rank is that among all stars of the sample"
         raise InputError("--explain", explain, allowed=f"without {called(question.filters[0])}", hint=hint)
     options.check_file(out, (".csv", ".ecsv"), "--out")
     options.check_plot(plot)
+    if compare is not None:
+        moved = compared(question, compare, key="--compare")
+        print_result(moved, as_json, partial(report.print_moves, moved, limit=limit))
+        return
     ready = prepared(question)
     note(*ready.stars.notes)
     if explain is not None:
@@ -111,8 +125,8 @@ def rank(
     if sensitivity:
         from cpic_planner.ranking.sensitivity import sensitivity as sensitivity_of
 
-        compared = sensitivity_of(ready.model, ready.stars.answered, **ready.asked)
-        print_result(compared, as_json, partial(report.print_sensitivity, compared))
+        firm = sensitivity_of(ready.model, ready.stars.answered, **ready.asked)
+        print_result(firm, as_json, partial(report.print_sensitivity, firm))
         return
     result = ready.ranked()
     if out is not None:

@@ -54,6 +54,7 @@ from cpic_planner.queries.shared import (
     Strategy as Strategy,
     default_instrument as default_instrument,
     observed_utc as observed_utc,
+    read_instrument as read_instrument,
 )
 from cpic_planner.queries.simulate import SimulateQuestion as SimulateQuestion
 from cpic_planner.queries.written_values import (

@@ -324,6 +324,7 @@ def rank_targets(
     ]
     return RankResult(
         config_hash=digest,
+        instrument=model.instrument.name,
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         sample=sample,
         date_utc=targets.date_utc,

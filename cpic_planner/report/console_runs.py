@@ -7,6 +7,8 @@ Speed against accuracy on the terminal.
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Callable, Sequence
 from operator import itemgetter
 from pathlib import Path
@@ -15,7 +17,16 @@ from typing import TYPE_CHECKING, Any
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
-from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, full_name, short_name, significant
+from cpic_planner.report.numbers import (
+    MISSING,
+    count_text,
+    decimals,
+    duration_text,
+    full_name,
+    pretty_name,
+    short_name,
+    significant,
+)
 from cpic_planner.report.summary import (
     detected_sentence,
     expected_sentence,
@@ -119,6 +130,55 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
         f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
         f"of: their number; kept: how many of the nominal first {result.top} stay there; biggest fall: in ranks.",
     )
+
+
+def print_moves(result: results.RankComparison, console: Console, limit: int = 20) -> None:
+    """Print what moves from one ranking to another one.
+
+    Parameters
+    ----------
+    result : RankComparison
+    console : Console
+    limit : int
+        Stars that are among the first so many of either ranking are shown.
+    """
+    before, after = result.before, result.after
+    old = sorted(result.targets, key=lambda move: move.before.rank)[:limit]
+    rows = [move for i, move in enumerate(result.targets) if i < limit or move in old]
+    cells = [
+        *row_cells(results.StarInRanking, "rank", of=lambda move: move.before, rank=_rank_cells("before", "before")),
+        *row_cells(results.StarInRanking, "rank", of=lambda move: move.after, rank=_rank_cells("after", "after")),
+        *row_cells(results.RankMove, "name score_ratio/1 why"),
+    ]
+    count = len(result.targets)
+    first = f"the first {limit} of either" if limit < count else f"{count_text(count)} star{'s' * (count != 1)}"
+    print_plain(console, f"What moves from {before.name} (before) to {after.name} (after): {first}", bold=True)
+    print_table(console, "", cells, rows, last_width=70)
+    named = {*result.only_before, *result.only_after, *(move.name for move in result.targets)}
+    spoken = "|".join(re.escape(name) for name in sorted(named, key=len, reverse=True))
+    print_plain(console, re.sub(rf"(?<!\w)(?:{spoken})(?!\w)", lambda found: pretty_name(found[0]), result.statement))
+    if result.settings is None:
+        print_note(console, "The file does not say how its ranking was made: settings are not compared.")
+    else:
+        said = "; ".join(map(_setting_text, result.settings))
+        print_note(console, f"Settings that differ: {said or 'none'}.")
+    print_note(
+        console,
+        "before, after: rank among all stars of the sample; score ×: score after over score before; Kendall's tau: "
+        "tau-b of the scores, of stars among the first of either ranking with a score above zero in either (1: the "
+        "same order; 0: an unrelated one; equal scores are no order).",
+    )
+
+
+def _setting_text(item: results.SettingChange) -> str:
+    """A setting before and after; of long texts that begin alike, such as samples, the rest."""
+    alike = len(os.path.commonprefix([f"{item.before}; ", f"{item.after}; "]).rpartition("; ")[0])
+    texts = [f"… {text[alike:].lstrip('; ')}" if alike else text for text in (item.before, item.after)]
+    return f"{item.key} {' → '.join(texts)}"
+
+
+def _rank_cells(header: str, side: str) -> Cells:
+    return Cells(header, lambda move: count_text(getattr(move, side).rank))
 
 
 def print_explanation(explanation: results.Explanation, console: Console) -> None:
