@@ -159,7 +159,7 @@ class ExplainQuestion(queries.RankQuestion):
     target: str = queries.asked(..., "Star name.", argument=True)
 
 
-@takes(ExplainQuestion, first=("target",))
+@takes(ExplainQuestion, first=("target",), without=queries.FILTERS)
 def explain_rank(question: ExplainQuestion) -> results.Explanation:
     """Say why one star stands where it stands in the ranking.
 

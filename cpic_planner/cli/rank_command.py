@@ -44,7 +44,7 @@ def rank(
     out: Annotated[Path | None, typer.Option("--out", help="Also write all rows to FILE.csv or FILE.ecsv.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Rank the whole catalogue (analytic, a few seconds; --explain and --sensitivity rank it several times).
+    """Rank the whole catalogue (analytic, a few seconds; --explain, --sensitivity and --compare rank more than once).
 
     The ranking is by completeness per hour: which fraction of a population of planets one observation of the star
     detects, over its wall time. Planets do not count that radial velocities would have shown, that a companion star
@@ -58,6 +58,11 @@ def rank(
     likely a search finds it blind and at its place, and what limits it (limited_by: the single change that would make
     it detected in the given time; see cpic etc --help). In --json and --out: the visits, the time, the drift and the
     contrast that would detect it, each changed alone.
+
+    --stars, --sp-type, --distance-max-pc, --dec-min, --dec-max and --known-hosts choose some of the ranked stars, those
+    that pass all that are given: scores and seeds stay those of the whole ranking, and the rank in it stands beside the
+    rank among the chosen (rank_in_catalogue).
+    --compare says which stars move from another ranking to this one, by how much their scores change, and why.
 
     Examples:
 
@@ -73,11 +78,19 @@ def rank(
 
       cpic rank --sensitivity
 
+      cpic rank --stars "tau Cet, eps Eri"
+
+      cpic rank --sp-type G,K --distance-max-pc 30 --limit 30
+
+      cpic rank --compare as_published
+
       cpic rank --exclusions none
 
       cpic rank --json | python -m json.tool | head -40
 
       cpic rank --out ranking.csv
+
+      cpic rank --drift-nm 0.1 --compare ranking.csv
 
       cpic rank --catalog my_stars.csv
 

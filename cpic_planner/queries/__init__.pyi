@@ -29,6 +29,7 @@ from cpic_planner.queries.overrides import SimulatorOverrides as SimulatorOverri
 from cpic_planner.queries.rank import (
     DEFAULT_YEARS as DEFAULT_YEARS,
     EXCLUSIONS as EXCLUSIONS,
+    FILTERS as FILTERS,
     MAX_PLANETS as MAX_PLANETS,
     N_PLANETS as N_PLANETS,
     FilteredQuestion as FilteredQuestion,

@@ -290,8 +290,11 @@ class FilteredQuestion(shared.CutsQuestion):
     @property
     def filters(self) -> tuple[str, ...]:
         """Names of the filters that are given, in the order in which they are applied."""
-        own = inspect.get_annotations(FilteredQuestion)
-        return tuple(name for name in own if self.is_given(name) and getattr(self, name) != ())
+        return tuple(name for name in FILTERS if self.is_given(name) and getattr(self, name) != ())
+
+
+FILTERS = tuple(inspect.get_annotations(FilteredQuestion))
+"""Fields that choose some of the ranked stars."""
 
 
 class RankedQuestion(shared.InstrumentQuestion, FilteredQuestion, CountedPlanetsQuestion):

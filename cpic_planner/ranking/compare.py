@@ -105,6 +105,8 @@ def load_ranking(path: str | Path, *, key: str = "other") -> Ranking:
         if ending == ".json":
             return Ranking.of(RankResult.model_validate_json(text), file.name)
         rows = rows_from_csv(RankedTarget, text, joined=FLAG_SEPARATOR)
+        if not rows:
+            raise InputError(key, file.name, allowed=allowed, hint="it has no rows")
         if ending == ".csv":
             return Ranking(file.name, rows, file.sha256)
         meta = {name: value for name, value in astropy_table(file, "ecsv")[0].meta.items() if name != "flag_separator"}
@@ -112,8 +114,9 @@ def load_ranking(path: str | Path, *, key: str = "other") -> Ranking:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
         raise InputError(key, file.name, allowed=allowed, hint=f"{where}: {first['msg']}") from None
-    except (InputError, UnicodeDecodeError) as error:
-        raise InputError(key, file.name, allowed=allowed, hint=str(error)) from None
+    except Exception as error:  # astropy refuses a damaged table in many ways
+        hint = error.hint if isinstance(error, InputError) and error.key == key else str(error)
+        raise InputError(key, file.name, allowed=allowed, hint=hint) from None
     try:
         return Ranking.of(RankResult.model_validate({**meta, "targets": rows}), file.name)
     except ValidationError:  # of a version that said less of itself
@@ -158,7 +161,8 @@ def compare_rankings(before: Ranking, after: Ranking) -> RankComparison:
         for i, (old, new) in enumerate(pairs)
     ]
     scored = [move for move in moves if max(move.before.score, move.after.score) > 0.0]
-    mover = max(scored or moves, key=lambda move: (abs(move.places), -min(move.before.rank, move.after.rank)))
+    first = [move for move in scored if min(move.before.rank, move.after.rank) <= TOPS[-1]]
+    mover = max(first or scored or moves, key=lambda move: (abs(move.places), -min(move.before.rank, move.after.rank)))
     settings = _settings(before, after)
     found = {
         "before": before.record(),
@@ -249,33 +253,44 @@ def _excluded(row: RankedTarget) -> str:
     return _percent(1.0 - row.completeness / of_all) if of_all else "0 %"
 
 
-_SAYS: tuple[tuple[str, Callable[[RankedTarget], str]], ...] = (
-    ("completeness", lambda row: _percent(row.completeness)),
-    ("excluded by what is known", _excluded),
-    ("time", lambda row: _hours(row.completeness_time_s)),
-    ("band", lambda row: row.completeness_band),
-    ("band of the reference planet", lambda row: row.band),
-    ("visits", lambda row: "none" if row.visits is None else str(row.visits)),
-    ("reference planet", _limit),
-    ("margin", lambda row: f"{row.detection_margin:.3g}"),
-    ("distance", lambda row: f"{row.distance_pc:.4g} pc"),
-    ("V", lambda row: f"{row.v_mag:.2f} mag"),
-    ("type", lambda row: row.sp_type),
-)
-"""What may change of a star, and how it is written: a change is what is written otherwise."""
+Says = Mapping[str, Callable[[RankedTarget], str]]
+_STAR: Says = {
+    "completeness": lambda row: _percent(row.completeness),
+    "excluded by what is known": _excluded,
+    "time": lambda row: _hours(row.completeness_time_s),
+    "band": lambda row: row.completeness_band,
+    "distance": lambda row: f"{row.distance_pc:.4g} pc",
+    "V": lambda row: f"{row.v_mag:.2f} mag",
+    "type": lambda row: row.sp_type,
+}
+_PLANET: Says = {
+    "band": lambda row: row.band,
+    "visits": lambda row: "none" if row.visits is None else str(row.visits),
+    "": _limit,
+}
+"""What may change of a star and of its reference planet: a change is what is written otherwise."""
+_MARGIN: Says = {"margin": lambda row: f"{row.detection_margin:.3g}"}
+"""What orders stars without a score."""
+
+
+def _changes(says: Says, old: RankedTarget, new: RankedTarget) -> dict[str, str]:
+    texts = ((name, text(old), text(new)) for name, text in says.items())
+    return {name: f"{name} {was} → {now}".strip() for name, was, now in texts if was != now}
 
 
 def _why(old: RankedTarget, new: RankedTarget, crossing: tuple[int, int] | None) -> str:
     """What changes of a star, and how others move past it where that decides its place."""
-    changes = {name: (says(old), says(new)) for name, says in _SAYS}
-    changed = {name: f"{was} → {now}" for name, (was, now) in changes.items() if was != now}
-    if max(old.score, new.score) > 0.0:
-        changed.pop("margin", None)  # it orders stars without a score alone
-    if changes["band"] == changes["band of the reference planet"]:
-        changed.pop("band of the reference planet", None)
-    if old.completeness_unconditional != new.completeness_unconditional:
-        changed.pop("excluded by what is known", None)  # the share follows from what is detected
-    words = [f"{name} {text}" for name, text in changed.items()] or ["unchanged"]
+    star = _changes(_STAR, old, new)
+    planet = _changes(_PLANET if max(old.score, new.score) > 0.0 else {**_PLANET, **_MARGIN}, old, new)
+    if old.completeness_unconditional != new.completeness_unconditional and "0 %" not in map(_excluded, (old, new)):
+        star.pop("excluded by what is known", None)  # it only follows from which planets are detected
+    if all(row.band == row.completeness_band for row in (old, new)):  # one observation is the best for both
+        planet.pop("band", None)
+        star |= {"visits": planet.pop("visits")} if "visits" in planet else {}
+    words = list(star.values())
+    if planet:
+        words.append(f"reference planet: {', '.join(planet.values())}")
+    words = words or ["unchanged"]
     if crossing is None:
         return "; ".join(words)
     passes, passed = crossing

@@ -7,7 +7,6 @@ Speed against accuracy on the terminal.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Sequence
 from operator import itemgetter
@@ -133,21 +132,13 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
 
 
 def print_moves(result: results.RankComparison, console: Console, limit: int = 20) -> None:
-    """Print what moves from one ranking to another one.
-
-    Parameters
-    ----------
-    result : RankComparison
-    console : Console
-    limit : int
-        Stars that are among the first so many of either ranking are shown.
-    """
+    """Print what moves from one ranking to another one, of the first ``limit`` stars of either."""
     before, after = result.before, result.after
     old = sorted(result.targets, key=lambda move: move.before.rank)[:limit]
     rows = [move for i, move in enumerate(result.targets) if i < limit or move in old]
     cells = [
-        *row_cells(results.StarInRanking, "rank", of=lambda move: move.before, rank=_rank_cells("before", "before")),
-        *row_cells(results.StarInRanking, "rank", of=lambda move: move.after, rank=_rank_cells("after", "after")),
+        Cells("before", lambda move: count_text(move.before.rank)),
+        Cells("after", lambda move: count_text(move.after.rank)),
         *row_cells(results.RankMove, "name score_ratio/1 why"),
     ]
     count = len(result.targets)
@@ -171,14 +162,10 @@ def print_moves(result: results.RankComparison, console: Console, limit: int = 2
 
 
 def _setting_text(item: results.SettingChange) -> str:
-    """A setting before and after; of long texts that begin alike, such as samples, the rest."""
-    alike = len(os.path.commonprefix([f"{item.before}; ", f"{item.after}; "]).rpartition("; ")[0])
-    texts = [f"… {text[alike:].lstrip('; ')}" if alike else text for text in (item.before, item.after)]
-    return f"{item.key} {' → '.join(texts)}"
-
-
-def _rank_cells(header: str, side: str) -> Cells:
-    return Cells(header, lambda move: count_text(getattr(move, side).rank))
+    """A setting before and after; of texts in several parts, such as samples, those that differ."""
+    parts = item.before.split("; "), item.after.split("; ")
+    gone, new = ("; ".join(part for part in own if part not in other) or MISSING for own, other in (parts, parts[::-1]))
+    return f"{item.key} {gone} → {new}"
 
 
 def print_explanation(explanation: results.Explanation, console: Console) -> None:

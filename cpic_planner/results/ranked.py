@@ -340,8 +340,8 @@ class RankComparison(Result):
     detected_less: list[str] = Field(description="stars whose reference planet is detected before, not after")
     agreement: list[RankAgreement]
     largest_mover: str = Field(
-        description="star that moves by most ranks, of those with a score above zero in either ranking, or of all "
-        "where none has; the best ranked of equals; empty where none moves"
+        description="star that moves by most ranks, of those among the first 50 of either ranking with a score above "
+        "zero in either, or of all where there is none; the best ranked of equals; empty where none moves"
     )
     largest_mover_places: int = Field(description="places that it gains; below 0: loses")
     statement: str = Field(description="the comparison in words")
