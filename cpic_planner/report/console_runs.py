@@ -142,7 +142,11 @@ def print_moves(result: results.RankComparison, console: Console, limit: int = 2
         *row_cells(results.RankMove, "name score_ratio/1 why"),
     ]
     count = len(result.targets)
-    first = f"the first {limit} of either" if limit < count else f"{count_text(count)} star{'s' * (count != 1)}"
+    first = (
+        f"the first {f'{limit} ' * (limit > 1)}of either"
+        if limit < count
+        else f"{count_text(count)} star{'s' * (count != 1)}"
+    )
     print_plain(console, f"What moves from {before.name} (before) to {after.name} (after): {first}", bold=True)
     print_table(console, "", cells, rows, last_width=70)
     named = {*result.only_before, *result.only_after, *(move.name for move in result.targets)}
