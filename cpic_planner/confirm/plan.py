@@ -336,6 +336,7 @@ def _result(config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapp
         sample=rank.sample,
         date_utc=rank.date_utc,
         n_ranked=len(rank.targets),
+        n_in_catalogue=rank.n_in_catalogue,
         counts=rank.counts,
         counts_limited_by=rank.counts_limited_by,
         period=prepared.period,

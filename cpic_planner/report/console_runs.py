@@ -18,6 +18,7 @@ from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import (
     MISSING,
+    chosen_text,
     count_text,
     decimals,
     duration_text,
@@ -40,6 +41,7 @@ from cpic_planner.report.whatif_words import extent_text, interval_text, lead_se
 from cpic_planner.report.words import (
     SEARCHES,
     cap_sentence,
+    counted,
     limit_text,
     remedies_text,
     score_number,
@@ -55,9 +57,8 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> N
     """Print the first ``limit`` rows of a ranking, and what its numbers refer to."""
     shown, total = rank.targets[:limit], len(rank.targets)
     some = f"first {len(shown)} of " if total > 1 else ""
-    stars = f"{count_text(total)} {'chosen ' * rank.filtered}star{'s' * (total != 1)}"
-    whole = f" of {count_text(rank.n_in_catalogue)}" if rank.filtered else ""
-    title = f"Ranking: {some}{stars}{whole}, by {SCORES[rank.score_name].title}"
+    stars = chosen_text(total, rank.n_in_catalogue)
+    title = f"Ranking: {some}{stars}, by {SCORES[rank.score_name].title}"
     own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
     cells = row_cells(
         results.RankedTarget,
@@ -142,11 +143,7 @@ def print_moves(result: results.RankComparison, console: Console, limit: int = 2
         *row_cells(results.RankMove, "name score_ratio/1 why"),
     ]
     count = len(result.targets)
-    first = (
-        f"the first {f'{limit} ' * (limit > 1)}of either"
-        if limit < count
-        else f"{count_text(count)} star{'s' * (count != 1)}"
-    )
+    first = f"the first {f'{limit} ' * (limit > 1)}of either" if limit < count else counted(count, "star")
     print_plain(console, f"What moves from {before.name} (before) to {after.name} (after): {first}", bold=True)
     print_table(console, "", cells, rows, last_width=70)
     named = {*result.only_before, *result.only_after, *(move.name for move in result.targets)}

@@ -342,8 +342,9 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
         status=_standing,
         flags=lambda row: doc.marked(" ".join(f"`{flag}`" for flag in row.flags)),
     )
+    stars = numbers.chosen_text(len(rank.targets), rank.n_in_catalogue, "ranked star")
     caption = (
-        f"First {len(rows)} of {count_text(len(rank.targets))} ranked stars, by {score.title}: {score.meaning}. "
+        f"First {len(rows)} of {stars}, by {score.title}: {score.meaning}. "
         "Completeness and the band it is for are about the population, the columns from Band to Margin about the "
         "reference planet. All rows and columns are in `ranking.csv` and `ranking.ecsv`."
     )
