@@ -234,9 +234,9 @@ def _compared(
         assumption=assumption.key,
         text=assumption.text,
         n_ok=int(np.count_nonzero(other.detected)),
-        kendall_tau_b=_tau_b(nominal.score[scored], other.score[scored]),
+        kendall_tau_b=tau_b(nominal.score[scored], other.score[scored]),
         n_compared=int(np.count_nonzero(scored)),
-        kendall_tau=_tau_b(nominal.rank[first], other.rank[first]),
+        kendall_tau=tau_b(nominal.rank[first], other.rank[first]),
         kept=int(np.count_nonzero(other.rank[first] <= n_top)),
         largest_fall=str(names[first[worst]]) if falls[worst] > 0 else "",
         largest_fall_ranks=max(int(falls[worst]), 0),
@@ -244,11 +244,11 @@ def _compared(
     )
 
 
-def _tau_b(x: NDArray[Any], y: NDArray[Any]) -> float | None:
+def tau_b(x: NDArray[Any], y: NDArray[Any]) -> float | None:
     """Kendall's tau-b (Kendall 1945): pairs that are tied in both have no weight, those tied in one lower it."""
     i, j = np.triu_indices(len(x), 1)
     a, b = np.sign(x[i] - x[j]), np.sign(y[i] - y[j])
-    ordered = math.sqrt(np.count_nonzero(a)) * math.sqrt(np.count_nonzero(b))
+    ordered = math.sqrt(np.count_nonzero(a) * np.count_nonzero(b))
     return float(np.sum(a * b)) / ordered if ordered else None
 
 

@@ -57,13 +57,19 @@ from cpic_planner.results.planned import (
 from cpic_planner.results.ranked import (
     KNOWN_PLANETS as KNOWN_PLANETS,
     BandStanding as BandStanding,
+    ComparedRanking as ComparedRanking,
     Explanation as Explanation,
     PopulationRecord as PopulationRecord,
+    RankAgreement as RankAgreement,
+    RankComparison as RankComparison,
     RankedTarget as RankedTarget,
+    RankMove as RankMove,
     RankResult as RankResult,
     ReferencePlanetRecord as ReferencePlanetRecord,
     SensitivityResult as SensitivityResult,
     SensitivityRow as SensitivityRow,
+    SettingChange as SettingChange,
+    StarInRanking as StarInRanking,
 )
 from cpic_planner.results.runs import (
     CheckResult as CheckResult,
@@ -103,9 +109,11 @@ from cpic_planner.results.surveyed import (
     WhatIfResult as WhatIfResult,
 )
 from cpic_planner.results.table import (
+    FLAG_SEPARATOR as FLAG_SEPARATOR,
     arrow_schema as arrow_schema,
     csv_text as csv_text,
     ecsv_text as ecsv_text,
     names_of as names_of,
+    rows_from_csv as rows_from_csv,
     values_of as values_of,
 )

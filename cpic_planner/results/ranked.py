@@ -1,4 +1,4 @@
-"""Results of the ranking: rows, sensitivity, and the explanation of one star."""
+"""Results of the ranking: rows, sensitivity, comparison with another ranking, and the explanation of one star."""
 
 from typing import Literal
 
@@ -7,6 +7,7 @@ from pydantic import Field
 from cpic_planner.registry import ScoreName
 from cpic_planner.results.base import (
     DetectionMode,
+    LimitText,
     ProgrammeColumns,
     Result,
     Row,
@@ -99,7 +100,14 @@ class Standing(VerdictColumns, ProgrammeColumns, PlaceColumns):
 class RankedColumns(Row):
     """Columns of a star in the ranking."""
 
-    rank: int = column("1 is best: highest score", label="#")
+    rank: int = column(
+        "1 is best: highest score; among the stars that the filters choose, where there are any", label="#"
+    )
+    rank_in_catalogue: int | None = optional(
+        "rank among all stars of the sample, whatever the filters are; null in older results",
+        label="rank in the catalogue",
+        short="# of all",
+    )
     score: float = column(
         "what the ranking is by, see score_name; more is better; stars of equal score, such as all those of score 0, "
         "follow each other by detection_margin, then name"
@@ -160,6 +168,7 @@ class RankResult(Result):
     schema_version: Literal[1] = 1
     kind: Literal["rank"] = "rank"
     config_hash: str
+    instrument: str = Field(default="", description="name of the instrument; empty in older results")
     catalogue: str
     sample: str = Field(description="which rows of the catalogue are returned")
     date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
@@ -189,7 +198,15 @@ class RankResult(Result):
     counts_limited_by: dict[str, int] = Field(
         default_factory=dict, description="stars by limited_by; empty in older results"
     )
+    n_in_catalogue: int | None = Field(
+        default=None, description="stars of the sample before the filters; null in older results"
+    )
     targets: list[RankedTarget]
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the rows are some of the ranked stars."""
+        return self.n_in_catalogue is not None and self.n_in_catalogue > len(self.targets)
 
 
 class SensitivityRow(Row):
@@ -239,6 +256,96 @@ class SensitivityResult(Result):
     )
     decides: list[str] = Field(description="assumptions that decide the ranking")
     statement: str = Field(description="the same in words")
+
+
+class StarInRanking(Row):
+    """Where one star stands in one of two rankings; columns are those of its row there."""
+
+    rank: int = column("among all stars of the sample, whatever the filters are")
+    score: float
+    detection_margin: float
+    status: StatusText
+    limited_by: LimitText | None
+    band: str
+    completeness: float
+    completeness_band: str
+    completeness_time_s: float | None
+    visits: int | None
+
+
+class RankMove(Row):
+    """One star in two rankings."""
+
+    name: str = column("name of the star in the second ranking", label="star", format="star")
+    hip: int | None
+    before: StarInRanking
+    after: StarInRanking
+    places: int = column("places that it gains; below 0: loses")
+    score_ratio: float | None = column(
+        "score after over score before; null where that was 0, or where the rankings are not by the same score",
+        label="score ratio",
+        short="score ×",
+    )
+    why: str = column("what changes of the star, or of others, in words")
+
+
+class RankAgreement(Row):
+    """How far two rankings agree on the first stars."""
+
+    top: int = column("first stars of either ranking, among those that both hold")
+    kept: int = column("stars that are among the first in both")
+    kendall_tau_b: float | None = column(
+        "Kendall's tau-b of the scores of the stars that are among the first in either ranking and have a score above "
+        "zero in either: 1 the same order, 0 an unrelated one; null where no order can be compared",
+        label="tau",
+        format=".2f",
+    )
+    n_compared: int = column("number of these stars")
+
+
+class SettingChange(Row):
+    """A setting that differs between two rankings."""
+
+    key: str = column("key of the instrument, or field of the ranking", label="setting")
+    before: str
+    after: str
+
+
+class ComparedRanking(Result):
+    """One of two rankings that are compared."""
+
+    name: str = Field(description="the file or the instrument")
+    config_hash: str = Field(description="that of the ranking; of a file without one the sha256 of the file")
+    score_name: str | None = Field(description="what it is by; null in a file that does not say it")
+    n_stars: int
+    n_scored: int = Field(description="stars with a score above zero")
+    n_detected: int = Field(description="stars whose reference planet is detected")
+
+
+class RankComparison(Result):
+    """What moves from one ranking to another one, and why."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["comparison"] = "comparison"
+    config_hash: str
+    before: ComparedRanking
+    after: ComparedRanking
+    settings: list[SettingChange] | None = Field(
+        description="settings that differ; null where one of the rankings does not say how it was made"
+    )
+    only_before: list[str] = Field(description="stars that only the first ranking holds")
+    only_after: list[str] = Field(description="stars that only the second ranking holds")
+    n_moved: int = Field(description="stars with a score above zero in either ranking that stand at another rank")
+    detected_more: list[str] = Field(description="stars whose reference planet is detected after, not before")
+    detected_less: list[str] = Field(description="stars whose reference planet is detected before, not after")
+    agreement: list[RankAgreement]
+    largest_mover: str = Field(
+        description="star that moves by most ranks, of those among the first 50 of either ranking with a score above "
+        "zero in either, or of all where there is none; the best ranked of equals; empty where none moves"
+    )
+    largest_mover_places: int = Field(description="places that it gains; below 0: loses")
+    statement: str = Field(description="the comparison in words")
+    targets: list[RankMove] = Field(description="stars that both rankings hold, in the order of the second")
 
 
 class BandStanding(Standing):
