@@ -12,7 +12,7 @@ import csv
 import difflib
 import functools
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,12 +43,15 @@ class StarMatch:
         Canonical key of the alias that matched.
     note : str
         What was assumed in choosing, ``""`` if nothing.
+    others : tuple of str
+        Other stars of the table that the name may mean.
     """
 
     index: int
     name: str
     matched_alias: str
     note: str = ""
+    others: tuple[str, ...] = ()
 
 
 @functools.cache
@@ -100,12 +103,13 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     found = _find(key)
     if found is None:
         raise _refusal(name, key)
-    star, alias, note = found
-    rows = [i for i, text in enumerate(stars.column("name").tolist()) if text == star]
+    star, alias, note, others = found
+    names = stars.column("name").tolist()
+    rows = [i for i, text in enumerate(names) if text == star]
     if not rows:
         hint = f"{star} is in the catalogue, but not selected"
         raise InputError("star", name, allowed="a star of this selection", hint=hint)
-    return StarMatch(rows[0], star, alias, note)
+    return StarMatch(rows[0], star, alias, note, tuple(other for other in others if other in names))
 
 
 def _resolve_in(name: str, key: str, stars: StarTable) -> StarMatch:
@@ -119,7 +123,7 @@ def _resolve_in(name: str, key: str, stars: StarTable) -> StarMatch:
             return _brightest(stars, exact or rows, form, remark)
     known, aliases = _find(key), snapshot_aliases()
     if known is not None:  # the embedded catalogue knows the star: look for it under any of its names
-        star, alias, note = known
+        star, alias, note, _ = known
         held = [rows for own, rows in stars.name_keys.items() if aliases.get(own) == (star, 0)]
         if held:
             return _brightest(stars, [row for rows in held for row in rows], alias, note)
@@ -142,7 +146,7 @@ def _brightest(stars: StarTable, rows: Iterable[int], alias: str, remark: str) -
     notes = [remark.format(star=names[0])] if remark else []
     if names[1:]:
         notes.append(f"the brightest of several rows, {names[0]}, taken; also in the table: {', '.join(names[1:])}")
-    return StarMatch(chosen[0], names[0], alias, "; ".join(notes))
+    return StarMatch(chosen[0], names[0], alias, "; ".join(notes), tuple(names[1:]))
 
 
 def _not_in(name: str, key: str, stars: StarTable, known: str) -> InputError:
@@ -154,18 +158,20 @@ def _not_in(name: str, key: str, stars: StarTable, known: str) -> InputError:
     return InputError("star", name, allowed=f"a star of {stars.label}", hint=hint)
 
 
-def _find(key: str) -> tuple[str, str, str] | None:
-    """Return (star name, matched key, note), or None."""
+def _find(key: str) -> tuple[str, str, str, Sequence[str]] | None:
+    """Return (star name, matched key, note, other stars of that name), or None."""
     aliases = snapshot_aliases()
     for form, remark in _forms(key):
         if form in aliases:
             star, kind = aliases[form]
             if split_component(key)[1] and not split_component(form)[1] and _component(star) not in ("", "A"):
                 continue  # "p Eri A", when the catalogue lists component B alone
-            note = remark.format(star=star)
+            note, others = remark.format(star=star), []
             if kind and not split_component(key)[1]:
-                note = "; ".join(filter(None, (note, _system_note(form, star))))
-            return star, form, note
+                others = _system_others(form, star)
+                system = f"name of a system: its brightest star {star} taken{_also(others)}"
+                note = "; ".join(filter(None, (note, system)))
+            return star, form, note, others
     return _unnumbered(key)
 
 
@@ -191,7 +197,7 @@ def _forms(key: str) -> list[tuple[str, str]]:
     return forms
 
 
-def _unnumbered(key: str) -> tuple[str, str, str] | None:
+def _unnumbered(key: str) -> tuple[str, str, str, Sequence[str]] | None:
     """Find ``zet Ret`` as the brightest of ``zet1 Ret`` and ``zet2 Ret``."""
     found = _PLAIN_BAYER.fullmatch(key)
     if not found:
@@ -204,20 +210,23 @@ def _unnumbered(key: str) -> tuple[str, str, str] | None:
     forms.sort(key=lambda form: order.index(aliases[form][0]))
     star = aliases[forms[0]][0]
     others = [aliases[form][0] for form in forms[1:] if aliases[form][0] != star]
-    rest = f"; also in the catalogue: {', '.join(others)}" if others else ""
-    return star, forms[0], f"several stars share this letter: the brightest, {star}, taken{rest}"
+    note = f"several stars share this letter: the brightest, {star}, taken{_also(others)}"
+    return star, forms[0], note, others
 
 
-def _system_note(key: str, star: str) -> str:
-    """Say which star of a system was taken, and name the others."""
+def _also(others: Sequence[str]) -> str:
+    return f"; also in the catalogue: {', '.join(others)}" if others else ""
+
+
+def _system_others(key: str, star: str) -> list[str]:
+    """Return the other stars of a system."""
     aliases = snapshot_aliases()
     others = sorted({name for other, (name, _) in aliases.items() if split_component(other)[0] == key and name != star})
     if not others:
         system = star.rpartition(" ")[0]
         members = {name for name, _ in aliases.values() if name != star and name.rpartition(" ")[0] == system}
         others = sorted(members) if " " in system else []
-    rest = f"; also in the catalogue: {', '.join(others)}" if others else ""
-    return f"name of a system: its brightest star {star} taken{rest}"
+    return others
 
 
 def _refusal(name: str, key: str) -> InputError:

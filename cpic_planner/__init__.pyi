@@ -7,6 +7,7 @@ from cpic_planner.api.etc import (
     signal_to_noise as signal_to_noise,
 )
 from cpic_planner.api.runs import (
+    compare_ranks as compare_ranks,
     compare_strategies as compare_strategies,
     confirm_scene as confirm_scene,
     confirm_targets as confirm_targets,

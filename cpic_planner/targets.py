@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from catalogs import POSITION_ERROR, Catalogue, StarTable, open_catalogue, resolve_star, stability_limit, stars_at
-from cpic_core import FloatArray, InputError, IntArray, NDArray
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray
 from cpic_planner.queries import default_instrument
 from simulator.config import checked_utc, julian_year
 
@@ -261,6 +261,44 @@ def sample_text(catalogue: Catalogue, v_mag_max: float | None, dwarfs_only: bool
     classes = "dwarfs (V, IV-V) only" if dwarfs_only else "all luminosity classes"
     pairs = "stars with a close companion left out" if singles_only else "stars with companions flagged, not dropped"
     return f"{catalogue.sample}{bright}; {classes}; {pairs}"
+
+
+def named_among(targets: Targets, names: Sequence[str], catalogue: Catalogue) -> BoolArray:
+    """Tell which targets have one of some names.
+
+    Parameters
+    ----------
+    targets : Targets
+        ``n`` stars of the catalogue.
+    names : sequence of str
+        Any names of stars.
+    catalogue : Catalogue
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+
+    Raises
+    ------
+    InputError
+        For names that are unknown, mean several stars or are no target, all of them in one line.
+    """
+    ranked, found, faults = set(targets.name.tolist()), [], []
+    for name in names:
+        try:
+            match = resolve_star(name, catalogue.table)
+        except InputError as error:
+            faults.append(f"{name}: {error.hint or 'unknown'}")
+            continue
+        found.append(match.name)
+        if match.others:
+            faults.append(f"{name}: several stars, {', '.join((match.name, *match.others))}")
+        elif match.name not in ranked:
+            faults.append(f"{name}: in the catalogue, but not in the sample that is ranked")
+    if faults:
+        bad = ", ".join(fault.partition(":")[0] for fault in faults)
+        raise InputError("stars", bad, allowed="names of one ranked star each", hint="; ".join(faults))
+    return np.isin(targets.name, found)
 
 
 def find_target(

@@ -9,14 +9,16 @@ import contextlib
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from catalogs import Catalogue
+from cpic_core import InputError
 from cpic_planner import queries, results
 from cpic_planner.api.keywords import model_of, stars_named, takes
 from cpic_planner.etc import EtcModel
-from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets, timed_model
-from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
+from cpic_planner.ranking import AskedStars, asked_stars, timed_model
+from cpic_planner.targets import Targets, as_catalogue, find_target
 from simulator.config import checked_utc
 
 _QUIET = {"out": None, "images": 0, "workers": 1}
@@ -24,14 +26,21 @@ _QUIET = {"out": None, "images": 0, "workers": 1}
 
 @dataclass(frozen=True)
 class Prepared:
-    """The model, the stars and the order that a ranking is made of, with remarks for the person who asked."""
+    """The model, the stars and the order that a ranking is made of."""
 
     model: EtcModel
-    targets: Targets
+    stars: AskedStars
     catalogue: Catalogue
-    sample: str
+    instruments: queries.EnsembleChoice | None
     asked: dict[str, Any]
-    notes: tuple[str, ...]
+
+    def ranked(self) -> results.RankResult:
+        """Return the ranking."""
+        from cpic_planner.ranking import rank_under
+
+        stars = self.stars
+        named = {"sample": stars.text, "catalogue": self.catalogue.provenance}
+        return rank_under(self.model, stars.targets, self.instruments, chosen=stars.chosen, **named, **self.asked)
 
 
 def prepared(question: queries.RankQuestion) -> Prepared:
@@ -43,17 +52,10 @@ def prepared(question: queries.RankQuestion) -> Prepared:
         For tables that cannot be read, unknown bands, or no star that is left.
     """
     table = as_catalogue(question.catalog)
-    cuts = {name: getattr(question, name) for name in ("v_mag_max", "dwarfs_only", "singles_only")}
-    date_utc = queries.observed_utc(question)
-    targets = rank_sample(catalog=table, companions=question.companions, date_utc=date_utc, **cuts)
-    sample = sample_text(table, *cuts.values())
-    counted, notes = counted_planets(question), table.notes
-    if isinstance(counted, KnownChoice):
-        targets, sample = counted.stars(targets), f"{sample}; {KNOWN_ONLY}"
-        notes = (*notes, *counted.table.notes)
+    stars = asked_stars(question, table)
     model, time_s = timed_model(model_of(question), question)
-    asked_for = {"time_s": time_s, "planet": question.planet, "population": counted, "score": question.score}
-    return Prepared(model, targets, table, sample, asked_for, tuple(notes))
+    asked_for = {"time_s": time_s, "planet": question.planet, "population": stars.counted, "score": question.score}
+    return Prepared(model, stars, table, question.drawn_instruments, asked_for)
 
 
 @takes(queries.RankQuestion)
@@ -63,18 +65,14 @@ def rank_targets(question: queries.RankQuestion) -> results.RankResult:
     Returns
     -------
     RankResult
-        One row per star, best first.
+        One row per star that passes the filters, best first; ``rank_in_catalogue`` is its rank among all.
 
     Raises
     ------
     InputError
         For bad input, naming key, value, unit and range.
     """
-    from cpic_planner.ranking import rank_under
-
-    ready, instruments = prepared(question), question.drawn_instruments
-    named = {"sample": ready.sample, "catalogue": ready.catalogue.provenance}
-    return rank_under(ready.model, ready.targets, instruments, **named, **ready.asked)
+    return prepared(question).ranked()
 
 
 @takes(queries.RankQuestion)
@@ -88,7 +86,71 @@ def rank_sensitivity(question: queries.RankQuestion) -> results.SensitivityResul
     from cpic_planner.ranking.sensitivity import sensitivity
 
     ready = prepared(question)
-    return sensitivity(ready.model, ready.targets, **ready.asked)
+    return sensitivity(ready.model, ready.stars.answered, **ready.asked)
+
+
+def compared(question: queries.RankQuestion, other: Any, *, key: str = "other") -> results.RankComparison:
+    """Return what moves from another ranking, or from the same one with another instrument, to that of a question.
+
+    Parameters
+    ----------
+    question : RankQuestion
+    other : RankResult, Instrument, mapping, str or Path
+        A name that ends in .json, .csv or .ecsv is the file of an earlier ranking, any other one an instrument.
+    key : str
+        What it is asked for as, for messages.
+
+    Raises
+    ------
+    InputError
+        For what is neither, or has no star in common.
+    """
+    from cpic_planner.ranking.compare import ENDINGS, Ranking, compare_rankings, load_ranking
+
+    if isinstance(other, results.RankResult):
+        before = Ranking.of(other)
+    elif isinstance(other, str | Path) and str(other).lower().endswith(ENDINGS):
+        before = load_ranking(other, key=key)
+    else:
+        try:
+            instrument = queries.read_instrument(other)
+        except InputError as error:
+            if error.key not in ("instrument", "file"):
+                raise
+            allowed = f"{error.allowed}; or an earlier ranking, whose name ends in {', '.join(ENDINGS)}"
+            raise InputError(key, other, allowed=allowed, hint=error.hint) from None
+        same = question.model_copy(update={"instrument": instrument})
+        before = Ranking.of(prepared(same).ranked(), instrument=instrument)
+    after = Ranking.of(prepared(question).ranked(), instrument=question.instrument)
+    return compare_rankings(before, after)
+
+
+class CompareQuestion(queries.RankQuestion):
+    """What moves from another ranking to this one."""
+
+    other: Any = queries.asked(
+        ...,
+        "An earlier ranking (a RankResult, or a file that cpic rank --out or --json wrote), or another instrument with "
+        "which the same question is asked. It stands before, the ranking of the question after.",
+        argument=True,
+        accepts="RankResult, Instrument, mapping, str or Path",
+    )
+
+
+@takes(CompareQuestion, first=("other",))
+def compare_ranks(question: CompareQuestion) -> results.RankComparison:
+    """Say what moves from another ranking, or another instrument, to this ranking, and why.
+
+    Returns
+    -------
+    RankComparison
+
+    Raises
+    ------
+    InputError
+        For bad input, naming key, value, unit and range.
+    """
+    return compared(question, question.other)
 
 
 class ExplainQuestion(queries.RankQuestion):
@@ -97,7 +159,7 @@ class ExplainQuestion(queries.RankQuestion):
     target: str = queries.asked(..., "Star name.", argument=True)
 
 
-@takes(ExplainQuestion, first=("target",))
+@takes(ExplainQuestion, first=("target",), without=queries.FILTERS)
 def explain_rank(question: ExplainQuestion) -> results.Explanation:
     """Say why one star stands where it stands in the ranking.
 
@@ -114,7 +176,7 @@ def explain_rank(question: ExplainQuestion) -> results.Explanation:
 
     ready = prepared(question)
     name = str(find_target(question.target, catalog=ready.catalogue)[0].name[0])
-    return explain_star(ready.model, ready.targets, name, **ready.asked)
+    return explain_star(ready.model, ready.stars.targets, name, **ready.asked)
 
 
 @takes(queries.PlanQuestion, first=("out",), needs=("out",))

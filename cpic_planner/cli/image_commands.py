@@ -32,6 +32,8 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
     observation takes; those that are left out for it are named. With --schedule they are the visits of a strategy:
     visits.csv as cpic whatif writes it, without the lines that have an outcome. The visits of a star and band are
     then one programme, in the frames that the schedule says, and every line without images is named with its reason.
+    --stars, --sp-type, --distance-max-pc, --dec-min, --dec-max and --known-hosts choose some of the ranked stars: the
+    plan proposes the first of these, and each keeps its rank in the whole ranking beside.
 
     Writes plan.json, sensitivity.json, run.json, ranking.csv, ranking.ecsv, measurements.csv and report.html into
     --out. Stopped half way, it continues when started again on the same folder; the result is the same for any
@@ -60,6 +62,8 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
       cpic plan --library reference_star --reference-v-mag 3 --top 3
 
       cpic plan --date 2028-06-01 --days 90 --top 10
+
+      cpic plan --sp-type K --distance-max-pc 10 --top 3
 
       cpic plan --schedule cpic-whatif/visits.csv --strategy few_and_deep --top 3
     """

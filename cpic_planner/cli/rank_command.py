@@ -28,6 +28,15 @@ def rank(
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity", help="Say how the order depends on assumptions, instead of the table.")
     ] = False,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            "--compare",
+            metavar="OTHER",
+            help="Say what moves from OTHER to this ranking and why, instead of the table: the file of an earlier "
+            "ranking (of --out, or .json of --json), or an instrument (preset or YAML file) asked the same.",
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", help="Draw the first --limit stars, at most 100, into FILE.png, .pdf or .svg as well."),
@@ -35,7 +44,7 @@ def rank(
     out: Annotated[Path | None, typer.Option("--out", help="Also write all rows to FILE.csv or FILE.ecsv.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Rank the whole catalogue (analytic, a few seconds; --explain and --sensitivity rank it several times).
+    """Rank the whole catalogue (analytic, a few seconds; --explain, --sensitivity and --compare rank more than once).
 
     The ranking is by completeness per hour: which fraction of a population of planets one observation of the star
     detects, over its wall time. Planets do not count that radial velocities would have shown, that a companion star
@@ -49,6 +58,11 @@ def rank(
     likely a search finds it blind and at its place, and what limits it (limited_by: the single change that would make
     it detected in the given time; see cpic etc --help). In --json and --out: the visits, the time, the drift and the
     contrast that would detect it, each changed alone.
+
+    --stars, --sp-type, --distance-max-pc, --dec-min, --dec-max and --known-hosts choose some of the ranked stars, those
+    that pass all that are given: scores and seeds stay those of the whole ranking, and the rank in it stands beside the
+    rank among the chosen (rank_in_catalogue).
+    --compare says which stars move from another ranking to this one, by how much their scores change, and why.
 
     Examples:
 
@@ -65,12 +79,19 @@ def rank(
       cpic rank --sensitivity
 
       cpic rank --instruments 200
+      cpic rank --stars "tau Cet, eps Eri"
+
+      cpic rank --sp-type G,K --distance-max-pc 30 --limit 30
+
+      cpic rank --compare as_published
 
       cpic rank --exclusions none
 
       cpic rank --json | python -m json.tool | head -40
 
       cpic rank --out ranking.csv
+
+      cpic rank --drift-nm 0.1 --compare ranking.csv
 
       cpic rank --catalog my_stars.csv
 
@@ -83,37 +104,45 @@ def rank(
     detects at least one of them, the errors of their orbits included; --planets is then the number of draws of each
     planet.
     """
-    from cpic_planner.api import prepared
+    from cpic_planner.api import compared, prepared
+    from cpic_planner.queries import called
     from cpic_planner.targets import find_target
 
-    refuse_together({"--explain": explain, "--sensitivity": sensitivity}, "two answers")
-    for name, value in (("--explain", explain), ("--sensitivity", sensitivity)):
+    answers: dict[str, object] = {"--explain": explain, "--sensitivity": sensitivity, "--compare": compare}
+    refuse_together(answers, "two answers")
+    for name, value in answers.items():
         refuse_together({name: value, "--out": out}, "it holds no ranking")
         refuse_together({name: value, "--plot": plot}, "it has no figure")
-        known = question.known_planets
+        known = None if name == "--compare" else question.known_planets
         refuse_together({name: value, "--known-planets": known}, "it is about a hypothetical population")
+    if explain is not None and question.filters:
+        hint = "its rank is that among all stars of the sample"
+        raise InputError("--explain", explain, allowed=f"without {called(question.filters[0])}", hint=hint)
     options.check_file(out, (".csv", ".ecsv"), "--out")
     options.check_plot(plot)
+    if compare is not None:
+        moved = compared(question, compare, key="--compare")
+        print_result(moved, as_json, partial(report.print_moves, moved, limit=limit))
+        return
     ready = prepared(question)
-    note(*ready.notes)
+    note(*ready.stars.notes)
     if explain is not None:
         star, remark = find_target(explain, catalog=ready.catalogue)
         note(*filter(None, [remark]))
         name = str(star.name[0])
-        if name not in set(ready.targets.name.tolist()):
+        if name not in set(ready.stars.targets.name.tolist()):
             hint = "it is in the catalogue, but a cut leaves it out"
             raise InputError("--explain", explain, allowed="a star of the sample that is ranked", hint=hint)
-        reasons = ranking.explain_star(ready.model, ready.targets, name, **ready.asked)
+        reasons = ranking.explain_star(ready.model, ready.stars.targets, name, **ready.asked)
         print_result(reasons, as_json, partial(report.print_explanation, reasons))
         return
     if sensitivity:
         from cpic_planner.ranking.sensitivity import sensitivity as sensitivity_of
 
-        compared = sensitivity_of(ready.model, ready.targets, **ready.asked)
-        print_result(compared, as_json, partial(report.print_sensitivity, compared))
+        firm = sensitivity_of(ready.model, ready.stars.answered, **ready.asked)
+        print_result(firm, as_json, partial(report.print_sensitivity, firm))
         return
-    named = {"sample": ready.sample, "catalogue": ready.catalogue.provenance}
-    result = ranking.rank_under(ready.model, ready.targets, question.drawn_instruments, **named, **ready.asked)
+    result = ready.ranked()
     if out is not None:
         table = report.ranking_csv if out.suffix == ".csv" else report.ranking_ecsv
         options.write_out(out, lambda: table(result), len(result.targets))

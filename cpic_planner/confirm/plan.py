@@ -30,7 +30,7 @@ from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import MAX_VISITS, PlanQuestion, observed_utc
-from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets, planet_record, rank_under, timed_model
+from cpic_planner.ranking import KnownChoice, asked_stars, rank_under, timed_model
 from cpic_planner.ranking.sensitivity import sensitivity
 from cpic_planner.results import (
     BandConfirmation,
@@ -40,11 +40,12 @@ from cpic_planner.results import (
     PlanResult,
     RankedTarget,
     RankResult,
+    ReferencePlanetRecord,
     ScheduleImages,
 )
 from cpic_planner.survey import ScheduledVisit, read_schedule
 from cpic_planner.survey.visibility import BLOCKS, Visibility, load_visibility, visibility
-from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_target, rank_sample, sample_text
+from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_target
 from cpic_planner.validation import ConfirmTask, confirm_task
 
 _CHUNK = 20
@@ -81,41 +82,25 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     refuse_infrared(config.instrument, bands)
     model, time_s = timed_model(build_model(config.instrument, bands, config.strategy), config)
     catalogue = as_catalogue(catalog)
-    targets = rank_sample(
-        catalog=catalogue,
-        companions=config.companions,
-        date_utc=observed_utc(config),
-        v_mag_max=config.v_mag_max,
-        dwarfs_only=config.dwarfs_only,
-        singles_only=config.singles_only,
-    )
-    drawn = counted_planets(config)
-    sample = sample_text(
-        catalogue,
-        v_mag_max=config.v_mag_max,
-        dwarfs_only=config.dwarfs_only,
-        singles_only=config.singles_only,
-    )
-    if isinstance(drawn, KnownChoice):
-        targets = drawn.stars(targets)
-        sample = f"{sample}; {KNOWN_ONLY}"
+    stars = asked_stars(config, catalogue)
     rank = rank_under(
         model,
-        targets,
+        stars.targets,
         config.drawn_instruments,
         time_s=time_s,
         planet=config.planet,
-        population=drawn,
+        population=stars.counted,
         score=config.score,
-        sample=sample,
+        chosen=stars.chosen,
+        sample=stars.text,
         catalogue=catalogue.provenance,
     )
-    ready = _Prepared(model, catalogue, targets, drawn, rank, [], [], {}, None, None, {})
+    ready = _Prepared(model, catalogue, stars.answered, stars.counted, rank, [], [], {}, None, None, {})
     if config.schedule is not None:
         return _of_schedule(config, ready, listed, source)
     chosen, period = _seen(config, ready)
-    stars = [_star(ready, row) for row in chosen]
-    tasks, refused = plan_tasks(model, stars, chosen, time_s=time_s, planet=config.planet, **config.image_settings)
+    each = [_star(ready, row) for row in chosen]
+    tasks, refused = plan_tasks(model, each, chosen, time_s=time_s, planet=config.planet, **config.image_settings)
     return replace(ready, chosen=chosen, tasks=tasks, refused=refused, period=period)
 
 
@@ -347,11 +332,12 @@ def _result(config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapp
         **result_header(config, digest, [band for target in targets for band in target.bands]),
         time_s=config.time_s,
         companions=config.companions,
-        reference_planet=planet_record(config.planet),
+        reference_planet=ReferencePlanetRecord.of(config.planet, albedo=config.planet.albedo.label),
         catalogue=rank.catalogue,
         sample=rank.sample,
         date_utc=rank.date_utc,
         n_ranked=len(rank.targets),
+        n_in_catalogue=rank.n_in_catalogue,
         counts=rank.counts,
         counts_limited_by=rank.counts_limited_by,
         period=prepared.period,

@@ -19,7 +19,7 @@ import numpy as np
 from cpic_core import FloatArray
 from cpic_planner.etc.camera import FrameCamera, best_gain
 from cpic_planner.etc.photon_counting import CountingLight
-from cpic_planner.etc.searches import CaseArrays, first_root, lowest, taken
+from cpic_planner.etc.searches import CaseArrays, bracketed, first_root, lowest, taken
 from simulator.detectors import frame_variance_e2, frames_per_clean, noise_factor2
 from simulator.signal import largest_gain, longest_exposure_s
 
@@ -30,6 +30,7 @@ _STEP = 1e-4
 _ELASTICITY = 1e-4
 """A visit ends where 1 % more time gives less than 5e-7 more SNR: at its very top the time would be arbitrary."""
 _NEWTON_STEPS = 60
+_NEARLY = 2.0
 
 
 @dataclass(frozen=True)
@@ -202,16 +203,21 @@ def _paying_exposure_s(problem: FrameProblem, n_frames: FloatArray, top: FloatAr
         return top
     low = np.full(top.shape, problem.camera.exposure_min_s)
     pays_still = _slope(problem, longest, n_frames) <= -_ELASTICITY
+    stops = ~pays & ~pays_still
+    if not stops.any():
+        return np.where(pays, top, np.minimum(top, longest))
 
     def excess(part: FrameProblem, t: FloatArray, n: FloatArray) -> FloatArray:
         return np.exp(np.clip(-_ELASTICITY - _slope(part, t, n), -1.0, 1.0))
 
-    stop = first_root(problem, excess, low, longest, ~pays & ~pays_still, n_frames, tolerance=1e-6 * _ELASTICITY)
+    low, high, _ = bracketed(problem, excess, low, longest, n_frames)
+    stop = first_root(problem, excess, low, high, stops, n_frames, tolerance=1e-6 * _ELASTICITY)
+    stop = np.where(stops, stop, longest)
     return np.where(pays, top, np.minimum(top, stop))
 
 
-def _stack(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArray) -> FloatArray:
-    return problem.inverse_snr2(exposure_s, n_frames)
+def _over_aim(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArray, aim: FloatArray) -> FloatArray:
+    return problem.inverse_snr2(exposure_s, n_frames) / aim
 
 
 def _candidates(visit_s: FloatArray, frame_s: FloatArray) -> FloatArray:
@@ -307,10 +313,14 @@ def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
     wide = problem.spread(frames.shape)
     low = np.clip(np.where(possible, lower, 0.0) * (1.0 - 1e-9) / frames - camera.readout_s, shortest, longest)
     low = np.where(frames > 1.0, low, shortest)
-    top, least = lowest(wide, _stack, low, np.broadcast_to(longest, frames.shape), frames, coarse=False)
-    feasible = possible & (least <= aim * (1.0 + _ROUNDING))
-    aims = np.broadcast_to(aim, frames.shape)
-    t = first_root(wide, lambda part, t, n, q: _stack(part, t, n) / q, low, top, feasible, frames, aims)
+    high, aims = (np.broadcast_to(part, frames.shape) for part in (longest, np.where(possible, aim, 1.0)))
+    start, top, least = bracketed(wide, _over_aim, low, high, frames, aims)
+    hidden = possible & (least > 1.0) & (least < _NEARLY)  # a valley between two points may reach it
+    if hidden.any():
+        part = wide.at(hidden), _over_aim, low[hidden], high[hidden], frames[hidden], aims[hidden]
+        top[hidden], least[hidden] = lowest(*part, coarse=False)
+    feasible = possible & (least <= 1.0 + _ROUNDING)
+    t = first_root(wide, _over_aim, start, top, feasible, frames, aims)
     visit = frames * (t + camera.readout_s)
     return _pick(problem, t, frames, np.where(feasible, visit, np.inf), wide.inverse_snr2(t, frames))
 

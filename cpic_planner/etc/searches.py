@@ -242,6 +242,30 @@ def last_true(condition: Callable[[FloatArray], NDArray[np.bool_]], shape: tuple
     return found
 
 
+def bracketed(
+    problem: Problem, function: Callable[..., FloatArray], low: FloatArray, high: FloatArray, *more: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return closer brackets of the first root of `first_root`, from a grid between the given ones.
+
+    Parameters
+    ----------
+    problem, function, low, high, *more
+        As of `lowest`.
+
+    Returns
+    -------
+    low, high, least : ndarray
+        The last point before the function is at most 1, and the first one where it is; without such a point the given
+        brackets. ``least`` is the least value that was seen.
+    """
+    grid = _between(low, high, np.linspace(0.0, 1.0, _COARSE))
+    seen = function(problem, grid, *more)
+    seen = np.where(np.isnan(seen), np.inf, seen)
+    k, least = np.argmax(seen <= 1.0, axis=0), seen.min(axis=0)
+    some = least <= 1.0
+    return np.where(some, taken(grid, np.maximum(k - 1, 0)), low), np.where(some, taken(grid, k), high), least
+
+
 def first_root(
     problem: Problem,
     function: Callable[..., FloatArray],
@@ -271,35 +295,40 @@ def first_root(
 
     Notes
     -----
-    Regula falsi on logarithms, which straighten power laws, with the Illinois rule and a bisection every fourth step.
+    Chandrupatla (1997, Adv. Eng. Software 28, 145) on logarithms, which straighten power laws: the parabola through the
+    last three points where it is monotonic between them, else a bisection.
     """
     t = np.array(high, float)
     mask = wanted & (high > low)
     if not mask.any():
         return t
     part, others = problem.at(mask), [array[mask] for array in more]
-    a, b = np.log(low[mask]), np.log(high[mask])
-    fa, fb = np.log(function(part, low[mask], *others)), np.log(function(part, high[mask], *others))
-    at_low, reached = fa <= 0.0, fb
-    last = np.zeros(a.shape, int)
-    for step in range(_MAX_STEPS):
-        done = at_low | (reached > -tolerance) | (b - a <= 2e-16 * np.maximum(np.abs(b), 1.0))
-        if done.all():
+    start, end = np.log(low[mask]), np.log(high[mask])
+    at_start, at_end = (np.log(function(part, ends[mask], *others)) for ends in (low, high))
+    at_low = at_start <= 0.0
+    # The last point, the one on the other side of the root, and the one before.
+    x, fx, other, f_other = end, at_end, start, at_start
+    with np.errstate(invalid="ignore", divide="ignore"):
+        new = start + at_start * np.fmin(_START, (end - start) / (at_start - at_end))
+    new = np.where((new > start) & (new < end), new, 0.5 * (start + end))
+    for _ in range(_MAX_STEPS):
+        below = np.where(fx <= 0.0, fx, f_other)
+        roundings = _ULPS * np.maximum(np.abs(x), 1.0)
+        if np.all(at_low | (below > -tolerance) | (np.abs(x - other) <= 0.25 * roundings)):
             break
+        f_new = np.log(function(part, np.exp(new), *others))
+        same = (f_new <= 0.0) == (fx <= 0.0)
+        last, f_last = np.where(same, x, other), np.where(same, fx, f_other)
+        other, f_other = np.where(same, other, x), np.where(same, f_other, fx)
+        x, fx = new, f_new
         with np.errstate(invalid="ignore", divide="ignore"):
-            x = b - fb * (b - a) / (fb - fa)
-        # A root that rounding puts on an end is a few roundings inside of it, not halfway to the other one.
-        within = np.minimum(_ULPS * np.maximum(np.abs(b), 1.0), 0.25 * (b - a))
-        if step == 0:
-            x = a + _START * fa
-        x = np.where((x >= a) & (x <= b) & (step % 4 != 3), np.clip(x, a + within, b - within), 0.5 * (a + b))
-        fx = np.log(function(part, np.exp(x), *others))
-        right = fx <= 0.0
-        move_a, move_b = ~right & ~done, right & ~done
-        fa = np.where(move_a, fx, np.where(move_b & (last == 1), 0.5 * fa, fa))
-        fb = np.where(move_b, fx, np.where(move_a & (last == -1), 0.5 * fb, fb))
-        reached = np.where(move_b, fx, reached)
-        a, b = np.where(move_a, x, a), np.where(move_b, x, b)
-        last = np.where(right, 1, -1)
-    t[mask] = np.where(at_low, low[mask], np.minimum(np.exp(b), high[mask]))
+            place, value = (x - other) / (last - other), (fx - f_other) / (f_last - f_other)
+            share = fx / (f_other - fx) * f_last / (f_other - f_last)
+            share += (last - x) / (other - x) * fx / (f_last - fx) * f_other / (f_last - f_other)
+            curved = (value**2 < place) & ((1.0 - value) ** 2 < 1.0 - place)
+            # A root that rounding puts on an end is a few roundings inside of it, not halfway to the other one.
+            within = np.minimum(roundings / np.abs(other - x), 0.25)
+            share = np.clip(np.where(curved, share, 0.5), within, 1.0 - within)
+        new = x + share * (other - x)
+    t[mask] = np.where(at_low, low[mask], np.minimum(np.exp(np.where(fx <= 0.0, x, other)), high[mask]))
     return t

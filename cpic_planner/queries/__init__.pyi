@@ -1,5 +1,6 @@
 from cpic_planner.queries.base import (
     Question as Question,
+    called as called,
     called_by_option as called_by_option,
     get as get,
     keys_of as keys_of,
@@ -35,14 +36,18 @@ from cpic_planner.queries.overrides import SimulatorOverrides as SimulatorOverri
 from cpic_planner.queries.rank import (
     DEFAULT_YEARS as DEFAULT_YEARS,
     EXCLUSIONS as EXCLUSIONS,
+    FILTERS as FILTERS,
     MAX_PLANETS as MAX_PLANETS,
     N_PLANETS as N_PLANETS,
+    FilteredQuestion as FilteredQuestion,
     KnownQuestion as KnownQuestion,
     RankedQuestion as RankedQuestion,
     RankQuestion as RankQuestion,
     VisibilityQuestion as VisibilityQuestion,
     asked_exclusions as asked_exclusions,
     read_exclusions as read_exclusions,
+    read_spectral_types as read_spectral_types,
+    read_star_names as read_star_names,
 )
 from cpic_planner.queries.runs import (
     PlanQuestion as PlanQuestion,
@@ -57,6 +62,7 @@ from cpic_planner.queries.shared import (
     Strategy as Strategy,
     default_instrument as default_instrument,
     observed_utc as observed_utc,
+    read_instrument as read_instrument,
 )
 from cpic_planner.queries.simulate import SimulateQuestion as SimulateQuestion
 from cpic_planner.queries.written_values import (

@@ -3,11 +3,14 @@
 Which stars promise most, where the known planets are at a date, and when stars can be seen from the orbit.
 """
 
+import inspect
+import re
+from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from pydantic import model_validator
 
-from cpic_core import InputError
+from cpic_core import InputError, read_text
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import Question, called
@@ -154,17 +157,148 @@ class CountedPlanetsQuestion(KnownPlanetsQuestion):
     exclusions: shared.Texts = asked_exclusions()
 
     def check_planets(self) -> None:
-        """Refuse a population, and what excludes its planets, beside known planets; and candidates without them."""
+        """Refuse a population, and what excludes its planets, beside known planets."""
         for name in ("population", "exclusions"):
             if self.known_planets is not None and name in self.model_fields_set:
                 taken = f"given with {called('known_planets')}"
                 hint = "known planets stand instead of a hypothetical population"
                 raise InputError(name, taken, allowed="one of the two", hint=hint)
-        if self.known_planets is None and self.candidates:
-            raise InputError("candidates", "given", allowed=f"only with {called('known_planets')}")
 
 
-class RankedQuestion(shared.InstrumentQuestion, shared.CutsQuestion, CountedPlanetsQuestion):
+_LIST_OF_STARS = "names of stars, or a text file with one name a line"
+_LIST_ENDINGS = (".txt", ".lst", ".list", ".dat")
+_MOST_BYTES = 1_000_000
+
+
+def read_star_names(given: Any) -> tuple[str, ...]:
+    """Return names of stars from what people write: names, several between commas, and files with one name a line.
+
+    What follows a ``#`` in a file is a comment; blank lines do not count.
+
+    Parameters
+    ----------
+    given : str, Path or sequence
+        A word is a file where there is one, or where it has a slash or ends as text files do.
+
+    Returns
+    -------
+    tuple of str
+        Each name once.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, and where there is no name.
+    """
+    names: dict[str, None] = {}
+    for item in shared.several(given):
+        text = str(item)
+        if "/" in text or text.lower().endswith(_LIST_ENDINGS) or Path(text).is_file():
+            written = read_text(text, key="stars", allowed=_LIST_OF_STARS, max_bytes=_MOST_BYTES)
+            lines = [line.partition("#")[0] for line in written.splitlines()]
+        else:
+            lines = [text]
+        names |= dict.fromkeys(" ".join(name.split()) for line in lines for name in line.split(",") if name.strip())
+    if not names:
+        raise InputError("stars", ",".join(map(str, shared.several(given))) or "none", allowed=_LIST_OF_STARS)
+    return tuple(names)
+
+
+def read_spectral_types(given: Any) -> tuple[str, ...]:
+    """Return beginnings of spectral types, such as ``K``, ``K2`` or ``G8V``, from what people write.
+
+    Parameters
+    ----------
+    given : str or sequence of str
+        Several may stand between commas; blanks and the case of the letter do not count.
+
+    Raises
+    ------
+    InputError
+        For what no spectral type begins with.
+    """
+    words = ["".join(word.split()) for item in shared.several(given) for word in str(item).split(",") if word.strip()]
+    for word in words or ["none"]:
+        if not re.match(r"[OBAFGKMobafgkm](?![a-z])", word):
+            allowed = "the beginning of a spectral type: a class (G), with subclass (K2), or more (K2V)"
+            raise InputError("sp_type", word, allowed=allowed)
+    return tuple(dict.fromkeys(word[0].upper() + word[1:] for word in words))
+
+
+class FilteredQuestion(shared.CutsQuestion):
+    """A question about all stars of a table within some cuts, whose answer is about those that pass the filters.
+
+    The whole sample is ranked whatever the filters are. They count by the stars that they leave, which are in the hash
+    of the ranking.
+    """
+
+    stars: shared.Texts = asked(
+        (),
+        "Only these of the ranked stars: a name, several between commas, or a text file with one name a line (blank "
+        "lines and what follows a # do not count). Repeat for several.",
+        physics=False,
+        read=read_star_names,
+        metavar="NAME|FILE",
+        accepts="str, Path or sequence of str",
+    )
+    sp_type: shared.Texts = asked(
+        (),
+        "Only ranked stars whose spectral type begins so: K, K2, G8V; several between commas or repeated.",
+        physics=False,
+        read=read_spectral_types,
+        accepts="str or sequence of str",
+    )
+    distance_max_pc: float | None = asked(None, "Only ranked stars as near as this.", gt=0, physics=False)
+    dec_min_deg: float | None = asked(
+        None,
+        "Only ranked stars at this declination or north of it, at the date.",
+        ge=-90,
+        le=90,
+        option="--dec-min",
+        physics=False,
+    )
+    dec_max_deg: float | None = asked(
+        None,
+        "Only ranked stars at this declination or south of it, at the date.",
+        ge=-90,
+        le=90,
+        option="--dec-max",
+        physics=False,
+    )
+    known_hosts: bool = asked(
+        False,
+        "Only ranked stars with known planets, of the table snapshot; confirmed and controversial ones count, with "
+        "{candidates} candidates too.",
+        physics=False,
+    )
+
+    @classmethod
+    def load(cls, source: str | Path) -> dict[str, Any]:
+        """Return what a YAML file answers; a list of stars is looked for beside it first."""
+        tree, folder = super().load(source), Path(source).parent
+        if "stars" in tree:
+            names = [str(item) for item in shared.several(tree["stars"]) or ()]
+            tree["stars"] = [str(folder / name) if (folder / name).is_file() else name for name in names]
+        return tree
+
+    @model_validator(mode="after")
+    def _possible_declinations(self) -> Self:
+        if self.dec_min_deg is not None and self.dec_max_deg is not None and self.dec_min_deg > self.dec_max_deg:
+            allowed = f"at most {called('dec_max_deg')} {self.dec_max_deg:g}"
+            raise InputError("dec_min_deg", self.dec_min_deg, unit="deg", allowed=allowed)
+        return self
+
+    @property
+    def filters(self) -> tuple[str, ...]:
+        """Names of the filters that are given, in the order in which they are applied."""
+        return tuple(name for name in FILTERS if self.is_given(name) and getattr(self, name) != ())
+
+
+FILTERS = tuple(inspect.get_annotations(FilteredQuestion))
+"""Fields that choose some of the ranked stars."""
+
+
+class RankedQuestion(shared.InstrumentQuestion, FilteredQuestion, CountedPlanetsQuestion):
     """What a ranking of stars is asked."""
 
     time_s: float = asked(
@@ -202,6 +336,11 @@ class RankedQuestion(shared.InstrumentQuestion, shared.CutsQuestion, CountedPlan
         self.check_planets()
         if "ensemble" in self.model_fields_set and self.instruments is None:
             raise InputError("ensemble", "given", allowed=f"only with {called('instruments')}")
+        hint = f"{called('known_planets')} ranks no other stars"
+        self.refuse_together(("known_hosts", "known_planets"), hint)
+        if self.known_planets is None and self.candidates and not self.known_hosts:
+            allowed = f"only with {called('known_planets')} or {called('known_hosts')}"
+            raise InputError("candidates", "given", allowed=allowed)
         return self
 
     @property

@@ -4,7 +4,9 @@ from cpic_planner.ranking.explain import explain_star as explain_star
 from cpic_planner.ranking.known_answer import known_scene as known_scene
 from cpic_planner.ranking.known_completeness import (
     KNOWN_ONLY as KNOWN_ONLY,
+    AskedStars as AskedStars,
     KnownChoice as KnownChoice,
+    asked_stars as asked_stars,
     counted_planets as counted_planets,
 )
 from cpic_planner.ranking.optimiser import (
@@ -12,7 +14,6 @@ from cpic_planner.ranking.optimiser import (
     optimise as optimise,
 )
 from cpic_planner.ranking.order import (
-    planet_record as planet_record,
     rank_targets as rank_targets,
     timed_model as timed_model,
 )

@@ -1,23 +1,27 @@
-"""How likely one observation of each star detects its known planets: completeness star by star."""
+"""How likely one observation of each star detects its known planets: completeness star by star.
+
+The stars that a question ranks, and those that its filters choose of them.
+"""
 
 import hashlib
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from catalogs import KnownPlanetTable, load_known_planets
-from cpic_core import ArrayLike, InputError, check_finite, check_whole
+from catalogs import Catalogue, KnownPlanetTable, load_known_planets
+from cpic_core import ArrayLike, BoolArray, InputError, check_finite, check_whole
 from cpic_planner.etc import EtcModel
 from cpic_planner.planets import Planets, PopulationChoice, StarLimits, draw_known, known_uniforms, planets_of
-from cpic_planner.queries import RankedQuestion, ReferencePlanet
+from cpic_planner.queries import RankedQuestion, ReferencePlanet, called, observed_utc
 from cpic_planner.ranking.completeness import BandCompleteness, completeness
 from cpic_planner.ranking.settings import OptimalSetting
 from cpic_planner.results import KNOWN_PLANETS, PopulationRecord
-from cpic_planner.targets import Targets
-from simulator.config import AlbedoSpec, Instrument, checked_utc
+from cpic_planner.targets import Targets, named_among, rank_sample, sample_text
+from simulator.config import AlbedoSpec, Instrument, checked_utc, unit_of
 from simulator.products import mjd_of
 
 MAX_DRAWS = 100_000
@@ -35,6 +39,11 @@ def known_rows(table: KnownPlanetTable, targets: Targets) -> list[tuple[int, ...
     targets : Targets
     """
     return [table.rows_of(str(name)) for name in targets.name]
+
+
+def hosts_among(targets: Targets, table: KnownPlanetTable) -> BoolArray:
+    """Tell which targets have known planets that are counted."""
+    return np.array([bool(rows) for rows in known_rows(table, targets)], bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +119,10 @@ class KnownChoice:
         InputError
             If none has.
         """
-        chosen = [i for i, rows in enumerate(known_rows(self.table, targets)) if rows]
-        if not chosen:
+        hosts = hosts_among(targets, self.table)
+        if not hosts.any():
             raise InputError("known planets", self.table.provenance, allowed="planets of stars of the sample")
-        return targets.select(chosen)
+        return targets.select(hosts)
 
     def draw(self, targets: Targets) -> KnownSample:
         """Draws of the planets of each star.
@@ -164,6 +173,112 @@ def counted_planets(question: RankedQuestion) -> PopulationChoice | KnownChoice:
     n_draws, albedo = check_whole("n_planets", question.n_planets, 1, MAX_DRAWS), question.planet.albedo
     where = question.known_planets, question.date_utc, albedo, question.instrument
     return KnownChoice.at(*where, n_draws=n_draws, seed=question.seed, candidates=question.candidates)
+
+
+def chosen_targets(targets: Targets, question: RankedQuestion, catalogue: Catalogue) -> tuple[BoolArray, str]:
+    """Which targets pass the filters of a question, and what these are in words.
+
+    Parameters
+    ----------
+    targets : Targets
+        ``n`` stars of the catalogue, at the date.
+    question : RankedQuestion
+    catalogue : Catalogue
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    str
+
+    Raises
+    ------
+    InputError
+        For names that are unknown, mean several stars or are no target, all of them in one line; and for a filter that
+        leaves no star.
+    """
+    asked = {name: getattr(question, name) for name in question.filters}
+    texts = {
+        "stars": "named",
+        "sp_type": f"of type {' or '.join(question.sp_type)}",
+        "distance_max_pc": "within {:g} pc",
+        "dec_min_deg": "at {:g} deg of declination or north of it",
+        "dec_max_deg": "at {:g} deg of declination or south of it",
+        "known_hosts": "hosts of known planets",
+    }
+    tests: dict[str, Callable[[], Any]] = {
+        "stars": lambda: named_among(targets, question.stars, catalogue),
+        "sp_type": lambda: [_class_first(text).startswith(question.sp_type) for text in targets.sp_type.tolist()],
+        "distance_max_pc": lambda: targets.distance_pc <= asked["distance_max_pc"],
+        "dec_min_deg": lambda: targets.dec_deg >= asked["dec_min_deg"],
+        "dec_max_deg": lambda: targets.dec_deg <= asked["dec_max_deg"],
+        "known_hosts": lambda: [
+            bool(rows) for rows in known_rows(load_known_planets(candidates=question.candidates), targets)
+        ],
+    }
+    keep, left = np.ones(len(targets), bool), f"none of the {len(targets)} ranked stars passes"
+    for name, value in asked.items():
+        keep = keep & np.asarray(tests[name](), bool)
+        if not keep.any():
+            shown = "given" if value is True else value
+            raise InputError(name, shown, unit=unit_of(name), allowed="a filter that leaves a star", hint=left)
+        left = f"none of the {keep.sum()} stars that {called(name)} leaves passes"
+    return keep, ", ".join(texts[name].format(value) for name, value in asked.items())
+
+
+def _class_first(sp_type: str) -> str:
+    """A spectral type from its class on, without blanks: what stands before it (sd, d, a bracket) is left out."""
+    return re.sub(r"^[^OBAFGKM]*", "", "".join(sp_type.split()))
+
+
+@dataclass(frozen=True, eq=False)
+class AskedStars:
+    """The stars that a question ranks.
+
+    Attributes
+    ----------
+    targets : Targets
+        All ``n`` that are ranked.
+    counted : PopulationChoice or KnownChoice
+        The planets that completeness counts.
+    chosen : ndarray of bool, shape (n,), or None
+        Those that pass the filters of the question; None without filters.
+    text : str
+        In words, those that are chosen.
+    notes : tuple of str
+        Remarks on the tables, for the person who asked.
+    """
+
+    targets: Targets
+    counted: PopulationChoice | KnownChoice
+    chosen: BoolArray | None
+    text: str
+    notes: tuple[str, ...]
+
+    @property
+    def answered(self) -> Targets:
+        """The stars that an answer is about."""
+        return self.targets if self.chosen is None else self.targets.select(self.chosen)
+
+
+def asked_stars(question: RankedQuestion, catalogue: Catalogue) -> AskedStars:
+    """Return the stars that a question ranks and the planets that count around them.
+
+    Raises
+    ------
+    InputError
+        For tables that cannot be read, and cuts or filters that leave no star.
+    """
+    cuts = {name: getattr(question, name) for name in ("v_mag_max", "dwarfs_only", "singles_only")}
+    date_utc = observed_utc(question)
+    targets = rank_sample(catalog=catalogue, companions=question.companions, date_utc=date_utc, **cuts)
+    text, counted, notes = sample_text(catalogue, *cuts.values()), counted_planets(question), catalogue.notes
+    if isinstance(counted, KnownChoice):
+        targets, text = counted.stars(targets), f"{text}; {KNOWN_ONLY}"
+        notes = (*notes, *counted.table.notes)
+    if not question.filters:
+        return AskedStars(targets, counted, None, text, tuple(notes))
+    chosen, words = chosen_targets(targets, question, catalogue)
+    return AskedStars(targets, counted, chosen, f"{text}; of these only those that are {words}", tuple(notes))
 
 
 def known_completeness(

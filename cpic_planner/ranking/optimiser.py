@@ -1,22 +1,24 @@
 """Choice of band, separation, visits, frame exposure, number of frames and EM gain for each target."""
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Reason
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, Reason
 from cpic_planner import etc
 from cpic_planner.etc import detection
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
-from cpic_planner.ranking.programmes import Outlook, nearby, programme_of
+from cpic_planner.ranking.programmes import Outlook, nearby, picked, programme_of
 from cpic_planner.ranking.settings import OptimalSetting, best_of, separation_grid
 from cpic_planner.targets import Targets
 from simulator.target import albedo_source
 
 _SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
 _ROUNDING = 1e-9
-_ROUNDS = 40
+_ROUNDS, _SECANTS = 40, 8
 STRIDE = 5
 
 
@@ -99,11 +101,13 @@ def best_in_band(
     """
     search = _Search(model, targets, band, planet, separation_arcsec)
     # The best place depends on the number of visits: both are chosen together.
-    chosen, endless = search.lowest(lambda outlook: outlook.finely_in_time(time_s)[0])
-    visits, visit = chosen.outlook().finely_in_time(time_s)[1:]
+    every = np.arange(len(targets))
+    best, endless = search.lowest(search.outlook, every, lambda outlook: outlook.finely_in_time(time_s)[0])
+    chosen, outlook = search.places.at(every, best), search.outlook.at(every, best)
+    visits, visit = outlook.finely_in_time(time_s)[1:]
     programme = programme_of(model, visits, visit)
     choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
-    return search.best(chosen, choice, programme, endless, time_s, with_limits=with_limits)
+    return search.best(chosen, outlook, choice, programme, endless, time_s, with_limits=with_limits)
 
 
 def _least_in_band(
@@ -116,22 +120,22 @@ def _least_in_band(
 ) -> OptimalSetting:
     """Least time of each target in one band, for an SNR or a detection."""
     search = _Search(model, targets, band, planet, separation_arcsec, snr)
-    chosen, endless = search.lowest(lambda outlook: outlook.for_level()[0])
-    outlook = chosen.outlook(snr)
+    every = np.arange(len(targets))
+    best, endless = search.lowest(search.outlook, every, lambda outlook: outlook.for_level()[0])
+    chosen, outlook = search.places.at(every, best), search.outlook.at(every, best)
     visits, visit = outlook.for_level()[1:]
     if model.strategy.visits is None:
         visits, visit = outlook.for_level(nearby(visits))[1:]
-    programme, choice = _least_frames(chosen, outlook, visits, visit, snr)
     if model.strategy.visits is None:
         # Where visits are of few frames, those of one visit alone can be quicker.
-        alone, single = _least_frames(chosen, outlook, np.ones_like(visits), visit, snr)
-        time_s, single_s = (
-            np.where(item.n_frames > 0, of.visits * model.time_s(item.visit_s), np.inf)
-            for of, item in ((programme, choice), (alone, single))
-        )
-        better = single_s < time_s
-        programme, choice = alone.where(better, programme), single.where(better, choice)
-    return search.best(chosen, choice, programme, endless)
+        visits = np.stack((visits, np.ones_like(visits)))
+    programme, choice = _least_frames(chosen, outlook, visits, visit, snr)
+    if model.strategy.visits is None:
+        both = programme.spread(visits.shape)
+        time_s = np.where(choice.n_frames > 0, visits * model.time_s(choice.visit_s), np.inf)
+        better = time_s[1] < time_s[0]
+        programme, choice = both.at(1).where(better, both.at(0)), choice.at(1).where(better, choice.at(0))
+    return search.best(chosen, outlook, choice, programme, endless)
 
 
 def _least_frames(
@@ -147,19 +151,30 @@ def _least_frames(
     problem = chosen.problem("significance" if snr is None else "snr", programme)
     if snr is not None:
         return programme, etc.least_time(problem, np.full(visits.shape, snr))
-    least = outlook.wanted(visits[..., None], spaced_s[..., None])[..., 0] * (1.0 - _ROUNDING)
-    choice = etc.least_time(problem, np.where(np.isfinite(visit_s), least, np.inf))
-    for _ in range(_ROUNDS):
+    reachable = np.isfinite(np.broadcast_to(visit_s, visits.shape))
+    aim = outlook.wanted(visits[..., None], spaced_s[..., None])[..., 0] * (1.0 - _ROUNDING)
+    choice = etc.least_time(problem, np.where(reachable, aim, np.inf))
+    slope = np.zeros(visits.shape)
+    last: tuple[FloatArray, FloatArray] | None = None
+    for step in range(_ROUNDS):
         level = chosen.needed(choice, programme) * chosen.threshold
-        with np.errstate(divide="ignore"):
-            short = (choice.n_frames > 0) & (np.sqrt(choice.inverse_snr2) * level > 1.0 + _ROUNDING)
-        if not short.any():
+        some = choice.n_frames > 0
+        off = np.where(some, level / np.where(some, aim, 1.0) - 1.0, 0.0)
+        # Secants of a fixed point may land above it; the last ones go up to it step by step.
+        wrong = some & ((off > _ROUNDING) | (off < -_ROUNDING) & (step < _SECANTS))
+        if not wrong.any():
             break
-        better = etc.least_time(problem.at(short), level[short] * (1.0 + 0.1 * _ROUNDING))
+        if last is not None and step < _SECANTS:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slope = np.clip(np.nan_to_num((level - last[1]) / (aim - last[0])), -0.9, 0.9)
+        last = aim, level
+        moved = aim * (1.0 + off / (1.0 - slope)) if step < _SECANTS else level
+        aim = np.where(wrong, moved * (1.0 + 0.1 * _ROUNDING), aim)
+        better = etc.least_time(problem.at(wrong), aim[wrong])
         for item in fields(etc.FrameChoice):
-            getattr(choice, item.name)[short] = getattr(better, item.name)
+            getattr(choice, item.name)[wrong] = getattr(better, item.name)
     else:
-        choice.n_frames[short] = 0.0  # a level that runs away is never reached
+        choice.n_frames[wrong] = 0.0  # a level that runs away is never reached
     return programme, choice
 
 
@@ -174,6 +189,13 @@ class _Places:
     threshold: FloatArray
     rates: etc.ApertureRates
     motion: etc.SearchMotion | None
+
+    def at(self, stars: IntArray, columns: IntArray) -> Self:
+        """Return some of the separations of some stars; ``columns`` are ``(n, k)``, or ``(1, k)`` for the same of all."""
+        parts = {item.name: getattr(self, item.name) for item in fields(self)}
+        return replace(
+            self, **{name: picked(part, self.contrast.shape, stars, columns) for name, part in parts.items()}
+        )
 
     @property
     def inward(self) -> FloatArray:
@@ -244,49 +266,55 @@ class _Search:
             return Reason.NONE
         return etc.place_status(self.model, self.band, self.separation_arcsec)[1]
 
-    def places(self, separation_arcsec: FloatArray) -> _Places:
-        """Rates and contrasts at the separations."""
-        model, band = self.model, self.band
-        x, y = etc.planet_offsets(model, self.targets, band, separation_arcsec)
-        contrast = etc.reference_contrast(model, self.targets, band, separation_arcsec, self.planet)
-        elements = model.metrics[band].resolution_elements(separation_arcsec)
+    @functools.cached_property
+    def places(self) -> _Places:
+        """Rates and contrasts of all stars at every separation."""
+        model, band, place = self.model, self.band, self.grid[None, :]
+        x, y = etc.planet_offsets(model, self.targets, band, place)
+        contrast = etc.reference_contrast(model, self.targets, band, place, self.planet)
+        elements = model.metrics[band].resolution_elements(place)
         threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
         rates = etc.aperture_rates(model, self.targets, band, x, y, contrast)
-        place = np.broadcast_to(separation_arcsec, contrast.shape)
-        motion = etc.SearchMotion.asked(model, self.targets, band, place)
-        return _Places(model, band, separation_arcsec, contrast, threshold, rates, motion)
+        motion = etc.SearchMotion.asked(model, self.targets, band, np.broadcast_to(place, contrast.shape))
+        return _Places(model, band, place, contrast, threshold, rates, motion)
 
-    def lowest(self, cost: Callable[[Outlook], FloatArray], *, dark: bool = False) -> tuple[_Places, FloatArray]:
-        """The separation of least cost for each star, ``(n, 1)``, the middle of the range where there is no answer.
+    @functools.cached_property
+    def outlook(self) -> Outlook:
+        """What decides programmes there."""
+        return self.places.outlook(self.snr)
+
+    def lowest(
+        self, outlook: Outlook, stars: IntArray, cost: Callable[[Outlook], FloatArray]
+    ) -> tuple[IntArray, FloatArray]:
+        """Which separation is of least cost for some stars, ``(n, 1)``: the middle one where there is no answer.
 
         And the least level over SNR that any programme has, ``(n,)``.
         """
-        fine = self.grid
-        if len(fine) == 1:
-            places = self.places(fine[None, :])
-            return places, places.outlook(self.snr, dark=dark).endless()[:, 0]
-        outlook = self.places(fine[None, ::STRIDE]).outlook(self.snr, dark=dark)
-        rough = cost(outlook)
+        n = len(self.grid)
+        if n == 1:
+            column = np.zeros((len(stars), 1), int)
+            return column, outlook.at(stars, column).endless()[:, 0]
+        coarse = outlook.at(stars, np.arange(0, n, STRIDE)[None, :])
+        rough = cost(coarse)
         middle = np.argmin(rough, axis=1) * STRIDE
-        middle = np.where(np.isfinite(rough).any(axis=1), middle, len(fine) // 2)
-        around = np.clip(middle[:, None] + np.arange(1 - STRIDE, STRIDE), 0, len(fine) - 1)
-        close = cost(self.places(fine[around]).outlook(self.snr, dark=dark))
+        middle = np.where(np.isfinite(rough).any(axis=1), middle, n // 2)
+        around = np.clip(middle[:, None] + np.arange(1 - STRIDE, STRIDE), 0, n - 1)
+        close = cost(outlook.at(stars, around))
         best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)
-        chosen = np.take_along_axis(fine[around], best[:, None], axis=1)
-        return self.places(chosen), outlook.endless().min(axis=1)
+        return np.take_along_axis(around, best[:, None], axis=1), coarse.endless().min(axis=1)
 
-    def _changed(self, stars: BoolArray, change: Callable[[Outlook], FloatArray], *, dark: bool = False) -> FloatArray:
+    def _changed(self, stars: BoolArray, outlook: Outlook, change: Callable[[Outlook], FloatArray]) -> FloatArray:
         """Least cost of some stars under a change, at the separation that is best under it; infinite for the others."""
-        found = np.full(len(self.targets), np.inf)
-        if stars.any():
-            some = replace(self, targets=self.targets.select(stars))
-            chosen, _ = some.lowest(change, dark=dark)
-            found[stars] = change(chosen.outlook(dark=dark))[:, 0]
+        found, some = np.full(len(self.targets), np.inf), np.flatnonzero(stars)
+        if some.size:
+            best, _ = self.lowest(outlook, some, change)
+            found[some] = change(outlook.at(some, best))[:, 0]
         return found
 
     def best(
         self,
         chosen: _Places,
+        outlook: Outlook,
         choice: etc.FrameChoice,
         programme: etc.Programme,
         endless: FloatArray,
@@ -304,7 +332,7 @@ class _Search:
             margin = np.where(possible, noise.significance / chosen.threshold, 0.0)
         needed = chosen.needed(choice, programme, noise)
         fine = self.grid
-        every = self.places(fine[None, :]) if len(fine) > 1 else chosen
+        every = self.places
         around = every.noise(choice, programme)
         level = every.needed(choice, programme, around) * every.threshold
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -373,14 +401,19 @@ class _Search:
             bound = around.signal_e * np.sqrt(model.visit_s(time_s) / choice.visit_s / programme.visits / around.white)
             calmest = np.minimum(*(etc.needed_margin(model, band, 0.0, every.inward, v) for v in (1.0, MAX_VISITS)))
             near = np.nan_to_num(bound / every.threshold / calmest).max(axis=1) * _SLACK >= 1.0
-        outlook = chosen.outlook().select(lost)
         fewest, factor = np.full((2, n), np.nan)
-        fewest[lost] = outlook.fewest(column(choice.visit_s)[lost])
+        fewest[lost] = outlook.select(lost).fewest(column(choice.visit_s)[lost])
         contrast = np.where(lost, column(needed) / np.maximum(column(margin), 1e-300), np.nan)
-        still = self._changed(lost & near & (endless <= 1.0), lambda item: item.at_rest().in_time(time_s)[0]) <= 1.0
-        calm = self._changed(lost & near, lambda item: item.without_speckles().in_time(time_s)[0]) <= 1.0
-        dark = self._changed(lost & (endless <= 1.0), lambda item: item.in_time(time_s)[0], dark=True) <= 1.0
-        factor[calm] = self._drift_factor(calm, time_s)
+        few = lost & (endless <= 1.0)
+        still = self._changed(few & near, self.outlook, lambda item: item.at_rest().in_time(time_s)[0]) <= 1.0
+        calm = self._changed(lost & near, self.outlook, lambda item: item.without_speckles().in_time(time_s)[0]) <= 1.0
+        dark = np.zeros(n, bool)
+        if few.any():
+            without = self.places.at(np.flatnonzero(few), np.arange(len(fine))[None, :]).outlook(dark=True)
+            every_one = replace(self, targets=self.targets.select(few))
+            dark[few] = every_one._changed(few[few], without, lambda item: item.in_time(time_s)[0]) <= 1.0
+        if calm.any():
+            factor[calm] = self.outlook.select(calm).drift_factor(time_s)
         return replace(
             best,
             without_motion=still,
@@ -390,10 +423,3 @@ class _Search:
             required_drift_factor=factor,
             required_contrast_factor=contrast,
         )
-
-    def _drift_factor(self, stars: BoolArray, time_s: float) -> FloatArray:
-        """Largest factor on the drift with which planets of some stars are detected in a time."""
-        if not stars.any():
-            return np.zeros(0)
-        some = replace(self, targets=self.targets.select(stars))
-        return some.places(self.grid[None, :]).outlook().drift_factor(time_s)

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -32,11 +32,6 @@ from cpic_planner.version import __version__
 from simulator.config import content_hash
 
 _SLACK = 1.2  # by how much a finer grid of separations may beat the coarse one of floors
-
-
-def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
-    """The reference planet as it is written into results."""
-    return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label)
 
 
 def timed_model(model: etc.EtcModel, question: RankedQuestion | OptimiseQuestion) -> tuple[etc.EtcModel, float]:
@@ -183,10 +178,6 @@ class Ranked:
     picked: IntArray
     score: FloatArray
 
-    def chosen(self, name: str) -> FloatArray:
-        """A column of the completeness of the picked band."""
-        return np.stack([getattr(item, name) for item in self.counted])[self.picked, np.arange(len(self.picked))]
-
     @property
     def completeness_time_s(self) -> FloatArray:
         """Wall time of the observation that the completeness refers to; 0 for none."""
@@ -195,13 +186,12 @@ class Ranked:
 
 def ranked(setting: RankSetting, targets: Targets, *, brief: bool = False) -> Ranked:
     """Best settings, completeness and score of every star; ``brief``: neither least times nor what limits them."""
-    model, planet, bands = setting.model, setting.planet, setting.bands
-    planets = setting.drawn(targets)
+    model, planet, bands, planets = setting.model, setting.planet, setting.bands, setting.drawn(targets)
     chosen = SCORES[setting.score]
     if len(targets) < 1:
         raise InputError("targets", len(targets), allowed="at least one star")
-    found = (best_in_band(model, targets, band, setting.time_s, planet, with_limits=not brief) for band in bands)
-    by_band = tuple(found)
+    asked = {"with_limits": not brief}
+    by_band = tuple(best_in_band(model, targets, band, setting.time_s, planet, **asked) for band in bands)
     best = best_of(by_band)
     quickest = np.full((2, len(targets)), np.nan)
     if not brief or chosen.timed:
@@ -276,6 +266,7 @@ def rank_targets(
     bands: Sequence[str] | None = None,
     population: PopulationChoice | KnownChoice | None = None,
     score: ScoreName = DEFAULT_SCORE,
+    chosen: BoolArray | None = None,
     sample: str = "",
     catalogue: str | None = None,
 ) -> RankResult:
@@ -296,38 +287,43 @@ def rank_targets(
         observation detects at least one of the star's own at the given date; stars without any have 0.
     score : str
         What the ranking is by, a name of `cpic_planner.registry.scores.SCORES`.
+    chosen : ndarray of bool, shape (n,), optional
+        Stars that the rows are about, all by default; the others count for ``rank_in_catalogue`` alone.
     sample : str
-        Which stars these are, in words.
+        Which stars the rows are about, in words.
     catalogue : str, optional
         Which table they are from (`catalogs.catalogue.Catalogue.provenance`); the snapshot by default.
 
     Returns
     -------
     RankResult
-        One row per star, best first: descending score, ties by ``detection_margin``, then name.
+        One row per chosen star, best first: descending score, ties by ``detection_margin``, then name.
 
     Raises
     ------
     InputError
-        For values out of range or an unknown score.
     """
     setting = RankSetting.of(model, time_s=time_s, planet=planet, bands=bands, population=population, score=score)
     announce(f"ranking {len(targets)} stars")
     found = ranked(setting, targets)
     standings = detection_statuses(found.best, model)
-    limits = limits_of(standings, found.best)
-    said = zip(standings, limits, strict=True)
+    said = zip(standings, limits_of(standings, found.best), strict=True)
     settings = [setting_fields(model, found.best, i, *standing) for i, standing in enumerate(said)]
-    blooming = {band: etc.companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
+    bloom_in = {band: etc.companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
+    blooms = [bool(bloom_in[str(band)][i]) for i, band in enumerate(found.best.band)]
     velocities = reference_velocities(targets, found.best.separation_arcsec, found.setting.planet)
     clamped = model.passbands.grid_flags(targets.teff_k, targets.log_g, targets.metallicity).any.tolist()
+    digest, order = setting.digest(targets), list(enumerate(ranked_order(found, targets), start=1))
+    if chosen is not None and not chosen.all():
+        digest = content_hash({"kind": "rank", "rank": digest, "stars": np.flatnonzero(chosen).tolist()})
+        order = [(place, i) for place, i in order if chosen[i]]
     rows = [
-        _row(found, targets, i, rank, settings[i], velocities, bool(blooming[str(found.best.band[i])][i]), clamped[i])
-        for rank, i in enumerate(ranked_order(found, targets), start=1)
+        _row(found, targets, i, (rank, place), settings[i], velocities, blooms[i], clamped[i])
+        for rank, (place, i) in enumerate(order, start=1)
     ]
-    counts = Counter("ok" if row.status == "ok" else row.reason for row in rows)
     return RankResult(
-        config_hash=setting.digest(targets),
+        config_hash=digest,
+        instrument=model.instrument.name,
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         sample=sample,
         date_utc=targets.date_utc,
@@ -338,34 +334,38 @@ def rank_targets(
         search=found.counted[0].search,
         visits=model.strategy.visits,
         drift_nm=model.instrument.drift.visit_nm,
-        reference_planet=planet_record(setting.planet),
+        reference_planet=ReferencePlanetRecord.of(setting.planet, albedo=setting.planet.albedo.label),
         population=setting.population.record(),
         score_name=score,
-        counts=dict(sorted(counts.items())),
-        counts_limited_by=dict(sorted(Counter(limits).items())),
+        counts=_counts(row.reason or row.status for row in rows),
+        counts_limited_by=_counts(row.limited_by or "none" for row in rows),
+        n_in_catalogue=len(targets),
         targets=rows,
     )
+
+
+def _counts(words: Iterable[str]) -> dict[str, int]:
+    return dict(sorted(Counter(words).items()))
 
 
 def _row(
     found: Ranked,
     targets: Targets,
     i: int,
-    rank: int,
+    ranks: Sequence[int],
     setting: dict[str, Any],
     velocities: ReferenceVelocities,
     companion_blooms: bool,
     clamped: bool,
 ) -> RankedTarget:
     best, model, planet = found.best, found.setting.model, found.setting.planet
-    star = targets.select([i])
-    band = str(best.band[i])
-    separation = best.separation_arcsec[i : i + 1]
+    star, band = targets.select([i]), str(best.band[i])
+    separation = float(best.separation_arcsec[i])
     distance = float(velocities.distance_au[i])
     luminosity = finite(targets.luminosity_lsun[i])
     flags = [*targets.flags[i], *model.strategy.reference_library.flags]
     flags += [etc.MODES_NOT_COUNTED] if model.strategy.n_modes else []
-    flags += etc.reference_notes(model, star, band, float(separation[0]), planet) + etc.hole_notes(model, band)
+    flags += etc.reference_notes(model, star, band, separation, planet) + etc.hole_notes(model, band)
     if clamped and "stellar_grid_clamped" not in flags:
         flags.append("stellar_grid_clamped")
     if companion_blooms:
@@ -374,14 +374,14 @@ def _row(
         flags.append("excluded_by_rv")
     counted = found.counted[found.picked[i]]
     time_s = float(found.completeness_time_s[i])
-    share = float(counted.counted[i])
-    quickest_s = finite(found.quickest_s[i])
+    share, quickest_s = float(counted.counted[i]), finite(found.quickest_s[i])
     return RankedTarget.of(
         best,
         targets,
         counted,
         at=i,
-        rank=rank,
+        rank=ranks[0],
+        rank_in_catalogue=ranks[1],
         tier=tier_of(setting, quickest_s, found.setting.time_s),
         score=float(found.score[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,

@@ -13,8 +13,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray
 from cpic_planner import etc
+from cpic_planner.planets import OrbitSearch
 from cpic_planner.queries import MAX_VISITS
 from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_parts
 
@@ -134,6 +135,11 @@ class Outlook:
             return part[stars] if isinstance(part, np.ndarray) and part.ndim and len(part) > 1 else part
 
         return type(self)(*(some(getattr(self, item.name)) for item in fields(self)))
+
+    def at(self, stars: IntArray, columns: IntArray) -> Self:
+        """Return some of the places of some stars; parameters as of `picked`."""
+        shape = np.broadcast_shapes(self.level.shape, self.white.shape)[:2]
+        return type(self)(*(picked(getattr(self, item.name), shape, stars, columns) for item in fields(self)))
 
     def drifting(self, factor: ArrayLike) -> Self:
         """Return the same with a drift that is ``factor`` times as large, its walk and what is common included."""
@@ -293,6 +299,30 @@ class Outlook:
             Wall time.
         """
         return _largest(lambda k: self.drifting(k[:, None, None]).in_time(time_s)[0].min(axis=1), len(self.white))
+
+
+def picked(part: Any, shape: tuple[int, ...], stars: IntArray, columns: IntArray) -> Any:
+    """Return some of the places of some stars.
+
+    Parameters
+    ----------
+    part : object
+        Arrays that broadcast to ``shape`` and may have further axes, alone or in named tuples, rates or motions; what
+        is none stays.
+    shape : tuple of int
+        ``(n_star, n_place)``.
+    stars : ndarray of int, shape (n,)
+    columns : ndarray of int, shape (n, k) or (1, k)
+        Places of each of those stars.
+    """
+    if isinstance(part, np.ndarray) and part.ndim > 1:
+        whole = part if part.shape[:2] == shape else np.broadcast_to(part, shape + part.shape[2:])
+        return whole[stars[:, None], columns]
+    if isinstance(part, tuple):
+        return type(part)(*(picked(item, shape, stars, columns) for item in part))
+    if isinstance(part, etc.ApertureRates | etc.SearchMotion | OrbitSearch):
+        return type(part)(*(picked(getattr(part, item.name), shape, stars, columns) for item in fields(part)))
+    return part
 
 
 def programme_of(model: etc.EtcModel, visits: ArrayLike, visit_s: ArrayLike) -> etc.Programme:

@@ -248,7 +248,7 @@ def tau_b(x: NDArray[Any], y: NDArray[Any]) -> float | None:
     """Kendall's tau-b (Kendall 1945): pairs that are tied in both have no weight, those tied in one lower it."""
     i, j = np.triu_indices(len(x), 1)
     a, b = np.sign(x[i] - x[j]), np.sign(y[i] - y[j])
-    ordered = math.sqrt(np.count_nonzero(a)) * math.sqrt(np.count_nonzero(b))
+    ordered = math.sqrt(np.count_nonzero(a) * np.count_nonzero(b))
     return float(np.sum(a * b)) / ordered if ordered else None
 
 

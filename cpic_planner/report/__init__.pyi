@@ -18,6 +18,7 @@ from cpic_planner.report.console_etc import (
 from cpic_planner.report.console_known import print_known as print_known, print_visibility as print_visibility
 from cpic_planner.report.console_runs import (
     print_explanation as print_explanation,
+    print_moves as print_moves,
     print_rank as print_rank,
     print_sensitivity as print_sensitivity,
     print_tradeoff as print_tradeoff,

@@ -257,7 +257,6 @@ def explain_symbols(console: Console, statuses: list[str]) -> None:
         print_note(console, "   ".join(f"{STATUS_SYMBOLS[status]} {status_text(status)}" for status in used))
 
 
-FLAG_SEPARATOR = "|"
 _MODEL_COLUMNS = ("fidelity", "region", "epochs")
 _KNOB_COLUMNS = ("pupil_samples", "wavelength_nodes", "pixel_nodes", "precision")
 _ERROR_COLUMNS: tuple[Quantity, ...] = ("planet_flux", "snr")
@@ -281,7 +280,7 @@ def ranking_csv(rank: results.RankResult) -> str:
     Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``.
     """
     names = results.names_of(results.RankedTarget)
-    return results.csv_text(names, map(results.values_of, rank.targets), joined=FLAG_SEPARATOR)
+    return results.csv_text(names, map(results.values_of, rank.targets), joined=results.FLAG_SEPARATOR)
 
 
 def ranking_ecsv(rank: results.RankResult) -> str:
@@ -289,20 +288,8 @@ def ranking_ecsv(rank: results.RankResult) -> str:
 
     Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked.
     """
-    meta = {
-        "schema_version": rank.schema_version,
-        "config_hash": rank.config_hash,
-        "catalogue": rank.catalogue,
-        "sample": rank.sample,
-        "wall_time_s": rank.time_s,
-        "sigma": rank.sigma,
-        "reference_library": rank.reference_library,
-        "reference_planet": rank.reference_planet.model_dump(mode="json"),
-        "population": rank.population.model_dump(mode="json"),
-        "score_name": rank.score_name,
-        "flag_separator": FLAG_SEPARATOR,
-    }
-    return results.ecsv_text(results.RankedTarget, rank.targets, meta, joined=FLAG_SEPARATOR)
+    meta = rank.model_dump(mode="json", exclude={"targets"}) | {"flag_separator": results.FLAG_SEPARATOR}
+    return results.ecsv_text(results.RankedTarget, rank.targets, meta, joined=results.FLAG_SEPARATOR)
 
 
 def measurements_csv(result: results.PlanResult | results.ConfirmResult) -> str:

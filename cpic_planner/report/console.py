@@ -16,7 +16,7 @@ from cpic_planner import results
 from cpic_planner.registry import LIBRARIES
 from cpic_planner.report import cells as tables, numbers, summary
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
-from cpic_planner.report.numbers import MISSING, count_text, decimals, shortened, significant
+from cpic_planner.report.numbers import MISSING, chosen_text, count_text, decimals, shortened, significant
 from cpic_planner.report.words import ALBEDO_STATUS, STATUS_SYMBOLS, not_imaged_lines, plus_minus, targets_sentences
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def print_plan(plan: results.PlanResult, console: Console) -> None:
         "significant at the known place, but not found blind.",
         *targets_sentences(plan),
         *not_imaged_lines(plan),
-        f"{count_text(plan.n_ranked)} stars ranked. {_setup_text(plan)}",
+        f"{chosen_text(plan.n_ranked, plan.n_in_catalogue)} ranked. {_setup_text(plan)}",
     )
 
 

@@ -7,6 +7,7 @@ Speed against accuracy on the terminal.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from operator import itemgetter
 from pathlib import Path
@@ -15,7 +16,18 @@ from typing import TYPE_CHECKING, Any
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
-from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, full_name, short_name, significant
+from cpic_planner.report.numbers import (
+    MISSING,
+    chosen_text,
+    count_text,
+    decimals,
+    duration_text,
+    full_name,
+    pretty_name,
+    short_name,
+    significant,
+)
+from cpic_planner.report.priorities import print_ensemble
 from cpic_planner.report.summary import (
     detected_sentence,
     expected_sentence,
@@ -30,6 +42,7 @@ from cpic_planner.report.whatif_words import extent_text, interval_text, lead_se
 from cpic_planner.report.words import (
     SEARCHES,
     cap_sentence,
+    counted,
     limit_text,
     remedies_text,
     score_number,
@@ -43,12 +56,15 @@ if TYPE_CHECKING:
 
 def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> None:
     """Print the first ``limit`` rows of a ranking, and what its numbers refer to."""
-    shown = rank.targets[:limit]
-    title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {SCORES[rank.score_name].title}"
+    shown, total = rank.targets[:limit], len(rank.targets)
+    some = f"first {len(shown)} of " if total > 1 else ""
+    stars = chosen_text(total, rank.n_in_catalogue)
+    title = f"Ranking: {some}{stars}, by {SCORES[rank.score_name].title}"
     own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
     cells = row_cells(
         results.RankedTarget,
-        f"rank name v_mag/5 distance_pc/5 {own}completeness completeness_known_place completeness_unconditional/3 "
+        f"rank {'rank_in_catalogue ' * rank.filtered}name v_mag/5 distance_pc/5 {own}completeness "
+        "completeness_known_place completeness_unconditional/3 "
         "completeness_band/9 band/1 separation_arcsec/6 contrast/7 frames/11 em_gain/12 visits visit_time_s/8 "
         "time_s/10 snr/4 detection_margin/2 detection_probability detection_probability_known_place/3 status",
         score=_score_cells(rank.score_name),
@@ -74,37 +90,7 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> N
         f"Stars{f' on {rank.date_utc[:10]}' * bool(rank.date_utc)}: {rank.sample}. {rank.catalogue}",
     )
     if rank.ensemble is not None:
-        _print_ensemble(rank.ensemble, shown, console)
-
-
-_MOST_BARS = 12
-
-
-def _print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.RankedTarget], console: Console) -> None:
-    """Print what becomes of the shown stars under an ensemble of instruments, and what decides."""
-    cells = row_cells(
-        results.RankedTarget,
-        "rank name tier rank_median between p_rank_le_10 p_reachable detection_time_s/3 detection_visits/2 "
-        "limited_by/1",
-        between=Cells("5 to 95 %", lambda row: f"{row.rank_p05:.0f} to {row.rank_p95:.0f}", True),
-    )
-    title = f"The same stars under {count_text(ensemble.n_instruments)} instruments that fit what is known"
-    print_table(console, title, cells, shown)
-    bars = row_cells(
-        results.EnsembleBar,
-        "label low high planets_low planets_high n_reachable_low/1 n_reachable_high/1 tau_low/2 tau_high/2",
-    )
-    title = "What the expected planets of one observation of every star hang on, one number at a time"
-    print_table(console, title, bars, ensemble.bars[:_MOST_BARS])
-    print_plain(console, ensemble.statement)
-    print_note(
-        console,
-        f"low, high: values, or factors on the instrument asked, that 5 and 95 % of what each number may be are below; "
-        f"with all numbers as asked {ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars. "
-        f"All {count_text(ensemble.n_instruments)} instruments rank {count_text(ensemble.n_stars)} stars; no other "
-        "star has a score, or its reference planet detected, under those that rank all. Ensemble "
-        f"{ensemble.name}, seed {ensemble.seed}.",
-    )
+        print_ensemble(rank.ensemble, shown, console)
 
 
 def _zeros(rank: results.RankResult) -> str:
@@ -147,6 +133,43 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
         f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
         f"of: their number; kept: how many of the nominal first {result.top} stay there; biggest fall: in ranks.",
     )
+
+
+def print_moves(result: results.RankComparison, console: Console, limit: int = 20) -> None:
+    """Print what moves from one ranking to another one, of the first ``limit`` stars of either."""
+    before, after = result.before, result.after
+    old = sorted(result.targets, key=lambda move: move.before.rank)[:limit]
+    rows = [move for i, move in enumerate(result.targets) if i < limit or move in old]
+    cells = [
+        Cells("before", lambda move: count_text(move.before.rank)),
+        Cells("after", lambda move: count_text(move.after.rank)),
+        *row_cells(results.RankMove, "name score_ratio/1 why"),
+    ]
+    count = len(result.targets)
+    first = f"the first {f'{limit} ' * (limit > 1)}of either" if limit < count else counted(count, "star")
+    print_plain(console, f"What moves from {before.name} (before) to {after.name} (after): {first}", bold=True)
+    print_table(console, "", cells, rows, last_width=70)
+    named = {*result.only_before, *result.only_after, *(move.name for move in result.targets)}
+    spoken = "|".join(re.escape(name) for name in sorted(named, key=len, reverse=True))
+    print_plain(console, re.sub(rf"(?<!\w)(?:{spoken})(?!\w)", lambda found: pretty_name(found[0]), result.statement))
+    if result.settings is None:
+        print_note(console, "The file does not say how its ranking was made: settings are not compared.")
+    else:
+        said = "; ".join(map(_setting_text, result.settings))
+        print_note(console, f"Settings that differ: {said or 'none'}.")
+    print_note(
+        console,
+        "before, after: rank among all stars of the sample; score ×: score after over score before; Kendall's tau: "
+        "tau-b of the scores, of stars among the first of either ranking with a score above zero in either (1: the "
+        "same order; 0: an unrelated one; equal scores are no order).",
+    )
+
+
+def _setting_text(item: results.SettingChange) -> str:
+    """A setting before and after; of texts in several parts, such as samples, those that differ."""
+    parts = item.before.split("; "), item.after.split("; ")
+    gone, new = ("; ".join(part for part in own if part not in other) or MISSING for own, other in (parts, parts[::-1]))
+    return f"{item.key} {gone} → {new}"
 
 
 def print_explanation(explanation: results.Explanation, console: Console) -> None:

@@ -107,6 +107,13 @@ def count_text(value: int | None) -> str:
     return MISSING if value is None else f"{value:,}".replace(",", "\u202f")
 
 
+def chosen_text(count: int, whole: int | None, noun: str = "star") -> str:
+    """Return the number of stars of a ranking, and of how many they were chosen: 2 chosen stars of 1077."""
+    chosen = whole is not None and whole > count
+    text = f"{count_text(count)} {'chosen ' * chosen}{noun}{'s' * (count != 1)}"
+    return f"{text} of {count_text(whole)}" if chosen else text
+
+
 def percent_text(value: float | None) -> str:
     """Return a fraction as per cent."""
     return MISSING if value is None or not math.isfinite(value) else f"{significant(100.0 * value, 2)} %"

@@ -338,7 +338,8 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
     rank, rows, score = report.rank, report.rows, SCORES[report.rank.score_name]
     columns = doc.row_columns(
         results.RankedTarget,
-        "rank name:row,star v_mag sp_type distance_pc score completeness completeness_unconditional band "
+        f"rank {'rank_in_catalogue ' * rank.filtered}name:row,star v_mag sp_type distance_pc score completeness "
+        "completeness_unconditional band "
         "separation_arcsec contrast frames em_gain snr detection_margin status:wide flags:flags",
         name=lambda row: _star(pretty_name(row.name), row.hip),
         distance_pc=lambda row: significant(row.distance_pc, 4),
@@ -347,8 +348,9 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
         status=_standing,
         flags=lambda row: doc.marked(" ".join(f"`{flag}`" for flag in row.flags)),
     )
+    stars = numbers.chosen_text(len(rank.targets), rank.n_in_catalogue, "ranked star")
     caption = (
-        f"First {len(rows)} of {count_text(len(rank.targets))} ranked stars, by {score.title}: {score.meaning}. "
+        f"First {len(rows)} of {stars}, by {score.title}: {score.meaning}. "
         "Completeness and the band it is for are about the population, the columns from Band to Margin about the "
         "reference planet. All rows and columns are in `ranking.csv` and `ranking.ecsv`."
     )

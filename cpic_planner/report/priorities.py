@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 from cpic_planner import results
 from cpic_planner.report import document as doc, words
-from cpic_planner.report.cells import Cells
+from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.drawing import Picture, literal, new_figure, save, style
 from cpic_planner.report.numbers import MISSING, count_text, duration_text, pretty_name, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from rich.console import Console
 
 TIERS = {
     1: "the reference planet is detected in the given time",
@@ -76,6 +77,33 @@ def _factor(value: float | None) -> str:
 
 def _between(row: results.RankedTarget) -> str:
     return MISSING if row.rank_p05 is None else f"{row.rank_p05:.0f} to {row.rank_p95:.0f}"
+
+
+def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.RankedTarget], console: Console) -> None:
+    """Print what becomes of the shown stars under an ensemble of instruments, and what decides."""
+    cells = row_cells(
+        results.RankedTarget,
+        "rank name tier rank_median between p_rank_le_10 p_reachable detection_time_s/3 detection_visits/2 "
+        "limited_by/1",
+        between=Cells("5 to 95 %", lambda row: f"{row.rank_p05:.0f} to {row.rank_p95:.0f}", True),
+    )
+    title = f"The same stars under {count_text(ensemble.n_instruments)} instruments that fit what is known"
+    print_table(console, title, cells, shown)
+    bars = row_cells(
+        results.EnsembleBar,
+        "label low high planets_low planets_high n_reachable_low/1 n_reachable_high/1 tau_low/2 tau_high/2",
+    )
+    title = "What the expected planets of one observation of every star hang on, one number at a time"
+    print_table(console, title, bars, ensemble.bars[:N_BARS])
+    print_plain(console, ensemble.statement)
+    print_note(
+        console,
+        f"low, high: values, or factors on the instrument asked, that 5 and 95 % of what each number may be are below; "
+        f"with all numbers as asked {ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars. "
+        f"All {count_text(ensemble.n_instruments)} instruments rank {count_text(ensemble.n_stars)} stars; no other "
+        "star has a score, or its reference planet detected, under those that rank all. Ensemble "
+        f"{ensemble.name}, seed {ensemble.seed}.",
+    )
 
 
 def ensemble_figure(rank: results.RankResult, n_stars: int = N_STARS) -> Figure:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
-from cpic_planner.report.numbers import count_text, duration_text, pretty_name, significant
+from cpic_planner.report.numbers import chosen_text, count_text, duration_text, pretty_name, significant
 from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, SEARCHES, counted, orbits_text, overrides_text, sentence
 from simulator.knobs import Quantity
 
@@ -149,7 +149,7 @@ def detected_sentence(rank: results.RankResult) -> str:
     blind = [row for row in told if (row.detection_probability or 0.0) >= 0.5]
     placed = [row for row in told if (row.detection_probability_known_place or 0.0) >= 0.5]
     words = f"Half of such observations or more show {counted(len(blind), 'reference planet')} blind"
-    words = f"{words} and {len(placed)} at their known places"
+    words = f"{words} and {len(placed)} at {'its known place' if len(told) == 1 else 'their known places'}"
     if not (seen := blind or placed):
         return f"{words}."
     visits = sorted(row.visits or 1 for row in seen)
@@ -169,7 +169,8 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
     rank : RankResult
     """
     sentences = [
-        f"{count_text(plan.n_ranked)} stars were ranked by {_score_words(rank)}, in at most "
+        f"{chosen_text(plan.n_ranked, plan.n_in_catalogue)} {'was' if plan.n_ranked == 1 else 'were'} ranked by "
+        f"{_score_words(rank)}, in at most "
         f"{duration_text(plan.time_s)} of wall time per target and band.",
         f"A reference planet ({planet_text(plan)}) is predicted to be detected around "
         f"{count_text(plan.counts.get('ok', 0))} of them, {programme_text(rank)}"

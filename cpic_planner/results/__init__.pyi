@@ -23,6 +23,12 @@ from cpic_planner.results.base import (
     column_of as column_of,
     columns_of as columns_of,
 )
+from cpic_planner.results.ensemble import (
+    EnsembleBar as EnsembleBar,
+    EnsembleRecord as EnsembleRecord,
+    SensitivityResult as SensitivityResult,
+    SensitivityRow as SensitivityRow,
+)
 from cpic_planner.results.known import (
     KnownBand as KnownBand,
     KnownHole as KnownHole,
@@ -57,15 +63,17 @@ from cpic_planner.results.planned import (
 from cpic_planner.results.ranked import (
     KNOWN_PLANETS as KNOWN_PLANETS,
     BandStanding as BandStanding,
-    EnsembleBar as EnsembleBar,
-    EnsembleRecord as EnsembleRecord,
+    ComparedRanking as ComparedRanking,
     Explanation as Explanation,
     PopulationRecord as PopulationRecord,
+    RankAgreement as RankAgreement,
+    RankComparison as RankComparison,
     RankedTarget as RankedTarget,
+    RankMove as RankMove,
     RankResult as RankResult,
     ReferencePlanetRecord as ReferencePlanetRecord,
-    SensitivityResult as SensitivityResult,
-    SensitivityRow as SensitivityRow,
+    SettingChange as SettingChange,
+    StarInRanking as StarInRanking,
 )
 from cpic_planner.results.runs import (
     CheckResult as CheckResult,
@@ -105,9 +113,11 @@ from cpic_planner.results.surveyed import (
     WhatIfResult as WhatIfResult,
 )
 from cpic_planner.results.table import (
+    FLAG_SEPARATOR as FLAG_SEPARATOR,
     arrow_schema as arrow_schema,
     csv_text as csv_text,
     ecsv_text as ecsv_text,
     names_of as names_of,
+    rows_from_csv as rows_from_csv,
     values_of as values_of,
 )

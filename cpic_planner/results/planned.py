@@ -234,7 +234,8 @@ class PlanResult(ImagedResult):
     catalogue: str
     sample: str
     date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
-    n_ranked: int
+    n_ranked: int = Field(description="stars of the ranking that pass the filters")
+    n_in_catalogue: int | None = Field(default=None, description="all ranked stars; null in older results")
     counts: dict[str, int]
     counts_limited_by: dict[str, int] = Field(
         default_factory=dict, description="ranked stars by limited_by; empty in older results"

@@ -1,4 +1,4 @@
-"""Results of the ranking: rows, sensitivity, and the explanation of one star."""
+"""Results of the ranking: rows, sensitivity, comparison with another ranking, and the explanation of one star."""
 
 from typing import Literal
 
@@ -7,6 +7,7 @@ from pydantic import Field
 from cpic_planner.registry import ScoreName
 from cpic_planner.results.base import (
     DetectionMode,
+    LimitText,
     ProgrammeColumns,
     Result,
     Row,
@@ -15,6 +16,7 @@ from cpic_planner.results.base import (
     column,
     optional,
 )
+from cpic_planner.results.ensemble import EnsembleRecord
 
 KNOWN_PLANETS = "known planets"
 """Name of the population where completeness refers to the stars' own planets."""
@@ -99,7 +101,14 @@ class Standing(VerdictColumns, ProgrammeColumns, PlaceColumns):
 class RankedColumns(Row):
     """Columns of a star in the ranking."""
 
-    rank: int = column("1 is best: highest score", label="#")
+    rank: int = column(
+        "1 is best: highest score; among the stars that the filters choose, where there are any", label="#"
+    )
+    rank_in_catalogue: int | None = optional(
+        "rank among all stars of the sample, whatever the filters are; null in older results",
+        label="rank in the catalogue",
+        short="# of all",
+    )
     score: float = column(
         "what the ranking is by, see score_name; more is better; stars of equal score, such as all those of score 0, "
         "follow each other by detection_margin, then name"
@@ -175,62 +184,13 @@ class RankedTarget(Standing, RankedColumns):
     flags: list[str] = column("caveats, see the documentation of flags")
 
 
-class EnsembleBar(Row):
-    """What one number that is not known does to a ranking, all others as they are assumed."""
-
-    key: str = column("key of the number")
-    label: str = column("what the number is", label="number")
-    low: str = column("value, or factor on the instrument's, that 5 % of its law are below", label="low")
-    high: str = column("that 95 % are below", label="high")
-    planets_low: float = column(
-        "expected planets of one observation of every star, at low", short="planets low", format=".2g"
-    )
-    planets_high: float = column("the same at high", short="high", format=".2g")
-    n_reachable_low: int = column("stars whose reference planet is detected, at low", short="reached low")
-    n_reachable_high: int = column("the same at high", short="high")
-    tau_low: float | None = column(
-        "Kendall's tau-b of the nominal scores and those at low, over the stars among the first ten in either; null "
-        "where no order can be compared",
-        short="tau low",
-        format=".2f",
-    )
-    tau_high: float | None = column("the same at high", short="high", format=".2f")
-    source: str = column("where the law is from")
-
-
-class EnsembleRecord(Result):
-    """The ranking under an ensemble of instruments that fit what is known."""
-
-    name: str
-    n_instruments: int = Field(description="instruments drawn, a Latin hypercube")
-    seed: int
-    n_stars: int = Field(
-        description="stars that all instruments rank; the others have no score and no detection under any of those "
-        "that rank all stars"
-    )
-    planets_nominal: float = Field(
-        description="expected planets of one observation of every star by the instrument asked; completeness summed "
-        "where the population has no rate of occurrence"
-    )
-    planets_p05: float = Field(description="the same, exceeded by 95 % of the instruments")
-    planets_median: float
-    planets_p95: float
-    n_reachable_nominal: int = Field(description="stars whose reference planet is detected, by the instrument asked")
-    n_reachable_p05: int = Field(description="the same, exceeded or equalled by 95 % of the instruments")
-    n_reachable_median: int
-    n_reachable_p95: int
-    bars: list[EnsembleBar] = Field(description="what the numbers hang on, the largest effect on planets first")
-    decides: str = Field(description="key of the number that decides how many planets are expected")
-    decides_order: str = Field(description="key of the number that changes the order of the first ten most")
-    statement: str = Field(description="the same in words")
-
-
 class RankResult(Result):
     """The analytic ranking of the whole sample."""
 
     schema_version: Literal[1] = 1
     kind: Literal["rank"] = "rank"
     config_hash: str
+    instrument: str = Field(default="", description="name of the instrument; empty in older results")
     catalogue: str
     sample: str = Field(description="which rows of the catalogue are returned")
     date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
@@ -260,57 +220,106 @@ class RankResult(Result):
     counts_limited_by: dict[str, int] = Field(
         default_factory=dict, description="stars by limited_by; empty in older results"
     )
+    n_in_catalogue: int | None = Field(
+        default=None, description="stars of the sample before the filters; null in older results"
+    )
     ensemble: EnsembleRecord | None = Field(default=None, description="the same under many instruments, where asked")
     targets: list[RankedTarget]
 
+    @property
+    def filtered(self) -> bool:
+        """Whether the rows are some of the ranked stars."""
+        return self.n_in_catalogue is not None and self.n_in_catalogue > len(self.targets)
 
-class SensitivityRow(Row):
-    """The ranking under one other assumption."""
 
-    assumption: str = column("key of the assumption")
-    text: str = column("what is assumed instead", label="assumption")
-    n_ok: int = column("stars whose reference planet is detected", label="detected")
+class StarInRanking(Row):
+    """Where one star stands in one of two rankings; columns are those of its row there."""
+
+    rank: int = column("among all stars of the sample, whatever the filters are")
+    score: float
+    detection_margin: float
+    status: StatusText
+    limited_by: LimitText | None
+    band: str
+    completeness: float
+    completeness_band: str
+    completeness_time_s: float | None
+    visits: int | None
+
+
+class RankMove(Row):
+    """One star in two rankings."""
+
+    name: str = column("name of the star in the second ranking", label="star", format="star")
+    hip: int | None
+    before: StarInRanking
+    after: StarInRanking
+    places: int = column("places that it gains; below 0: loses")
+    score_ratio: float | None = column(
+        "score after over score before; null where that was 0, or where the rankings are not by the same score",
+        label="score ratio",
+        short="score ×",
+    )
+    why: str = column("what changes of the star, or of others, in words")
+
+
+class RankAgreement(Row):
+    """How far two rankings agree on the first stars."""
+
+    top: int = column("first stars of either ranking, among those that both hold")
+    kept: int = column("stars that are among the first in both")
     kendall_tau_b: float | None = column(
-        "Kendall's tau-b of the nominal scores and those under the assumption, over the compared stars; ties count as "
-        "no order; null where no order can be compared",
+        "Kendall's tau-b of the scores of the stars that are among the first in either ranking and have a score above "
+        "zero in either: 1 the same order, 0 an unrelated one; null where no order can be compared",
         label="tau",
         format=".2f",
     )
-    n_compared: int = column(
-        "stars among the first, nominally or under the assumption, that have a score above zero in either",
-        label="stars compared",
-        short="of",
-    )
-    kendall_tau: float | None = column(
-        "Kendall's tau of the ranks of the nominal first stars, those without a score included, whose ranks are by "
-        "margin and name; null for one star",
-        format=".2f",
-    )
-    kept: int = column("stars of the nominal top that are in the top under this assumption too")
-    largest_fall: str = column(
-        "star of the nominal top that loses most ranks; empty if none", label="biggest fall", format="star"
-    )
-    largest_fall_ranks: int
-    best: str = column("first star under this assumption", label="first star", short="first", format="star")
+    n_compared: int = column("number of these stars")
 
 
-class SensitivityResult(Result):
-    """How the ranking depends on what is assumed."""
+class SettingChange(Row):
+    """A setting that differs between two rankings."""
+
+    key: str = column("key of the instrument, or field of the ranking", label="setting")
+    before: str
+    after: str
+
+
+class ComparedRanking(Result):
+    """One of two rankings that are compared."""
+
+    name: str = Field(description="the file or the instrument")
+    config_hash: str = Field(description="that of the ranking; of a file without one the sha256 of the file")
+    score_name: str | None = Field(description="what it is by; null in a file that does not say it")
+    n_stars: int
+    n_scored: int = Field(description="stars with a score above zero")
+    n_detected: int = Field(description="stars whose reference planet is detected")
+
+
+class RankComparison(Result):
+    """What moves from one ranking to another one, and why."""
 
     schema_version: Literal[1] = 1
-    kind: Literal["sensitivity"] = "sensitivity"
+    kind: Literal["comparison"] = "comparison"
     config_hash: str
-    top: int = Field(description="stars of the nominal ranking that are compared")
-    score_name: ScoreName
-    n_ranked: int = Field(description="stars of the ranking")
-    n_ok: int = Field(description="stars whose reference planet is detected, nominally")
-    rows: list[SensitivityRow]
-    deciding_tau: float = Field(description="an assumption with a kendall_tau_b below this decides the ranking")
-    deciding_share: float = Field(
-        description="so does one that changes n_ok by this share of the nominal number (of 1 if that is 0) or more"
+    before: ComparedRanking
+    after: ComparedRanking
+    settings: list[SettingChange] | None = Field(
+        description="settings that differ; null where one of the rankings does not say how it was made"
     )
-    decides: list[str] = Field(description="assumptions that decide the ranking")
-    statement: str = Field(description="the same in words")
+    only_before: list[str] = Field(description="stars that only the first ranking holds")
+    only_after: list[str] = Field(description="stars that only the second ranking holds")
+    n_moved: int = Field(description="stars with a score above zero in either ranking that stand at another rank")
+    detected_more: list[str] = Field(description="stars whose reference planet is detected after, not before")
+    detected_less: list[str] = Field(description="stars whose reference planet is detected before, not after")
+    agreement: list[RankAgreement]
+    largest_mover: str = Field(
+        description="star that moves by most ranks, of those among the first 50 of either ranking with a score above "
+        "zero in either, or of all where there is none; the best ranked of equals; empty where none moves"
+    )
+    largest_mover_places: int = Field(description="places that it gains; below 0: loses")
+    statement: str = Field(description="the comparison in words")
+    targets: list[RankMove] = Field(description="stars that both rankings hold, in the order of the second")
 
 
 class BandStanding(Standing):

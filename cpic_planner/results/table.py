@@ -1,17 +1,25 @@
-"""Rows as files: CSV, ECSV with units, Arrow schemas of Parquet files, pandas frames; columns derive from the row."""
+"""Rows as files and back: CSV, ECSV with units, Arrow schemas of Parquet files, pandas frames.
+
+Columns derive from the row.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
 from cpic_planner.results.base import Column, Result, columns_of
+from simulator.config import validate
 
 if TYPE_CHECKING:
     import pandas as pd
 
+R = TypeVar("R", bound=Result)
+
+FLAG_SEPARATOR = "|"
+"""What stands between the flags of a ranked star in a file."""
 _FILLED = {"float64": 0.0, "int64": 0, "bool": False}
 
 
@@ -50,6 +58,39 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined:
     writer.writerow(names)
     writer.writerows([cell(row.get(name)) for name in names] for row in rows)
     return buffer.getvalue()
+
+
+def rows_from_csv(row: type[R], text: str, *, joined: str = ";") -> list[R]:
+    """Return the rows that `csv_text` or `ecsv_text` wrote; columns that the kind of row does not have are left out.
+
+    Parameters
+    ----------
+    row : type
+        Kind of the rows.
+    text : str
+        With a heading of names; lines that begin with # are comments.
+    joined : str
+        What stands between the items of a list.
+
+    Raises
+    ------
+    InputError
+        For a column that is missing, or a cell that is none of its column.
+    """
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    return [
+        validate(
+            row, {name: _read(row, name, cell, joined) for name, cell in cells.items() if name in row.model_fields}
+        )
+        for cells in csv.DictReader(lines, restkey="")
+    ]
+
+
+def _read(row: type[Result], name: str, cell: str | None, joined: str) -> Any:
+    kind = row.model_fields[name].annotation
+    if get_origin(kind) in (list, tuple):
+        return [item for item in (cell or "").split(joined) if item]
+    return None if not cell and type(None) in get_args(kind) else cell
 
 
 def _plain(value: Any, joined: str) -> Any:

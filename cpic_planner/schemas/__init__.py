@@ -24,6 +24,7 @@ RESULTS = {
         ("rank", "RankResult"),
         ("sensitivity", "SensitivityResult"),
         ("explanation", "Explanation"),
+        ("comparison", "RankComparison"),
         ("etc", "EtcResult"),
         ("plan", "PlanResult"),
         ("confirm", "ConfirmResult"),

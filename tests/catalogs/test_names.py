@@ -119,6 +119,14 @@ def test_own_names_go_before_those_of_the_embedded_catalogue(tmp_path):
     assert "tau Cet" in resolve_star("HD 10700", table).note
 
 
+def test_other_stars_that_a_name_may_mean_are_listed():
+    assert resolve_star("61 Cyg").others == ("61 Cyg B",)
+    assert resolve_star("zeta Ret").others == ("zet1 Ret",)
+    assert resolve_star("61 Cyg A").others == resolve_star("tau Cet").others == ()
+    alone = load_stars().select([load_stars().column("name").tolist().index("61 Cyg A")])
+    assert resolve_star("61 Cyg", alone).others == (), "the other one is not selected"
+
+
 def test_a_system_in_a_users_table_gives_its_brightest_star_and_a_note(tmp_path):
     table = own_table(tmp_path, "GJ 9 B", "GJ 9 A", "61 Cyg B", magnitudes=[4.0, 6.0, 7.0])
     assert resolve_star("GJ 9", table).name == "GJ 9 A", "component A is what a system's name usually means"

@@ -8,7 +8,7 @@ import pytest
 
 from cpic_planner.cli.main import main
 from cpic_planner.planets.population_config import population_names
-from cpic_planner.results import Explanation, RankResult, SensitivityResult
+from cpic_planner.results import Explanation, RankComparison, RankResult, SensitivityResult
 
 COMMAND = "rank"
 
@@ -86,6 +86,48 @@ def test_explanation_of_a_star(done, few):
         assert words in out
 
 
+def test_filters_choose_rows_and_keep_the_rank_among_all(done, few, tmp_path):
+    listed = tmp_path / "listed.txt"
+    listed.write_text("# two of them\nFar Star\n\nnear star  # the first\n")
+    whole = {row.name: row for row in ranking(done, few).targets}
+    found = ranking(done, few, "--stars", str(listed), "--out", str(tmp_path / "two.csv"))
+    assert [row.name for row in found.targets] == ["near star", "far star"]
+    assert [row.rank for row in found.targets] == [1, 2]
+    for row in found.targets:
+        assert row.model_copy(update={"rank": row.rank_in_catalogue}) == whole[row.name]
+    assert "of these only those that are named" in found.sample
+    assert "rank_in_catalogue" in (tmp_path / "two.csv").read_text().splitlines()[0]
+    out, _ = done(*few, "--planets", "800", "--stars", "far star")
+    assert "Ranking: 1 chosen star of 4, by completeness per hour" in out
+    assert "# of all" in out
+    out, _ = done(*few, "--planets", "800", "--sp-type", "k", "--sp-type", "G2", "--limit", "2")
+    assert "Ranking: first 2 of 3 chosen stars of 4" in out
+    out, _ = done(*few, "--planets", "200", "--sp-type", "G", "--sensitivity", "--json")
+    assert SensitivityResult.model_validate_json(out).n_ranked == 3
+
+
+def test_comparison_with_a_file_and_with_an_instrument(done, few, tmp_path):
+    for name in ("old.csv", "old.ecsv"):
+        done(*few, "--planets", "200", "--out", str(tmp_path / name))
+    (tmp_path / "old.json").write_text(done(*few, "--planets", "200", "--json")[0])
+    for ending in ("csv", "ecsv", "json"):
+        out, _ = done(*few, "--planets", "200", "--compare", str(tmp_path / f"old.{ending}"))
+        assert f"What moves from old.{ending} (before) to cpic_default (after): 4 stars" in out
+        assert out.count("unchanged") == 4
+        assert ("does not say how its ranking was made" in out) == (ending == "csv")
+    file = tmp_path / "shaky.yaml"
+    file.write_text("drift: {visit_nm: 0.5, walk_nm_per_sqrt_hour: 0.5}\n")
+    out, _ = done(*few, "--planets", "200", "--compare", str(file), "--json")
+    told = RankComparison.model_validate_json(out)
+    assert {item.key for item in told.settings} >= {"instrument.drift.visit_nm"}
+    nominal = {row.name: row for row in ranking(done, few, "--planets", "200").targets}
+    assert {move.name: move.after.score for move in told.targets} == {name: row.score for name, row in nominal.items()}
+    assert all(move.score_ratio is None or move.score_ratio > 1 for move in told.targets)
+    out, _ = done(*few, "--planets", "200", "--compare", str(file), "--stars", "near star")
+    assert "(after): 1 star" in out
+    assert "instrument.drift.visit_nm 0.5 → 0.05" in " ".join(out.split())
+
+
 def test_sensitivity(done, few):
     out, _ = done(*few, "--planets", "200", "--sensitivity", "--json")
     found = SensitivityResult.model_validate_json(out)
@@ -138,6 +180,20 @@ def test_figures(done, few, tmp_path):
         (["--exclusions", "velocities"], ["--exclusions", "rv, stability, known_giants"]),
         (["--exclusions", "none", "--exclusions", "rv"], ["--exclusions", "none alone"]),
         (["--exclusions", "rv", "--known-planets", "snapshot"], ["--exclusions", "--known-planets"]),
+        (["--stars", "near star,neer star,far"], ["--stars = neer star, far", "nearest: near star", "one ranked star"]),
+        (["--stars", "no_such.txt"], ["--stars", "no_such.txt", "No such file"]),
+        (["--sp-type", "M"], ["--sp-type", "none of the 4 ranked stars passes"]),
+        (
+            ["--sp-type", "G", "--distance-max-pc", "1"],
+            ["--distance-max-pc", "1.0 pc", "3 stars that --sp-type leaves"],
+        ),
+        (["--dec-min", "1", "--dec-max", "0"], ["--dec-min", "at most --dec-max 0"]),
+        (["--known-hosts", "--known-planets", "snapshot"], ["--known-hosts", "--known-planets"]),
+        (["--stars", "near star", "--explain", "near star"], ["--explain", "without --stars"]),
+        (["--compare", "as_publishd"], ["--compare = as_publishd", "earlier ranking", "as_published"]),
+        (["--compare", "gone.csv"], ["--compare = gone.csv", "No such file"]),
+        (["--compare", "as_published", "--sensitivity"], ["--sensitivity", "--compare"]),
+        (["--compare", "as_published", "--out", "x.csv"], ["--compare", "--out"]),
     ],
 )
 def test_contradictions_and_bad_input_are_one_line(refuses, few, options, words):
@@ -156,8 +212,9 @@ def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
         # The whole catalogue takes seconds each time, and the few stars have no known planets.
         own = {"--catalog", "--known-planets"} & set(words)
         quick = ["--v-mag-max", "3.5"] if own == {"--known-planets"} else [] if own else few
-        if "--explain" in words:
-            words[words.index("--explain") + 1] = "near star"
+        for option in ("--explain", "--stars"):
+            if option in words:
+                words[words.index(option) + 1] = "near star"
         assert main([*words, *quick, "--planets", "100"]) == 0, example
     capsys.readouterr()
     assert (tmp_path / "ranking.csv").exists()

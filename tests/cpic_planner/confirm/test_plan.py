@@ -17,6 +17,7 @@ import pytest
 import cpic_planner.confirm.plan as module
 from cpic_planner.cli.main import main
 from cpic_planner.confirm import make_plan, plan_job
+from cpic_planner.confirm.plan import prepare_plan
 from cpic_planner.jobs import estimate, run
 from cpic_planner.planets import load_population
 from cpic_planner.queries import PlanQuestion
@@ -81,6 +82,23 @@ def test_known_planets_stand_instead_of_a_population(refused, tmp_path):
     assert (choice.mjd, choice.n_draws) == (61406.0, 50)
     both = {"known_planets": "snapshot", "population": load_population()}
     refused("given with known_planets", validate, PlanQuestion, asked | both, where="plan")
+
+
+def test_filters_choose_the_stars_that_are_proposed(stars):
+    """The first of those that pass, by the numbers of the whole ranking; the stars decide the hash, not the words."""
+    asked = {"top": 2, "bands": ["F520"], "time_s": 1000.0, "n_planets": 50}
+
+    def prepared(**filters):
+        question = PlanQuestion.of(asked | filters)
+        return prepare_plan(question, stars), plan_job(question, stars).digest
+
+    (every, whole), (some, one), (_, other) = prepared(), prepared(sp_type="G"), prepared(stars=["second", "third"])
+    ranks = {row.name: row for row in every.rank.targets}
+    assert [row.name for row in some.chosen] == [row.name for row in every.rank.targets if row.sp_type[0] == "G"]
+    for row in some.chosen:
+        assert row.model_copy(update={"rank": row.rank_in_catalogue}) == ranks[row.name]
+    assert some.targets.name.tolist() == ["second", "third"]
+    assert whole != one == other
 
 
 def test_products_are_all_there_and_stdout_is_the_plan(finished):

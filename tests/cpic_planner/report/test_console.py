@@ -7,11 +7,13 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from cpic_planner.ranking.compare import Ranking, compare_rankings
 from cpic_planner.report import (
     best_row,
     print_check,
     print_etc,
     print_explanation,
+    print_moves,
     print_plan,
     print_planned,
     print_rank,
@@ -37,9 +39,23 @@ def shown(function, *arguments, width=100, **options):
     return stream.getvalue()
 
 
+@pytest.fixture(scope="module")
+def comparison(rank):
+    """The first two stars change places; the hostile name is among the rows."""
+    first, second, *others = rank.targets
+    swapped = [
+        second.model_copy(update={"rank": 1, "score": first.score, "completeness": 0.5, "visits": 7}),
+        first.model_copy(update={"rank": 2, "score": second.score}),
+        *others,
+    ]
+    after = rank.model_copy(update={"targets": swapped, "time_s": 2.0 * rank.time_s})
+    return compare_rankings(Ranking.of(rank, "[old].json"), Ranking.of(after, "new"))
+
+
 @pytest.mark.parametrize("width", [40, 60, 100, 200])
-def test_tables_fit_any_width(rank, plan, etc_answers, sensitivity, explanation, width):
+def test_tables_fit_any_width(rank, plan, etc_answers, sensitivity, explanation, comparison, width):
     for text in (
+        shown(print_moves, comparison, width=width),
         shown(print_sensitivity, sensitivity, width=width),
         shown(print_explanation, explanation, width=width),
         shown(print_rank, rank, width=width),
@@ -103,6 +119,18 @@ def test_sensitivity(sensitivity):
     assert "detected: stars whose reference planet is detected (7 nominally)" in " ".join(text.split())
     assert "Wavefront drift decides the order of the first 20." in text
     assert "wavefront drift twice as large" in text
+
+
+def test_comparison(comparison):
+    text = " ".join(shown(print_moves, comparison, limit=1).split())
+    assert "What moves from [old].json (before) to new (after): the first of either" in text
+    assert "2 1 τ Cet" in text
+    assert "1 2 α Cen B" in text
+    assert "ε Eri" not in text
+    assert "→ 50 %" in text
+    assert "2 of " in text
+    assert "τ Cet moves most, up from rank 2 to 1" in text or "α Cen B moves most, down from rank 1 to 2" in text
+    assert f"Settings that differ: time_s {comparison.settings[0].before} → {comparison.settings[0].after}." in text
 
 
 def test_explanation(explanation):
