@@ -10,7 +10,6 @@ whatever the visit; whole numbers of frames next to ``v / (t + readout)`` then f
 for a time are inverses of each other.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -374,27 +373,6 @@ def _smooth_visit_s(problem: FrameProblem, cost: FloatArray, aim: FloatArray) ->
             if not np.any(step > 1e-15 * v):
                 break
     return np.where(reached, v, np.inf)
-
-
-def solve_together(
-    problems: Sequence[FrameProblem], solver: Callable[[FrameProblem, FloatArray], FrameChoice], given: FloatArray
-) -> list[FrameChoice]:
-    """Solve problems of one shape, those of one camera at once.
-
-    Parameters
-    ----------
-    problems : sequence of FrameProblem
-    solver : callable
-        ``solver(problem, given)``.
-    given : ndarray
-        First axis: the problems.
-    """
-    choices: dict[int, FrameChoice] = {}
-    for camera in dict.fromkeys(problem.camera for problem in problems):
-        own = [i for i, problem in enumerate(problems) if problem.camera == camera]
-        choice = solver(FrameProblem.stacked([problems[i] for i in own]), given[own])
-        choices |= {i: choice.at(k) for k, i in enumerate(own)}
-    return [choices[i] for i in range(len(problems))]
 
 
 def _pick(problem: FrameProblem, t: FloatArray, n: FloatArray, rank: FloatArray, value: FloatArray) -> FrameChoice:

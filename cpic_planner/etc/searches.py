@@ -305,7 +305,7 @@ def first_root(
     part, others = problem.at(mask), [array[mask] for array in more]
     start, end = np.log(low[mask]), np.log(high[mask])
     at_start, at_end = (np.log(function(part, ends[mask], *others)) for ends in (low, high))
-    at_low = at_start <= 0.0
+    at_low, at_end = at_start <= 0.0, np.minimum(at_end, 0.0)
     # The last point, the one on the other side of the root, and the one before.
     x, fx, other, f_other = end, at_end, start, at_start
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -3,16 +3,14 @@
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Self
 
 import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, Reason
 from cpic_planner import etc
-from cpic_planner.etc import detection
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
-from cpic_planner.ranking.programmes import Outlook, nearby, picked, programme_of
-from cpic_planner.ranking.settings import OptimalSetting, best_of, separation_grid
+from cpic_planner.ranking.programmes import Outlook, nearby, programme_of
+from cpic_planner.ranking.settings import OptimalSetting, Places, best_of, separation_grid
 from cpic_planner.targets import Targets
 from simulator.target import albedo_source
 
@@ -126,7 +124,6 @@ def _least_in_band(
     visits, visit = outlook.for_level()[1:]
     if model.strategy.visits is None:
         visits, visit = outlook.for_level(nearby(visits))[1:]
-    if model.strategy.visits is None:
         # Where visits are of few frames, those of one visit alone can be quicker.
         visits = np.stack((visits, np.ones_like(visits)))
     programme, choice = _least_frames(chosen, outlook, visits, visit, snr)
@@ -139,7 +136,7 @@ def _least_in_band(
 
 
 def _least_frames(
-    chosen: "_Places", outlook: Outlook, visits: FloatArray, visit_s: FloatArray, snr: float | None
+    chosen: Places, outlook: Outlook, visits: FloatArray, visit_s: FloatArray, snr: float | None
 ) -> tuple[etc.Programme, etc.FrameChoice]:
     """Least frames of so many visits for an SNR, or a detection; they need at least ``visit_s``.
 
@@ -179,70 +176,6 @@ def _least_frames(
 
 
 @dataclass(frozen=True)
-class _Places:
-    """Stars x separations; ``separation_arcsec`` is ``(1 or n, k)``, the others ``(n, k)``."""
-
-    model: etc.EtcModel
-    band: str
-    separation_arcsec: FloatArray
-    contrast: FloatArray
-    threshold: FloatArray
-    rates: etc.ApertureRates
-    motion: etc.SearchMotion | None
-
-    def at(self, stars: IntArray, columns: IntArray) -> Self:
-        """Return some of the separations of some stars; ``columns`` are ``(n, k)``, or ``(1, k)`` for the same of all."""
-        parts = {item.name: getattr(self, item.name) for item in fields(self)}
-        return replace(
-            self, **{name: picked(part, self.contrast.shape, stars, columns) for name, part in parts.items()}
-        )
-
-    @property
-    def inward(self) -> FloatArray:
-        """Width of a resolution element over the separation."""
-        return np.asarray(self.model.metrics[self.band].lambda_d_arcsec / self.separation_arcsec)
-
-    def problem(self, objective: etc.Objective, programme: etc.Programme = etc.ONE_VISIT) -> etc.FrameProblem:
-        """What the solver of the frames of a visit needs."""
-        camera, strategy = self.model.camera(self.band), self.model.strategy
-        return etc.frame_problem(self.rates, camera, strategy, objective=objective, programme=programme)
-
-    def outlook(self, snr: float | None = None, *, dark: bool = False) -> Outlook:
-        """What decides programmes for an SNR, or for a detection; ``dark``: with no background."""
-        problem = self.problem("significance" if snr is None else "snr")
-        if dark:
-            problem = etc.without_background(problem, etc.own_noise(self.rates, problem.camera))
-        level = self.threshold if snr is None else np.full(self.contrast.shape, snr)
-        places = self.separation_arcsec, self.contrast, self.rates
-        return Outlook.of(
-            self.model,
-            self.band,
-            *places,
-            problem,
-            level,
-            searched=snr is None,
-            motion=self.motion if snr is None else None,
-        )
-
-    def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
-        """Noise of chosen frames, those of all visits together."""
-        frames = choice.exposure_s, choice.n_frames, choice.em_gain
-        return etc.stack_noise(
-            self.rates, *frames, self.model.camera(self.band), self.model.strategy, programme=programme
-        )
-
-    def needed(
-        self, choice: etc.FrameChoice, programme: etc.Programme, noise: etc.StackNoise | None = None
-    ) -> FloatArray:
-        """Significance over threshold at which half of such observations detect a planet."""
-        model, band, place = self.model, self.band, self.separation_arcsec
-        seen = noise or self.noise(choice, programme)
-        tails = np.nan_to_num(detection.tail_share(model, band, place, choice.visit_s, seen))
-        at_rest = etc.needed_margin(model, band, tails, self.inward, etc.effective_of(programme, self.rates.speckle))
-        return at_rest * etc.motion_factor(self.motion, programme, choice.visit_s)
-
-
-@dataclass(frozen=True)
 class _Search:
     """Search of the best separation of each star, first on a coarse grid, then between its points; or a given one."""
 
@@ -267,7 +200,7 @@ class _Search:
         return etc.place_status(self.model, self.band, self.separation_arcsec)[1]
 
     @functools.cached_property
-    def places(self) -> _Places:
+    def places(self) -> Places:
         """Rates and contrasts of all stars at every separation."""
         model, band, place = self.model, self.band, self.grid[None, :]
         x, y = etc.planet_offsets(model, self.targets, band, place)
@@ -276,7 +209,7 @@ class _Search:
         threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
         rates = etc.aperture_rates(model, self.targets, band, x, y, contrast)
         motion = etc.SearchMotion.asked(model, self.targets, band, np.broadcast_to(place, contrast.shape))
-        return _Places(model, band, place, contrast, threshold, rates, motion)
+        return Places(model, band, place, contrast, threshold, rates, motion)
 
     @functools.cached_property
     def outlook(self) -> Outlook:
@@ -313,7 +246,7 @@ class _Search:
 
     def best(
         self,
-        chosen: _Places,
+        chosen: Places,
         outlook: Outlook,
         choice: etc.FrameChoice,
         programme: etc.Programme,

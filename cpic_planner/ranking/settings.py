@@ -4,12 +4,14 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, NDArray, Reason, Status
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Status
 from cpic_planner import etc
+from cpic_planner.etc import detection
+from cpic_planner.ranking.programmes import Outlook, picked
 from cpic_planner.results import LimitText
 from simulator.imaging import BandGeometry
 from simulator.signal import frame_limit
@@ -42,6 +44,68 @@ def _roomy(band: BandGeometry, inner_arcsec: float, outer_arcsec: float, annulus
     usable: FloatArray = grid[(band.resolution_elements(grid) >= 3.0) & room]
     usable.flags.writeable = False
     return usable
+
+
+@dataclass(frozen=True)
+class Places:
+    """Stars x separations; ``separation_arcsec`` is ``(1 or n, k)``, the others ``(n, k)``."""
+
+    model: etc.EtcModel
+    band: str
+    separation_arcsec: FloatArray
+    contrast: FloatArray
+    threshold: FloatArray
+    rates: etc.ApertureRates
+    motion: etc.SearchMotion | None
+
+    def at(self, stars: IntArray, columns: IntArray) -> Self:
+        """Return some of the separations of some stars; parameters as of `picked`."""
+        parts = (getattr(self, item.name) for item in fields(self))
+        return type(self)(*(picked(part, self.contrast.shape, stars, columns) for part in parts))
+
+    @property
+    def inward(self) -> FloatArray:
+        """Width of a resolution element over the separation."""
+        return np.asarray(self.model.metrics[self.band].lambda_d_arcsec / self.separation_arcsec)
+
+    def problem(self, objective: etc.Objective, programme: etc.Programme = etc.ONE_VISIT) -> etc.FrameProblem:
+        """What the solver of the frames of a visit needs."""
+        camera, strategy = self.model.camera(self.band), self.model.strategy
+        return etc.frame_problem(self.rates, camera, strategy, objective=objective, programme=programme)
+
+    def outlook(self, snr: float | None = None, *, dark: bool = False) -> Outlook:
+        """What decides programmes for an SNR, or for a detection; ``dark``: with no background."""
+        problem = self.problem("significance" if snr is None else "snr")
+        if dark:
+            problem = etc.without_background(problem, etc.own_noise(self.rates, problem.camera))
+        level = self.threshold if snr is None else np.full(self.contrast.shape, snr)
+        places = self.separation_arcsec, self.contrast, self.rates
+        return Outlook.of(
+            self.model,
+            self.band,
+            *places,
+            problem,
+            level,
+            searched=snr is None,
+            motion=self.motion if snr is None else None,
+        )
+
+    def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
+        """Noise of chosen frames, those of all visits together."""
+        frames = choice.exposure_s, choice.n_frames, choice.em_gain
+        return etc.stack_noise(
+            self.rates, *frames, self.model.camera(self.band), self.model.strategy, programme=programme
+        )
+
+    def needed(
+        self, choice: etc.FrameChoice, programme: etc.Programme, noise: etc.StackNoise | None = None
+    ) -> FloatArray:
+        """Significance over threshold at which half of such observations detect a planet."""
+        model, band, place = self.model, self.band, self.separation_arcsec
+        seen = noise or self.noise(choice, programme)
+        tails = np.nan_to_num(detection.tail_share(model, band, place, choice.visit_s, seen))
+        at_rest = etc.needed_margin(model, band, tails, self.inward, etc.effective_of(programme, self.rates.speckle))
+        return at_rest * etc.motion_factor(self.motion, programme, choice.visit_s)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from cpic_core import Reason
 from cpic_planner.etc import FrameCamera, FrameProblem, best_in_visit, least_time, smooth_in_visit, smooth_least_visit_s
-from cpic_planner.etc.frames import best_exposure_s, solve_together
+from cpic_planner.etc.frames import best_exposure_s
 from simulator.config import load_instrument
 from simulator.detectors import excess_noise_factor2
 from simulator.signal import frame_limit, longest_exposure_s
@@ -199,13 +199,3 @@ def test_no_frame_at_all():
         assert best_in_visit(case, np.full(1, 1e4)).n_frames[0] == 0
     assert best_in_visit(problem(), np.full(1, 1.0)).n_frames[0] == 0  # shorter than a readout
     assert best_in_visit(problem(), np.zeros(1)).n_frames[0] == 0
-
-
-def test_solved_together_is_solved_alone():
-    other = replace(CAMERA, read_noise_e=20.0)
-    problems = [drawn(5, 1), drawn(5, 2, other), drawn(5, 3)]
-    levels = np.array([[1.0] * 5, [2.0] * 5, [3.0] * 5])
-    for got, case, level in zip(solve_together(problems, least_time, levels), problems, levels, strict=True):
-        alone = least_time(case, level)
-        np.testing.assert_allclose(got.visit_s, alone.visit_s, rtol=1e-12)
-        np.testing.assert_array_equal(got.n_frames, alone.n_frames)

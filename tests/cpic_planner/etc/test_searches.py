@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from cpic_planner.etc.camera import best_gain, gain_table
-from cpic_planner.etc.searches import first_root, lowest
+from cpic_planner.etc.searches import bracketed, first_root, lowest
 from simulator.detectors import excess_noise_factor2
 
 
@@ -110,6 +110,27 @@ def test_unwanted_cases_are_left_alone():
     np.testing.assert_array_equal(t[~wanted], HIGH[~wanted])
     np.testing.assert_allclose(t[wanted], PLACES.m[wanted], rtol=1e-14)
     np.testing.assert_array_equal(first_root(PLACES, FALLS["power law"], LOW, HIGH, np.zeros(41, bool)), HIGH)
+
+
+def test_an_end_that_is_the_root_but_for_rounding_is_taken():
+    t = first_root(PLACES, lambda p, t: (HIGH / t) ** 0.5 * (1.0 + 4e-14), HIGH * 0.999, HIGH, np.ones(41, bool))
+    np.testing.assert_allclose(t, HIGH, rtol=2e-15)
+
+
+def test_a_grid_brackets_the_first_of_two_roots():
+    low, high, least = bracketed(PLACES, lambda p, t: 0.5 + np.log(t / p.m) ** 2, LOW, HIGH)
+    first = PLACES.m * np.exp(-np.sqrt(0.5))
+    seen = least <= 1.0
+    assert seen.sum() > 20
+    assert np.all((low <= np.maximum(first, LOW)) & (high >= np.maximum(first, LOW)))
+    step = (HIGH / LOW) ** (1.0 / 23.0)
+    assert np.all((high / low)[seen] <= step * (1.0 + 1e-12))
+
+
+def test_a_grid_that_sees_no_root_keeps_the_bracket():
+    low, high, least = bracketed(PLACES, lambda p, t: 1.5 + np.log(t / p.m) ** 2, LOW, HIGH)
+    np.testing.assert_array_equal((low, high), (LOW, HIGH))
+    assert np.all(least >= 1.5)
 
 
 SLACK = 2e-5

@@ -106,6 +106,20 @@ def test_no_number_of_visits_is_better(goal):
     assert np.all(best.visits == np.rint(best.visits))
 
 
+@pytest.mark.parametrize("visits", [None, 1, 8], ids=str)
+def test_the_least_time_of_a_detection_is_one_and_no_more(visits):
+    model = replace(VISITED, strategy=Strategy(visits=visits))
+    best = optimise(model, STARS, bands=["F520"], detect=True)
+    some = best.n_frames > 0
+    assert some.sum() >= 2
+    assert best.detected[some].all()
+    assert (best.chance_blind[some] >= 0.5 - 1e-9).all()
+    # A visit of the one shortest frame cannot be shorter.
+    longer = some & (best.exposure_s > model.camera("F520").exposure_min_s * (1.0 + 1e-9))
+    assert longer.sum() >= 2
+    np.testing.assert_allclose((best.margin / best.needed_margin)[longer], 1.0, rtol=3e-9)
+
+
 def test_what_is_missing_is_enough():
     """More visits, a calmer wavefront, a brighter planet: what a row asks for detects, a little less does not."""
     one = replace(VISITED, strategy=Strategy(visits=1))
