@@ -15,7 +15,7 @@ from cpic_planner.ranking.sensitivity import tau_b
 from cpic_planner.results import EnsembleBar, EnsembleRecord, RankedTarget, RankResult
 from cpic_planner.targets import Targets
 from simulator.config import at, content_hash
-from simulator.imaging import PsfMetrics, at_contrast, measured_states
+from simulator.imaging import PsfMetrics, at_contrast, measured_states, published_bands
 from simulator.passbands import Passbands
 
 FIRST = 10
@@ -32,8 +32,11 @@ MirrorStates: TypeAlias = dict[str, tuple[PsfMetrics, ...]]
 
 
 def states_of(model: EtcModel, ensemble: Ensemble) -> MirrorStates:
-    """Return the states of the mirror that the contrast is drawn on; none where it is not drawn."""
-    bands = model.bands if CONTRAST in ensemble.drawn else ()
+    """Return the states of the mirror that the contrast is drawn on; none where it is not drawn.
+
+    Bands of which no contrast is published keep the dark hole of the instrument.
+    """
+    bands = [band for band in model.bands if band in published_bands()] if CONTRAST in ensemble.drawn else []
     return {band: measured_states(model.instrument, band) for band in bands}
 
 
@@ -66,7 +69,7 @@ def instrument_of(model: EtcModel, ensemble: Ensemble, states: MirrorStates, dra
     metrics = model.metrics
     if CONTRAST in drawn:
         try:
-            metrics = {band: at_contrast(own, float(drawn[CONTRAST])) for band, own in states.items()}
+            metrics = metrics | {band: at_contrast(own, float(drawn[CONTRAST])) for band, own in states.items()}
         except InputError as error:
             raise at("ensemble", error) from None
     return EtcModel(instrument, Passbands.from_instrument(instrument), metrics, model.strategy)
@@ -148,22 +151,24 @@ def rank_under(
     targets: Targets,
     instruments: EnsembleChoice | None,
     *,
+    chosen: BoolArray | None = None,
     sample: str = "",
     catalogue: str | None = None,
     **asked: Any,
 ) -> RankResult:
-    """Rank targets, and again under an ensemble of instruments where one is asked.
+    """Rank targets, and again under an ensemble of instruments where one is asked: those that the rows are about.
 
     Parameters
     ----------
-    model, targets, sample, catalogue, asked
+    model, targets, chosen, sample, catalogue, asked
         As of `cpic_planner.ranking.order.rank_targets`.
     instruments : EnsembleChoice or None
     """
-    result = rank_targets(model, targets, sample=sample, catalogue=catalogue, **asked)
-    return (
-        result if instruments is None else with_ensemble(result, RankSetting.of(model, **asked), targets, instruments)
-    )
+    result = rank_targets(model, targets, chosen=chosen, sample=sample, catalogue=catalogue, **asked)
+    if instruments is None:
+        return result
+    shown = targets if chosen is None else targets.select(chosen)
+    return with_ensemble(result, RankSetting.of(model, **asked), shown, instruments)
 
 
 def with_ensemble(result: RankResult, setting: RankSetting, targets: Targets, choice: EnsembleChoice) -> RankResult:

@@ -33,6 +33,7 @@ from simulator.imaging.mirror_states import (
     at_contrast as at_contrast,
     mean_contrast as mean_contrast,
     measured_states as measured_states,
+    published_bands as published_bands,
 )
 from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
 from simulator.imaging.sampling import pixel_axis as pixel_axis

@@ -48,11 +48,17 @@ def sensed_with(instrument: Instrument, band: str, level: float) -> Instrument:
     """
     published = load_instrument(_PUBLISHED).dark_hole.sensing_contrast_by_band
     if band not in published:
-        raise InputError("contrast", band, allowed=f"a band of which a contrast is published: {', '.join(published)}")
+        allowed = f"a band of which a contrast is published: {', '.join(published_bands())}"
+        raise InputError("contrast", band, allowed=allowed)
     sensing: dict[str, Any] = {"sensing": "perfect", "sensing_contrast": 0.0, "sensing_contrast_by_band": {}}
     if level > 0.0:
         sensing |= {"sensing": "probes", "sensing_contrast_by_band": {band: level * published[band]}}
     return instrument.changed({"dark_hole": sensing})
+
+
+def published_bands() -> tuple[str, ...]:
+    """Return the bands of which a contrast is published."""
+    return tuple(load_instrument(_PUBLISHED).dark_hole.sensing_contrast_by_band)
 
 
 def mean_contrast(metrics: PsfMetrics) -> float:

@@ -98,6 +98,24 @@ def test_the_contrast_is_that_of_a_dark_hole_between_measured_states():
     assert planets[1] < 0.7 * planets[0]
 
 
+def test_bands_without_a_published_contrast_keep_their_hole():
+    model, ensemble = build_model(load_instrument(), ["F850", "F940"]), load_ensemble()
+    drawn = instrument_of(model, ensemble, states_of(model, ensemble), {"contrast": 5e-9})
+    assert drawn.metrics["F940"] is model.metrics["F940"]
+    assert mean_contrast(drawn.metrics["F850"]) == pytest.approx(5e-9)
+
+
+def test_only_the_stars_that_are_asked_are_ranked_under_the_ensemble(found):
+    chosen = np.arange(len(STARS)) % 2 == 0
+    some = rank_under(MODEL, STARS, CHOICE, chosen=chosen, **ASKED)
+    alone = rank_under(MODEL, STARS.select(chosen), CHOICE, **ASKED)
+    assert [(row.name, row.rank_median, row.p_reachable) for row in some.targets] == [
+        (row.name, row.rank_median, row.p_reachable) for row in alone.targets
+    ]
+    reached = {row.name: row.p_reachable for row in found.targets}
+    assert all(row.p_reachable == reached[row.name] for row in some.targets)
+
+
 def test_occurrence_scales_the_planets_and_nothing_else():
     only = FEW.model_copy(update={"numbers": {"planets_per_star": load_ensemble().numbers["planets_per_star"]}})
     result = rank_under(MODEL, STARS.select(np.arange(4)), EnsembleChoice(only, 8, 1), **ASKED)
