@@ -100,12 +100,13 @@ def lowest(
     still falls there and no point of a grid lies below it. The others are closed in on from the lowest point of the
     grid, to some 3e-6 of it.
     """
-    at_high = function(problem, high, *more)
-    falling = (function(problem, np.maximum(high * (1.0 - _NUDGE), low), *more) >= at_high) & np.isfinite(at_high)
+    grid = _between(low, high, np.linspace(0.0, 1.0, _COARSE)) if coarse else np.array(high, float)[None]
+    beside = np.maximum(high * (1.0 - _NUDGE), low)[None]
+    seen = function(problem, np.concatenate((grid, beside)), *more)
+    values, at_high = seen[:-1], seen[-2]
+    falling = (seen[-1] >= at_high) & np.isfinite(at_high)
     search = (high > low) & ~falling
     if coarse:
-        grid = _between(low, high, np.linspace(0.0, 1.0, _COARSE))
-        values = function(problem, grid, *more)
         k = np.argmin(np.where(np.isnan(values), np.inf, values), axis=0)
         search |= (high > low) & (k < _COARSE - 1)
     t, value = np.array(high, float), np.array(at_high, float)
