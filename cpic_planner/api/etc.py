@@ -350,9 +350,10 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     names = ("snr", "detect", "separation_arcsec", "planet")
     goal: dict[str, Any] = {name: getattr(question, name) for name in names}
     best = best_of(model, stars, time_s=time_s, **goal)
-    standings, detected = detection_statuses(best, model), best.margin >= best.needed_margin
+    standings = detection_statuses(best, model)
     statuses = [Status.OK if n >= 1 else status for (status, _), n in zip(standings, best.n_frames, strict=True)]
-    said: dict[str, Any] = {"verdict": [verdict_of(*pair) for pair in zip(statuses, detected.tolist(), strict=True)]}
+    verdicts = [verdict_of(*pair) for pair in zip(statuses, best.detected.tolist(), strict=True)]
+    said: dict[str, Any] = {"verdict": verdicts}
     if time_s is not None:
         said["limited_by"] = limits_of(standings, best)
     if model.strategy.n_modes:

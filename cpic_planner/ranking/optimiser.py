@@ -151,6 +151,8 @@ def _least_frames(
     reachable = np.isfinite(np.broadcast_to(visit_s, visits.shape))
     aim = outlook.wanted(visits[..., None], spaced_s[..., None])[..., 0] * (1.0 - _ROUNDING)
     choice = etc.least_time(problem, np.where(reachable, aim, np.inf))
+    # Visits that remember each other are spaced as they were planned: shorter ones would be closer together.
+    secants = 0 if chosen.model.instrument.drift.correlation_time_h > 0.0 else _SECANTS
     slope = np.zeros(visits.shape)
     last: tuple[FloatArray, FloatArray] | None = None
     for step in range(_ROUNDS):
@@ -158,14 +160,14 @@ def _least_frames(
         some = choice.n_frames > 0
         off = np.where(some, level / np.where(some, aim, 1.0) - 1.0, 0.0)
         # Secants of a fixed point may land above it; the last ones go up to it step by step.
-        wrong = some & ((off > _ROUNDING) | (off < -_ROUNDING) & (step < _SECANTS))
+        wrong = some & ((off > _ROUNDING) | (off < -_ROUNDING) & (step < secants))
         if not wrong.any():
             break
-        if last is not None and step < _SECANTS:
+        if last is not None and step < secants:
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = np.clip(np.nan_to_num((level - last[1]) / (aim - last[0])), -0.9, 0.9)
         last = aim, level
-        moved = aim * (1.0 + off / (1.0 - slope)) if step < _SECANTS else level
+        moved = aim * (1.0 + off / (1.0 - slope)) if step < secants else level
         aim = np.where(wrong, moved * (1.0 + 0.1 * _ROUNDING), aim)
         better = etc.least_time(problem.at(wrong), aim[wrong])
         for item in fields(etc.FrameChoice):
