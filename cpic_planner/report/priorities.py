@@ -174,6 +174,6 @@ def _draw_bars(axes: Axes, bars: Sequence[results.EnsembleBar], nominal: float) 
     axes.set_yticks(range(len(bars)), [literal(bar.label) for bar in bars])
     ends = [value for bar in bars for value in (bar.planets_low, bar.planets_high)] or [nominal]
     width = max(max(ends) - min(ends), 1e-12)
-    axes.set(xlabel="expected planets of one observation each", ylim=(len(bars) - 0.4, -0.6))
+    axes.set(xlabel="planets of one observation each", ylim=(len(bars) - 0.4, -0.6))
     axes.set_xlim(min(ends) - 0.22 * width, max(ends) + 0.22 * width)
     axes.grid(visible=True, axis="x")
