@@ -259,7 +259,7 @@ def priorities_part(rank: RankResult, counts: dict[str, Any]) -> list[str]:
         f"# Which stars first, and how sure\n\n{ensemble.statement}",
         f"The first {SHOWN} of {counts['stars']} stars of the default question (`cpic rank --instruments {N}`): a "
         "planet of 1 Jupiter radius at quadrature, found blind within 10 h; expected planets of the population "
-        f"`giants`, one observation of each star, without and with those that are already excluded. {tiers[0].upper()}{tiers[1:]}. Time to "
+        f"`giants`, one observation of each star, without and with those that are already excluded. {tiers}. Time to "
         "detect and visits: the least that detect the reference planet. Drift and planet factor: the change of the "
         "drift, or of the planet's light, that would detect it in 10 h, each alone. Reachable: the share of "
         f"{N} instruments that detect it in 10 h.",
