@@ -65,6 +65,7 @@ ELSEWHERE = {
     "rank_targets": "tests/cpic_planner/ranking/test_order.py",
     "rank_sensitivity": "tests/cpic_planner/api/test_answers.py",
     "explain_rank": "tests/cpic_planner/api/test_answers.py",
+    "compare_ranks": "tests/cpic_planner/ranking/test_compare.py",
     "make_plan": "tests/cpic_planner/confirm/test_plan.py",
     "compare_strategies": "tests/cpic_planner/api/test_runs.py",
     "star_visibility": "tests/cpic_planner/api/test_runs.py",
