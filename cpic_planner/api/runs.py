@@ -126,7 +126,7 @@ def compared(question: queries.RankQuestion, other: Any, *, key: str = "other") 
 
 
 class CompareQuestion(queries.RankQuestion):
-    """What moves from another ranking to this one."""
+    """Compare another ranking with this one, star by star."""
 
     other: Any = queries.asked(
         ...,

@@ -89,7 +89,7 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
 
 
 def _n_bands(question: PlanQuestion) -> int:
-    """How many pairs of star and band there are at most."""
+    """Return the largest number of pairs of star and band."""
     if question.schedule is None:
         return question.top * len(question.band_names())
     from cpic_planner.survey import read_schedule

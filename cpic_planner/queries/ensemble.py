@@ -1,4 +1,4 @@
-"""What is not known of an instrument: a law for every number that is inferred or assumed, and draws of instruments."""
+"""Laws of the numbers of an instrument that are inferred or assumed, and draws of instruments by them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ LawValue = Annotated[Law | None, _READ]
 
 
 class Doubt(FrozenModel):
-    """What is not known of one number.
+    """Law of one number that is not known.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Doubt(FrozenModel):
 
 
 class Ensemble(FrozenModel):
-    """What is not known of an instrument.
+    """Laws of all numbers of an instrument that are not known.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What moves from one ranking to another one, and why: an earlier ranking in a file, or another instrument."""
+"""Compare two rankings and say why stars move: an earlier ranking in a file, or another instrument, and this one."""
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -59,7 +59,6 @@ def priority_blocks(rank: results.RankResult, rows: Sequence[results.RankedTarge
     )
     yield doc.table("Priorities", caption, columns, rows)
     if ensemble is not None:
-        yield doc.Paragraph(ensemble.statement, "lead")
         yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what decides", "ensemble")
 
 
@@ -100,8 +99,8 @@ def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.Ran
         console,
         f"low, high: values, or factors on the instrument asked, that 5 and 95 % of what each number may be are below; "
         f"with all numbers as asked {ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars. "
-        f"All {count_text(ensemble.n_instruments)} instruments rank {count_text(ensemble.n_stars)} stars; no other "
-        "star has a score, or its reference planet detected, under those that rank all. Ensemble "
+        f"All {count_text(ensemble.n_instruments)} instruments rank {count_text(ensemble.n_stars)} stars; of the "
+        "others none has its reference planet detected under the few that rank all. Ensemble "
         f"{ensemble.name}, seed {ensemble.seed}.",
     )
 

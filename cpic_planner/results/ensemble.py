@@ -38,8 +38,8 @@ class EnsembleRecord(Result):
     n_instruments: int = Field(description="instruments drawn, a Latin hypercube")
     seed: int
     n_stars: int = Field(
-        description="stars that all instruments rank; the others have no score and no detection under any of those "
-        "that rank all stars"
+        description="stars that all instruments rank; the others have neither a detection nor a thousandth of the "
+        "expected planets under any of those that rank all stars"
     )
     planets_nominal: float = Field(
         description="expected planets of one observation of every star by the instrument asked; completeness summed "

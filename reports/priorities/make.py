@@ -21,7 +21,7 @@ from cpic_core import write_text
 from cpic_core.files import write_json
 from cpic_planner import rank_targets
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.queries import EnsembleChoice, Strategy, load_ensemble
+from cpic_planner.queries import OCCURRENCE, EnsembleChoice, Strategy, load_ensemble
 from cpic_planner.ranking.ensemble import instrument_of, standings, states_of
 from cpic_planner.ranking.order import RankSetting, ranked, ranked_order
 from cpic_planner.report.numbers import duration_text, pretty_name, significant
@@ -109,7 +109,7 @@ def bars() -> list[dict[str, Any]]:
             model = instrument_of(setting.model, ensemble, states, {bar.key: end})
             found = ranked(replace(setting, model=model), targets)
             counted = np.stack([part.counted for part in found.counted])[found.picked, np.arange(len(targets))]
-            rate = 0.21 * (end if bar.key == "planets_per_star" else 1.0)
+            rate = (setting.population.record().planets_per_star or 1.0) * (end if bar.key == OCCURRENCE else 1.0)
             row["whole"].append(float(rate * counted.sum()))
         rows.append(row)
     return rows

@@ -6,7 +6,7 @@ optical model. Between two of them the masked starlight is a mixture of both: wh
 is left without them, intensities are linear in the square of the errors. No state's light is scaled.
 
 Files of the states of the default instrument hold no maps of the far wings of an unmasked source, which are those of
-its own state: they differ by 3 to 14 % in the median, and only light of companions is read from them.
+its own state: they differ by some per cent, and only light of companions is read from them.
 """
 
 import functools
