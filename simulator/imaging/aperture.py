@@ -130,14 +130,16 @@ def core_from_table(
     def along(edge: FloatArray, place: tuple[IntArray, FloatArray]) -> FloatArray:
         """Sums up to an edge of the table."""
         i, p = place
-        return edge[i] * (1 - p) + edge[i + 1] * p
+        sums: FloatArray = edge[i] * (1 - p) + edge[i + 1] * p
+        return sums
 
     def below(row: tuple[IntArray, FloatArray], column: tuple[IntArray, FloatArray]) -> FloatArray:
         (i, p), (j, q) = row, column
         corner = i * size + j
         lower = cells[corner] * (1 - q) + cells[corner + 1] * q
         upper = cells[corner + size] * (1 - q) + cells[corner + size + 1] * q
-        return lower * (1 - p) + upper * p
+        sums: FloatArray = lower * (1 - p) + upper * p
+        return sums
 
     x_low, x_high = at(-bar_arcsec - x), at(bar_arcsec - x)
     y_low, y_high = at(-bar_arcsec - y), at(bar_arcsec - y)
@@ -146,7 +148,8 @@ def core_from_table(
         return along(right, row) - below(row, x_high) + below(row, x_low)
 
     every_row = table[last, last] - along(top, x_high) + along(top, x_low)
-    return np.maximum(every_row - open_columns(y_high) + open_columns(y_low), 0.0)
+    core: FloatArray = np.maximum(every_row - open_columns(y_high) + open_columns(y_low), 0.0)
+    return core
 
 
 def core_cells(pixel_arcsec: float, radius_arcsec: float) -> tuple[FloatArray, float]:
