@@ -98,8 +98,9 @@ def main() -> int:
     options.add_argument("--only", action="append", default=[])
     options.add_argument("--write", action="store_true")
     given = options.parse_args()
-    if given.write:
-        return write(read_result(HERE))
+    earlier = read_result(HERE) if given.write or given.scene or given.only else None
+    if given.write and earlier is not None:
+        return write(earlier)
     work = chosen(given.scene, given.only)
     began, done, total = time.monotonic(), 0, n_rows(work)
 
@@ -108,7 +109,6 @@ def main() -> int:
         done += steps
         print(f"{done}/{total} {text} ({time.monotonic() - began:.0f} s)", flush=True)
 
-    earlier = read_result(HERE) if given.scene or given.only else None
     result = run(tradeoff_job(work, earlier=earlier, at_once=WORKERS), SCRATCH, advance=advance).result
     return write(result)
 
