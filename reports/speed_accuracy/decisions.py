@@ -1,4 +1,4 @@
-"""Measure what decisions cost: ``python reports/speed_accuracy/decisions.py`` (about ten minutes on one core).
+"""Measure what decisions cost: ``python reports/speed_accuracy/decisions.py`` (about a quarter of an hour on one core).
 
 Ensembles of more and fewer instruments, and strategies played in more and fewer universes, each against many; the
 schedules of each method. ``--only PART`` measures one part again and keeps the others, which are in ``decisions.json``;
@@ -32,7 +32,7 @@ from simulator.config import load_instrument
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "decisions.json"
 TIME_S = 36000.0
-INSTRUMENTS, MANY_INSTRUMENTS, SEEDS = (10, 30, 100), 400, (2, 3)
+INSTRUMENTS, MANY_INSTRUMENTS, SEEDS = (10, 30, 100, 200), 600, (2, 3, 4)
 UNIVERSES, MANY_UNIVERSES = (100, 300, 1000, 3000), 10_000
 
 
