@@ -18,7 +18,7 @@ from cpic_planner.planets.motion import (
     span_days as span_days,
     star_masses_msun as star_masses_msun,
 )
-from cpic_planner.planets.orbit_quality import (
+from cpic_planner.planets.orbit_errors import (
     OrbitQuality as OrbitQuality,
     astrometric_error_arcsec as astrometric_error_arcsec,
     orbit_quality as orbit_quality,
