@@ -13,7 +13,7 @@ HOLE_ARCSEC = 0.28, 0.95
 LAMBDA_D_ARCSEC = 0.0536
 MASS_ERROR = 0.064
 # What a fit knows beforehand: the mean and width of ln a of the population, of eccentricities and of poles.
-WIDTHS = np.array([0.75, 0.23, 0.23, 0.44, 0.44])
+WIDTHS = np.array([0.70, 0.23, 0.23, 0.44, 0.44])
 
 
 def offsets(elements, days):
@@ -24,7 +24,7 @@ def offsets(elements, days):
     log_axis, h, k, p, q, longitude, log_mass = elements
     motion = 2.0 * np.pi / 365.25 * np.exp(0.5 * log_mass - 1.5 * log_axis)
     mean = longitude + motion * np.asarray(days, float)
-    far = mean + h * np.cos(mean) * 0.0
+    far = mean
     for _ in range(60):
         step = (far + h * np.cos(far) - k * np.sin(far) - mean) / (1.0 - h * np.sin(far) - k * np.cos(far))
         far = far - np.clip(step, -0.5, 0.5)
