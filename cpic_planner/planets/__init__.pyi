@@ -19,6 +19,8 @@ from cpic_planner.planets.motion import (
     star_masses_msun as star_masses_msun,
 )
 from cpic_planner.planets.orbit_errors import (
+    FLOOR_MAS as FLOOR_MAS,
+    STAR_MASS_ERROR as STAR_MASS_ERROR,
     OrbitQuality as OrbitQuality,
     astrometric_error_arcsec as astrometric_error_arcsec,
     orbit_quality as orbit_quality,

@@ -111,6 +111,7 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("New planets", counted("new_planets_unconditional"), "nothing excluded"),
         doc.Column("Known planets", counted("known_planets")),
         doc.Column("Characterised", counted("characterised_planets")),
+        doc.Column("Orbits known", counted("orbits_known")),
         doc.Column("Chance of any", lambda item: share_text(item.any_planet), "%"),
         doc.Column("Chance of a new one", lambda item: share_text(item.any_new_planet), "%"),
         doc.Column("Telescope time", lambda item: decimals(item.hours.mean, 0), "h"),

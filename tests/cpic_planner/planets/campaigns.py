@@ -20,8 +20,11 @@ def offsets(elements, days):
     """East and north in au, shape (2, t), of elements (ln a, h, k, p, q, mean longitude, ln M) of a prograde orbit.
 
     Kepler's equation in the eccentric longitude and the orbit's own axes: Broucke & Cefola 1972, Celest. Mech. 5, 303.
+    Not numbers where the orbit is none, which a fit takes for a step too far.
     """
     log_axis, h, k, p, q, longitude, log_mass = elements
+    if np.hypot(h, k) > 0.99 or max(abs(log_axis), abs(log_mass)) > 10.0:
+        return np.full((2, len(days)), np.nan)
     motion = 2.0 * np.pi / 365.25 * np.exp(0.5 * log_mass - 1.5 * log_axis)
     mean = longitude + motion * np.asarray(days, float)
     far = mean
