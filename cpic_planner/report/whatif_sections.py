@@ -284,9 +284,9 @@ def _reproduce(report: WhatIfReport) -> Iterator[doc.Block]:
     result = report.result
     note = (
         "Numbers in full: `whatif.json`; stars of all strategies: `targets.csv`; their calendars, one line a visit: "
-        "`visits.csv`, `visits.ecsv`, `visits.json`; every universe, star and detection: "
-        "`universes.parquet`, `stars.parquet`, `detections.parquet`. Times, host and package versions of the run: "
-        "`run.json`."
+        "`visits.csv`, `visits.ecsv`, `visits.json`; every universe, star, detection and orbit: "
+        "`universes.parquet`, `stars.parquet`, `detections.parquet`, `orbits.parquet`. Times, host and package "
+        "versions of the run: `run.json`."
     )
     yield from doc.reproduced_blocks(result, doc.marked(note), seed=result.universe["seed"])
     shipped = bool(result.known_planets) and split_source(str(result.universe["known_planets"]))[0] != "none"

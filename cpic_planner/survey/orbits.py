@@ -71,21 +71,19 @@ def found_orbits(survey: Survey, i: int, star: StarHistory, some: BoolArray) -> 
     least ``revisits.min_gap_days`` after the last position, or a year after that where the calendar has none.
     """
     rule, calendar = survey.strategy.orbit, survey.calendar
-    shown = np.array([epoch.shown for epoch in star.epochs]).reshape(-1, len(star.planets)).T
+    shape = len(star.epochs), len(star.planets)
+    shown = np.array([epoch.shown for epoch in star.epochs], bool).reshape(shape).T
     rows = np.flatnonzero(some & (shown.sum(axis=1) >= LEAST_EPOCHS))
-    shown = shown[rows]
-    day = np.array([epoch.day for epoch in star.epochs])
-    widths = np.array([survey.model.metrics[epoch.band].lambda_d_arcsec for epoch in star.epochs])
-    snr = np.array([epoch.snr for epoch in star.epochs]).reshape(-1, len(star.planets)).T[rows]
+    shown, snr = shown[rows], np.array([epoch.snr for epoch in star.epochs], float).reshape(shape).T[rows]
+    day = np.array([epoch.day for epoch in star.epochs], float)
+    widths = np.array([survey.model.metrics[epoch.band].lambda_d_arcsec for epoch in star.epochs], float)
     errors = np.full(shown.shape, np.inf)
     errors[shown] = astrometric_error_arcsec(snr[shown], np.broadcast_to(widths, shown.shape)[shown], rule.floor_mas)
     # Epochs are in the order of time.
     last = np.array([np.flatnonzero(mine)[-1] for mine in shown], np.int64)
-    windows = np.sort(calendar.day[i, calendar.fraction[i] > 0.0])
-    earliest = day[last] + survey.strategy.revisits.min_gap_days
-    at = np.searchsorted(windows, earliest)
-    later = np.append(windows, np.inf)[at]
-    later = np.where(np.isfinite(later), later, day[last] + _YEAR_DAYS)
+    windows = np.append(calendar.day[i, calendar.fraction[i] > 0.0], np.inf)
+    window = windows[np.searchsorted(windows, day[last] + survey.strategy.revisits.min_gap_days)]
+    later = np.where(np.isfinite(window), window, day[last] + _YEAR_DAYS)
     planets = star.planets.select(rows)
     quality = orbit_quality(
         planets,

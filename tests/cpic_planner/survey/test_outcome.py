@@ -182,7 +182,8 @@ def test_nothing_found(played):
         else values
         for name, values in tables["stars"].items()
     }
-    found = outcome(survey, {"universes": u, "detections": d, "stars": s}, [""] * 3, None)
+    o = {name: values[:0] for name, values in tables["orbits"].items()}
+    found = outcome(survey, {"universes": u, "detections": d, "stars": s, "orbits": o}, [""] * 3, None)
     assert found.planets.mean == found.any_planet == 0.0
     assert found.quantiles == {}
     assert found.planets.high > 0.0  # not met is not impossible
