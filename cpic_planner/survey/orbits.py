@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 LEAST_EPOCHS = 2
 """Positions without which nothing is said of an orbit."""
+UNIQUE_EPOCHS = 4
+"""Positions without which an orbit is not known whose arc is a period or longer, since the planet may have gone round
+once more: of three such positions four in ten fit a second period (25 campaigns), of four one in twenty-five."""
 _YEAR_DAYS = 365.25
 
 
@@ -96,4 +99,5 @@ def found_orbits(survey: Survey, i: int, star: StarHistory, some: BoolArray) -> 
     )
     place = quality.place_error_arcsec / widths[last]
     known = (quality.axis_error <= rule.axis_error) & (place <= rule.place_error_lambda_d)
+    known &= (quality.epochs >= UNIQUE_EPOCHS) | (quality.arc_periods < 1.0)
     return FoundOrbits(rows, quality, later, place, known)

@@ -170,8 +170,8 @@ class OrbitRule(FrozenModel):
 
     The relative error of the semi-major axis is at most ``axis_error``, and the planet will stand within
     ``place_error_lambda_d`` (rms, in lambda/D of the last band that showed it) of its predicted place in the next
-    window of its star. ``floor_mas`` is the error of a position, on each axis, that no light removes;
-    ``star_mass_error`` the relative error of the star's mass.
+    window of its star. An arc of a period or longer needs four positions besides. ``floor_mas`` is the error of a
+    position, on each axis, that no light removes; ``star_mass_error`` the relative error of the star's mass.
     """
 
     axis_error: Annotated[Real, Field(gt=0, le=10)] = 0.2

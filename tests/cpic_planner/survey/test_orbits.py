@@ -1,5 +1,6 @@
 """Orbits of the planets that surveys find: their epochs, the next window, and stars that are left with an orbit."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -58,6 +59,17 @@ def test_orbits_follow_from_the_visits_that_show_the_planet(plain, sample):
     rule = survey.strategy.orbit
     both = (found.quality.axis_error <= rule.axis_error) & (found.place_error_lambda_d <= rule.place_error_lambda_d)
     assert found.known.tolist() == both.tolist()
+
+
+def test_turns_that_nobody_counted_need_a_fourth_position(plain, change, sample):
+    """Three fine positions over more than a period may be those of another period."""
+    survey = change(plain.surveys[0], orbit={"place_error_lambda_d": 10.0, "floor_mas": 0.01})
+    near = replace(sample, period_days=np.full(len(sample), 300.0), semi_major_axis_au=np.full(len(sample), 0.82))
+    every = np.ones(len(sample), bool)
+    for days, known in (((0, 80, 190), True), ((0, 380, 640), False), ((0, 110, 380, 640), True)):
+        found = found_orbits(survey, STAR, history(near, *((day, "F520", 1e4 * every, every) for day in days)), every)
+        assert (found.quality.axis_error < 0.2).all()
+        assert (found.known == known).all()
 
 
 def test_behind_the_calendar_the_next_window_is_a_year_later(plain, sample):
