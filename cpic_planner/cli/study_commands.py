@@ -33,9 +33,10 @@ def whatif(
     its stars; then it is played in made-up universes (--universes), each with its own planets, drift of calibration
     and luck, the same for all strategies, so that differences are known far better than yields. A sample of the
     detections is simulated as images and searched blind. Writes whatif.json, universes.parquet, detections.parquet,
-    stars.parquet, targets.csv, visits.csv (.ecsv, .json: the calendars, one line a visit), run.json and report.html
-    into --out. Stopped half way, it continues when started again on the same folder; the result is the same for any
-    number of workers.
+    stars.parquet, orbits.parquet (how well positions determine the orbits of the planets found), targets.csv,
+    visits.csv (.ecsv, .json: the calendars, one line a visit), run.json and report.html into --out.
+    Stopped half way, it continues when started again on the same folder; the result is the same for any number of
+    workers.
 
     New planets are those of the population that what is known of their star still allows (--exclusions: radial
     velocities, stability beside companion stars, known giants); what the same visits would find of the whole

@@ -111,6 +111,7 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("New planets", counted("new_planets_unconditional"), "nothing excluded"),
         doc.Column("Known planets", counted("known_planets")),
         doc.Column("Characterised", counted("characterised_planets")),
+        doc.Column("Orbits known", counted("orbits_known")),
         doc.Column("Chance of any", lambda item: share_text(item.any_planet), "%"),
         doc.Column("Chance of a new one", lambda item: share_text(item.any_new_planet), "%"),
         doc.Column("Telescope time", lambda item: decimals(item.hours.mean, 0), "h"),
@@ -283,9 +284,9 @@ def _reproduce(report: WhatIfReport) -> Iterator[doc.Block]:
     result = report.result
     note = (
         "Numbers in full: `whatif.json`; stars of all strategies: `targets.csv`; their calendars, one line a visit: "
-        "`visits.csv`, `visits.ecsv`, `visits.json`; every universe, star and detection: "
-        "`universes.parquet`, `stars.parquet`, `detections.parquet`. Times, host and package versions of the run: "
-        "`run.json`."
+        "`visits.csv`, `visits.ecsv`, `visits.json`; every universe, star, detection and orbit: "
+        "`universes.parquet`, `stars.parquet`, `detections.parquet`, `orbits.parquet`. Times, host and package "
+        "versions of the run: `run.json`."
     )
     yield from doc.reproduced_blocks(result, doc.marked(note), seed=result.universe["seed"])
     shipped = bool(result.known_planets) and split_source(str(result.universe["known_planets"]))[0] != "none"

@@ -98,6 +98,11 @@ class SurveyTarget(Row):
         "the same with planets that are excluded, in the same visits", label="new planets, nothing excluded"
     )
     known_seen: float = column(label="known planets")
+    orbits_known: float = column("planets whose orbit is known from the images alone, mean over universes")
+    orbit_epochs: float | None = optional("positions of a planet that is shown at least twice, median; null: none is")
+    orbit_arc_periods: float | None = optional("their arc in periods of the planet, median")
+    orbit_axis_error: float | None = optional("relative error of the semi-major axis, median")
+    orbit_place_error_lambda_d: float | None = optional("error of the place in the star's next window, median")
     planets_per_100h: float = column(
         "planets found in 100 hours of telescope time", label="planets per 100 h", short="per 100 h", format=".2g"
     )
@@ -250,6 +255,9 @@ class StrategyOutcome(Row):
     known_planets: EstimateRecord
     stars_with_planet: EstimateRecord
     characterised_planets: EstimateRecord
+    orbits_known: EstimateRecord = Field(
+        description="planets found whose semi-major axis and next place are known well enough from the images alone"
+    )
     noise_alarms: EstimateRecord
     background_alarms: EstimateRecord
     hours: EstimateRecord = Field(description="telescope time used")
@@ -278,7 +286,7 @@ class DifferenceRecord(Row):
 
     first: str
     second: str
-    quantity: Literal["planets", "new_planets", "characterised_planets", "hours"]
+    quantity: Literal["planets", "new_planets", "characterised_planets", "orbits_known", "hours"]
     mean: float = Field(description="first minus second")
     error: float
     low: float = Field(description="lower end of the 90 % interval of the mean")

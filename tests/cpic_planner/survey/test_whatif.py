@@ -19,7 +19,7 @@ from cpic_planner.survey.whatif import decided_by, whatif_cost
 from simulator.config import content_hash
 
 PRODUCTS = ("universes.parquet", "detections.parquet", "stars.parquet", "whatif.json", "report.html", "targets.csv")
-PRODUCTS += ("visits.csv", "visits.ecsv", "visits.json")
+PRODUCTS += ("orbits.parquet", "visits.csv", "visits.ecsv", "visits.json")
 STRATEGIES = (
     {"name": "plain"},
     {"name": "twin"},
