@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, IntArray
-from cpic_planner.survey.schedule import Problem, Room, Schedule, StarValue, Visit, greedy, in_order
+from cpic_planner.survey.greedy import greedy
+from cpic_planner.survey.schedule import Problem, Room, Schedule, StarValue, Visit, in_order
 
 _ROUNDS = 12
 _NODES = 500

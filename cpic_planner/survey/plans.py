@@ -1,0 +1,301 @@
+"""Plans of single stars, the best of them under a price of telescope time, and the best choice of one for each star."""
+
+import contextlib
+import ctypes
+import os
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cpic_core import FloatArray
+from cpic_planner.survey.greedy import promising
+from cpic_planner.survey.schedule import ROUNDING, Problem, Room, StarValue, Visit
+
+_TINY = 1e-12
+_SWEEPS = 10
+
+Chosen = dict[int, list[Visit]]
+"""Visits of every star that has some, in the order of the calendar."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Visits of one star in the order of the calendar, with what they cost and are worth together."""
+
+    visits: tuple[Visit, ...]
+    cost_h: float
+    value: float
+
+
+@dataclass(frozen=True)
+class Prices:
+    """What an hour of telescope time is worth: of the budget, and in every slot on top of that, in planets."""
+
+    budget: float
+    slots: FloatArray
+
+
+@dataclass
+class Pool:
+    """Plans of a star to choose from; ``complete`` if they are all that there are."""
+
+    star: int
+    plans: dict[tuple[Visit, ...], Plan] = field(default_factory=dict)
+    complete: bool = False
+
+    def add(self, problem: Problem, visits: Iterable[Visit]) -> bool:
+        """Add a plan if each of its visits is worth having; whether that is new."""
+        own = tuple(sorted(visits, key=lambda visit: (visit[1], visit[0])))
+        if not own or own in self.plans:
+            return False
+        value = StarValue.of(problem.stars[self.star], problem.needed, own).value
+        self.plans[own] = Plan(own, sum(problem.cost_h(self.star, visit) for visit in own), value)
+        return True
+
+
+@contextlib.contextmanager
+def remarks_aside() -> Iterator[None]:
+    """Send to the error output what the solver prints: the standard output may be that of ``--json``."""
+    flush = getattr(ctypes.CDLL(None), "fflush", None) if os.name == "posix" else None
+    sys.stdout.flush()
+    kept = os.dup(1)
+    try:
+        os.dup2(2, 1)
+        yield
+    finally:
+        if flush is not None:  # it prints through C, which has a buffer of its own
+            flush(None)
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
+def least_gain(problem: Problem) -> float:
+    """Return what a visit has to add to the others of its star: what the strategy asks for, and something at all."""
+    return max(problem.strategy.scheduler.min_gain, _TINY)
+
+
+def every_plan(problem: Problem, room: Room, star: int, most: int) -> list[Plan] | None:
+    """Return all plans of a star that fit into what is left; None where there are more than ``most``.
+
+    Where one detection is enough, plans have only visits that are worth alone what the strategy asks of a visit.
+
+    Parameters
+    ----------
+    problem : Problem
+    room : Room
+    star : int
+    most : int
+    """
+    item = problem.stars[star]
+    useful = room.holds(item.cost_h)
+    if problem.needed == 1:
+        useful &= StarValue.none(item, 1).gain() >= least_gain(problem)
+    slots = [int(slot) for slot in np.argsort(item.day, kind="stable") if useful[:, slot].any()]
+    found: list[Plan] = []
+    # Visits, cost, value of the star and the place after the last slot, in the order of the days.
+    open_: list[tuple[tuple[Visit, ...], float, StarValue, int]] = [((), 0.0, StarValue.none(item, problem.needed), 0)]
+    while open_:
+        visits, cost, state, begin = open_.pop()
+        near = problem.near(item, visits[-1][1]) if visits else np.zeros(len(item.day), bool)
+        for place in range(begin, len(slots) if len(visits) < item.visits_left else begin):
+            slot = slots[place]
+            for option in np.flatnonzero(useful[:, slot]) if not near[slot] else ():
+                visit, total = (int(option), slot), cost + float(item.cost_h[option, slot])
+                if total > room.budget_h + ROUNDING:
+                    continue
+                after = state.after(visit)
+                own = (*visits, visit)
+                found.append(Plan(tuple(sorted(own, key=lambda one: (one[1], one[0]))), total, after.value))
+                if len(found) > most:
+                    return None
+                open_.append((own, total, after, place + 1))
+    return found
+
+
+def improved(problem: Problem, room: Room, star: int, start: Sequence[Visit], prices: Prices) -> list[Visit]:
+    """Improve visits of one star, one by one, as long as their value less the price of their time grows.
+
+    Visits are added, dropped and exchanged for others; each has to add to the others what the strategy asks for.
+
+    Parameters
+    ----------
+    problem : Problem
+    room : Room
+        Time that is left for the star, without any visits of it.
+    star : int
+    start : sequence of Visit
+    prices : Prices
+    """
+    item, least = problem.stars[star], least_gain(problem)
+    charge = np.where(room.holds(item.cost_h), item.cost_h * (prices.budget + prices.slots), np.inf)
+    made = list(start)
+
+    def best(others: Sequence[Visit], kept: Visit | None) -> tuple[Visit | None, float]:
+        """Return the visit that adds most to others, none if that is best, and how much more than the one kept."""
+        state = StarValue.of(item, problem.needed, others)
+        left = room.budget_h - sum(float(item.cost_h[visit]) for visit in others)
+        gain = state.gain()
+        net = np.where((item.cost_h <= left + ROUNDING) & (gain >= least), gain, -np.inf) - charge
+        for _, slot in others:
+            net[:, problem.near(item, slot)] = -np.inf
+        now = 0.0 if kept is None else float(net[kept])
+        at = np.unravel_index(int(np.argmax(net)), net.shape)
+        top = float(net[at])
+        found = (int(at[0]), int(at[1])) if top > 0.0 else None
+        return found, max(top, 0.0) - now
+
+    for _ in range(_SWEEPS):
+        helped = False
+        for visit in list(made):
+            others = [other for other in made if other != visit]
+            found, more = best(others, visit)
+            if more > _TINY:
+                made, helped = others + ([found] if found else []), True
+        while len(made) < item.visits_left:
+            found, more = best(made, None)
+            if found is None or more <= _TINY:
+                break
+            made.append(found)
+            helped = True
+        if not helped:
+            break
+    return made
+
+
+def _seeded(problem: Problem, room: Room, star: int, made: Sequence[Visit]) -> Pool:
+    """First plans of a star that has too many of them to list: those that the greedy choice would make of it."""
+    pool = Pool(star)
+    for start in (made, *promising(problem, room, star)):
+        for count in range(1, len(start) + 1):
+            pool.add(problem, start[:count])
+    return pool
+
+
+def pools_of(problem: Problem, room: Room, group: Sequence[int], made: Chosen, most: int) -> list[Pool]:
+    """Plans of stars to begin with: all of them where there are few.
+
+    Parameters
+    ----------
+    problem : Problem
+    room : Room
+    group : sequence of int
+        Stars.
+    made : dict
+        Visits of the greedy choice.
+    most : int
+        Largest number of plans of one star that are all listed.
+    """
+    pools = []
+    for star in group:
+        every = every_plan(problem, room, star, most)
+        pool = _seeded(problem, room, star, made.get(star, ())) if every is None else Pool(star, complete=True)
+        pool.plans |= {plan.visits: plan for plan in every or ()}
+        pools.append(pool)
+    return pools
+
+
+def priced(problem: Problem, room: Room, pools: Sequence[Pool], rounds: int) -> None:
+    """Add plans that are worth more than the time they take, at the prices at which those known share it best.
+
+    Notes
+    -----
+    Column generation (Dantzig & Wolfe 1960; Barnhart et al. 1998, Operations Research 46, 316) with an inexact search
+    for new plans: what it finds are schedules, not bounds.
+    """
+    growing = [pool for pool in pools if not pool.complete]
+    for _ in range(rounds if growing else 0):
+        prices = share(problem, room, pools).prices
+        helped = False
+        for pool in growing:
+            costs = problem.stars[pool.star].cost_h * (prices.budget + prices.slots)
+            rank = sorted(pool.plans.values(), key=lambda plan: sum(costs[visit] for visit in plan.visits) - plan.value)
+            for start in rank[:2]:
+                helped |= pool.add(problem, improved(problem, room, pool.star, start.visits, prices))
+        if not helped:
+            break
+
+
+@dataclass(frozen=True)
+class Shared:
+    """How plans share the time: those chosen, the value that no choice among them passes, and prices (of parts)."""
+
+    chosen: Chosen
+    bound: float
+    prices: Prices
+
+
+def share(problem: Problem, room: Room, pools: Sequence[Pool], nodes: int = 0, gap: float = 0.0) -> Shared:
+    """Choose at most one plan of each star: in parts, with prices, or whole with up to ``nodes`` of a search tree."""
+    from scipy.optimize import Bounds, LinearConstraint, linprog, milp
+    from scipy.sparse import csr_array
+
+    every = [(at, plan) for at, pool in enumerate(pools) for plan in pool.plans.values()]
+    slots = len(room.slots_h)
+    nothing = Prices(0.0, np.zeros(slots))
+    if not every:
+        return Shared({}, 0.0, nothing)
+    rows, columns, parts = [], [], []
+    for column, (at, plan) in enumerate(every):
+        star = pools[at].star
+        for visit in plan.visits:
+            rows.append(1 + visit[1])
+            columns.append(column)
+            parts.append(problem.cost_h(star, visit))
+        rows += [0, 1 + slots + at]
+        columns += [column, column]
+        parts += [plan.cost_h, 1.0]
+    matrix = csr_array((parts, (rows, columns)), shape=(1 + slots + len(pools), len(every)))
+    high = np.concatenate([[room.budget_h], room.slots_h, np.ones(len(pools))])
+    worth = -np.array([plan.value for _, plan in every])
+    if not nodes:
+        found = linprog(worth, A_ub=matrix, b_ub=np.maximum(high, 0.0), bounds=(0.0, None), method="highs")
+        marginal = np.maximum(-found.ineqlin.marginals, 0.0)
+        return Shared({}, -float(found.fun), Prices(float(marginal[0]), marginal[1 : 1 + slots]))
+    options = {"mip_rel_gap": gap, "node_limit": nodes}
+    with remarks_aside():
+        found = milp(
+            worth,
+            constraints=LinearConstraint(matrix, -np.inf, np.maximum(high, 0.0) + ROUNDING / 2),
+            bounds=Bounds(0.0, 1.0),
+            integrality=np.ones(len(every)),
+            options=options,
+        )
+    if found.x is None:
+        return Shared({}, np.inf, nothing)
+    chosen = {pools[at].star: list(plan.visits) for (at, plan), x in zip(every, found.x, strict=True) if x > 0.5}
+    return Shared(chosen, -float(found.mip_dual_bound), nothing)
+
+
+def exchanged(problem: Problem, room: Room, group: Sequence[int], made: Chosen) -> Chosen:
+    """Improve the visits of each star in the time that the others leave, as long as that helps.
+
+    Parameters
+    ----------
+    problem : Problem
+    room : Room
+        Time that is left for all of them.
+    group : sequence of int
+        Stars that may be visited.
+    made : dict
+    """
+    free = Prices(0.0, np.zeros(len(room.slots_h)))
+    made = dict(made)
+    for _ in range(_SWEEPS):
+        helped = False
+        for star in group:
+            left = Room(room.budget_h, room.slots_h.copy())
+            for other, visits in made.items():
+                for visit in visits if other != star else ():
+                    left.take(other, visit, problem.cost_h(other, visit))
+            before = StarValue.of(problem.stars[star], problem.needed, made.get(star, ())).value
+            starts = [made[star]] if star in made else promising(problem, left, star)
+            for start in starts:
+                visits = improved(problem, left, star, start, free)
+                if StarValue.of(problem.stars[star], problem.needed, visits).value > before + _TINY:
+                    made[star], helped = visits, True
+                    break
+        if not helped:
+            break
+    return made
