@@ -15,6 +15,7 @@ from cpic_planner.survey.schedule import ROUNDING, Problem, Room, StarValue, Vis
 
 _TINY = 1e-12
 _SWEEPS = 10
+_STARTS = 2
 
 Chosen = dict[int, list[Visit]]
 """Visits of every star that has some, in the order of the calendar."""
@@ -37,6 +38,13 @@ class Prices:
     slots: FloatArray
 
 
+def charges(problem: Problem, star: int, prices: Prices) -> FloatArray:
+    """Return the price of the time of each visit of a star, shape ``(o, b)``; infinite where none is possible."""
+    cost = problem.stars[star].cost_h
+    each = prices.budget + prices.slots
+    return np.asarray(np.where(np.isfinite(cost), np.nan_to_num(cost, posinf=0.0) * each, np.inf))
+
+
 @dataclass
 class Pool:
     """Plans of a star to choose from; ``complete`` if they are all that there are."""
@@ -46,7 +54,7 @@ class Pool:
     complete: bool = False
 
     def add(self, problem: Problem, visits: Iterable[Visit]) -> bool:
-        """Add a plan if each of its visits is worth having; whether that is new."""
+        """Add a plan; whether it is new."""
         own = tuple(sorted(visits, key=lambda visit: (visit[1], visit[0])))
         if not own or own in self.plans:
             return False
@@ -72,7 +80,10 @@ def remarks_aside() -> Iterator[None]:
 
 
 def least_gain(problem: Problem) -> float:
-    """Return what a visit has to add to the others of its star: what the strategy asks for, and something at all."""
+    """Return what a visit has to add to the others of its star: what the strategy asks for, and something at all.
+
+    Schedules are chosen by their value less that of all their visits: the best one has no visit that adds less.
+    """
     return max(problem.strategy.scheduler.min_gain, _TINY)
 
 
@@ -117,7 +128,7 @@ def every_plan(problem: Problem, room: Room, star: int, most: int) -> list[Plan]
 def improved(problem: Problem, room: Room, star: int, start: Sequence[Visit], prices: Prices) -> list[Visit]:
     """Improve visits of one star, one by one, as long as their value less the price of their time grows.
 
-    Visits are added, dropped and exchanged for others; each has to add to the others what the strategy asks for.
+    Visits are added, dropped and exchanged for others; each pays what the strategy asks of a visit, too.
 
     Parameters
     ----------
@@ -128,16 +139,15 @@ def improved(problem: Problem, room: Room, star: int, start: Sequence[Visit], pr
     start : sequence of Visit
     prices : Prices
     """
-    item, least = problem.stars[star], least_gain(problem)
-    charge = np.where(room.holds(item.cost_h), item.cost_h * (prices.budget + prices.slots), np.inf)
+    item = problem.stars[star]
+    charge = np.where(room.holds(item.cost_h), charges(problem, star, prices) + least_gain(problem), np.inf)
     made = list(start)
 
     def best(others: Sequence[Visit], kept: Visit | None) -> tuple[Visit | None, float]:
         """Return the visit that adds most to others, none if that is best, and how much more than the one kept."""
         state = StarValue.of(item, problem.needed, others)
         left = room.budget_h - sum(float(item.cost_h[visit]) for visit in others)
-        gain = state.gain()
-        net = np.where((item.cost_h <= left + ROUNDING) & (gain >= least), gain, -np.inf) - charge
+        net = np.where(item.cost_h <= left + ROUNDING, state.gain() - charge, -np.inf)
         for _, slot in others:
             net[:, problem.near(item, slot)] = -np.inf
         now = 0.0 if kept is None else float(net[kept])
@@ -205,13 +215,17 @@ def priced(problem: Problem, room: Room, pools: Sequence[Pool], rounds: int) -> 
     for new plans: what it finds are schedules, not bounds.
     """
     growing = [pool for pool in pools if not pool.complete]
+    least = least_gain(problem)
     for _ in range(rounds if growing else 0):
-        prices = share(problem, room, pools).prices
+        prices = share(problem, room, pools, least=least).prices
         helped = False
         for pool in growing:
-            costs = problem.stars[pool.star].cost_h * (prices.budget + prices.slots)
-            rank = sorted(pool.plans.values(), key=lambda plan: sum(costs[visit] for visit in plan.visits) - plan.value)
-            for start in rank[:2]:
+            costs = charges(problem, pool.star, prices)
+
+            def net(plan: Plan, costs: FloatArray = costs) -> float:
+                return plan.value - sum(costs[visit] + least for visit in plan.visits)
+
+            for start in sorted(pool.plans.values(), key=net)[: -1 - _STARTS : -1]:
                 helped |= pool.add(problem, improved(problem, room, pool.star, start.visits, prices))
         if not helped:
             break
@@ -226,8 +240,23 @@ class Shared:
     prices: Prices
 
 
-def share(problem: Problem, room: Room, pools: Sequence[Pool], nodes: int = 0, gap: float = 0.0) -> Shared:
-    """Choose at most one plan of each star: in parts, with prices, or whole with up to ``nodes`` of a search tree."""
+def share(
+    problem: Problem, room: Room, pools: Sequence[Pool], *, least: float = 0.0, nodes: int = 0, gap: float = 0.0
+) -> Shared:
+    """Choose at most one plan of each star: in parts, with prices, or whole with up to ``nodes`` of a search tree.
+
+    Parameters
+    ----------
+    problem : Problem
+    room : Room
+    pools : sequence of Pool
+    least : float
+        What each visit has to pay beside its time.
+    nodes : int
+        0: plans may be taken in parts.
+    gap : float
+        Relative distance from the bound at which the search may end.
+    """
     from scipy.optimize import Bounds, LinearConstraint, linprog, milp
     from scipy.sparse import csr_array
 
@@ -248,7 +277,7 @@ def share(problem: Problem, room: Room, pools: Sequence[Pool], nodes: int = 0, g
         parts += [plan.cost_h, 1.0]
     matrix = csr_array((parts, (rows, columns)), shape=(1 + slots + len(pools), len(every)))
     high = np.concatenate([[room.budget_h], room.slots_h, np.ones(len(pools))])
-    worth = -np.array([plan.value for _, plan in every])
+    worth = np.array([least * len(plan.visits) - plan.value for _, plan in every])
     if not nodes:
         found = linprog(worth, A_ub=matrix, b_ub=np.maximum(high, 0.0), bounds=(0.0, None), method="highs")
         marginal = np.maximum(-found.ineqlin.marginals, 0.0)
@@ -282,6 +311,11 @@ def exchanged(problem: Problem, room: Room, group: Sequence[int], made: Chosen) 
     """
     free = Prices(0.0, np.zeros(len(room.slots_h)))
     made = dict(made)
+
+    def net(star: int, visits: Sequence[Visit]) -> float:
+        value = StarValue.of(problem.stars[star], problem.needed, visits).value
+        return value - least_gain(problem) * len(visits)
+
     for _ in range(_SWEEPS):
         helped = False
         for star in group:
@@ -289,13 +323,12 @@ def exchanged(problem: Problem, room: Room, group: Sequence[int], made: Chosen) 
             for other, visits in made.items():
                 for visit in visits if other != star else ():
                     left.take(other, visit, problem.cost_h(other, visit))
-            before = StarValue.of(problem.stars[star], problem.needed, made.get(star, ())).value
             starts = [made[star]] if star in made else promising(problem, left, star)
             for start in starts:
                 visits = improved(problem, left, star, start, free)
-                if StarValue.of(problem.stars[star], problem.needed, visits).value > before + _TINY:
+                if net(star, visits) > net(star, made.get(star, ())) + _TINY:
                     made[star], helped = visits, True
                     break
         if not helped:
             break
-    return made
+    return {star: visits for star, visits in made.items() if visits}
