@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from cpic_planner.survey.bounds import lagrangian_bound
 from cpic_planner.survey.greedy import greedy
 from cpic_planner.survey.plans import Chosen, Pool, exchanged, least_gain, pools_of, priced, share
@@ -26,7 +28,9 @@ class Effort:
     cuts : int
         Rounds of cuts for the bound of a star that has more plans.
     inner : int
-        Nodes of a search tree in each of them; 0: linear programming alone.
+        Nodes of the search trees of all such stars, for their bounds.
+    again : int
+        How often prices are found for the bound.
     """
 
     plans: int
@@ -35,12 +39,13 @@ class Effort:
     gap: float
     cuts: int
     inner: int
+    again: int
 
 
 EFFORTS = {
-    "greedy": Effort(plans=1000, rounds=6, nodes=2000, gap=1e-4, cuts=12, inner=0),
-    "auto": Effort(plans=1000, rounds=6, nodes=2000, gap=1e-4, cuts=12, inner=0),
-    "exact": Effort(plans=20_000, rounds=40, nodes=100_000, gap=0.0, cuts=40, inner=200),
+    "greedy": Effort(plans=1000, rounds=6, nodes=2000, gap=1e-4, cuts=25, inner=10_000, again=3),
+    "auto": Effort(plans=1000, rounds=6, nodes=2000, gap=1e-4, cuts=25, inner=10_000, again=3),
+    "exact": Effort(plans=20_000, rounds=40, nodes=100_000, gap=0.0, cuts=40, inner=200_000, again=20),
 }
 
 
@@ -104,7 +109,14 @@ def _planned(problem: Problem, made: Chosen, effort: Effort) -> tuple[Chosen, fl
 
 def _bound(problem: Problem, room: Room, pools: Sequence[Pool], effort: Effort) -> float:
     """What no schedule can pass."""
-    bound = lagrangian_bound(problem, room, pools, share(problem, room, pools).prices, effort.cuts, effort.inner)
+    bound = np.inf
+    growing = sum(not pool.complete for pool in pools)
+    for _ in range(effort.again):
+        prices, known = share(problem, room, pools).prices, sum(len(pool.plans) for pool in pools)
+        top = lagrangian_bound(problem, room, pools, prices, effort.cuts, effort.inner // max(growing, 1))
+        bound = min(bound, top)
+        if sum(len(pool.plans) for pool in pools) == known:
+            break
     if all(pool.complete for pool in pools):
         bound = min(bound, share(problem, room, pools, nodes=effort.nodes, gap=effort.gap).bound)
     return bound

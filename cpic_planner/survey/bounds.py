@@ -1,8 +1,8 @@
 """What no schedule can pass: bounds of single stars under a price of telescope time, and their sum."""
 
+import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from cpic_core import FloatArray, IntArray
 from cpic_planner.survey.plans import Pool, Prices, charges, least_gain, remarks_aside
 from cpic_planner.survey.schedule import ROUNDING, Problem, Room, StarValue, Visit
 
-_FALLS = 2e-3
-_KEPT = (0.5, 0.2)
+_FALLS, _CLOSED = 1e-4, 1e-9
+_KEPT = (0.8, 0.5, 0.3, 0.1)
 
 
 def lagrangian_bound(
-    problem: Problem, room: Room, pools: Sequence[Pool], prices: Prices, rounds: int, nodes: int = 0
+    problem: Problem, room: Room, pools: Sequence[Pool], prices: Prices, rounds: int, nodes: int
 ) -> float:
     """Return a value that no schedule of some stars can pass.
 
@@ -25,11 +25,12 @@ def lagrangian_bound(
     room : Room
         Time that is left for them.
     pools : sequence of Pool
-        Plans of the stars: those that are complete bound their stars exactly.
+        Plans of the stars: those that are complete bound their stars exactly; better ones that are found on the way are
+        added to the others.
     prices : Prices
         Any that are not negative; the nearer to those at which time is shared best, the lower the bound.
     rounds, nodes : int
-        Effort for each star: rounds of cuts, and nodes of a search tree for whole visits.
+        Effort for each star: rounds of cuts, and nodes of a search tree.
 
     Notes
     -----
@@ -47,10 +48,34 @@ def _of_star(problem: Problem, room: Room, pool: Pool, prices: Prices, rounds: i
     if pool.complete:
         return max([plan.value - sum(charge[visit] for visit in plan.visits) for plan in pool.plans.values()] + [0.0])
     star = _Star.of(problem, room, pool.star, charge)
-    bound = 0.0
-    for fewest, most in star.spans():
-        bound = max(bound, star.bound(pool, fewest, most, rounds, nodes))
-    return bound
+    known = max([plan.value - sum(charge[visit] for visit in plan.visits) for plan in pool.plans.values()] + [0.0])
+    bound, found = star.searched(known, nodes)
+    pool.add(problem, found)
+    if bound > known + _CLOSED * abs(known):
+        bound = min(bound, max([0.0] + [star.bound(pool, *span, rounds) for span in star.spans()]))
+    return float(bound)
+
+
+@dataclass(frozen=True, eq=False)
+class _Branch:
+    """Sets of visits: some that are made, with the first of the others from a place on and any after it.
+
+    ``sums`` are those of the gains of the others, of none, one, two ...; ``left`` is how many may still be made.
+    """
+
+    state: StarValue
+    net: float
+    visits: list[int]
+    others: IntArray
+    sums: FloatArray
+    place: int
+    left: int
+
+    @property
+    def bound(self) -> float:
+        """What none of them passes, less the price of its time."""
+        end = min(self.place + self.left, len(self.others))
+        return self.net + float(self.sums[end] - self.sums[self.place])
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +99,7 @@ class _Star:
     columns: IntArray
     cost_h: FloatArray
     charge: FloatArray
+    chance: FloatArray
     ratios: FloatArray
 
     @classmethod
@@ -87,22 +113,77 @@ class _Star:
         at = columns[:, 0], columns[:, 1]
         cheapest = np.sort(np.where(useful, item.cost_h, np.inf).min(axis=0))
         affordable = int(np.sum(np.cumsum(cheapest) <= room.budget_h + ROUNDING))
-        ratios = _ratios(problem, np.where(useful[..., None], item.chance, 0.0), min(item.visits_left, affordable))
-        return cls(problem, room, star, columns, item.cost_h[at], charge[at], ratios)
+        shown = np.where(useful[..., None], item.chance, 0.0)
+        ratios = _ratios(problem.needed, shown, min(item.visits_left, affordable))
+        return cls(problem, room, star, columns, item.cost_h[at], charge[at], item.chance[at].astype(float), ratios)
 
     def spans(self) -> list[tuple[int, int]]:
         """Numbers of visits that are bounded together: few alone, as the ratio grows fast there."""
-        needed, most = self.problem.needed, len(self.ratios)
+        needed, most = self.problem.needed, self.ratios.shape[1]
         if needed == 1:
             return [(1, most)] if most else []
-        ends = [end for end in (needed, needed + 1, needed + 3, 2 * needed + 6) if end < most]
+        ends = [end for end in (*range(needed, 2 * needed + 3), 4 * needed) if end < most]
         ends = [*ends, most] if most >= needed else []
         return list(zip([needed, *(end + 1 for end in ends[:-1])], ends, strict=True)) if ends else []
 
-    def bound(self, pool: Pool, fewest: int, most: int, rounds: int, nodes: int) -> float:
-        """Return the bound with between so many visits, by linear programming or with whole visits."""
+    def searched(self, known: float, nodes: int) -> tuple[float, list[Visit]]:
+        """Search all plans for the best, the most promising first; return a bound and the best plan found.
+
+        After some visits, ``t`` more add at most the sum of their gains, each planet's chance to be seen as often as it
+        still needs bounded as by `U`: the bound of a branch is that of its best ``t`` visits that are not excluded.
+
+        Parameters
+        ----------
+        known : float
+            Value less price of a plan that is known.
+        nodes : int
+            Sets of visits that are tried.
+        """
+        item, needed = self.problem.stars[self.star], self.problem.needed
+        needs = np.arange(needed, 0, -1)
+        best, found = known, list[Visit]()
+        heap: list[tuple[float, int, _Branch]] = []
+        made = 0
+
+        def branch(state: StarValue, net: float, visits: list[int], others: IntArray) -> None:
+            nonlocal made
+            left = self.ratios.shape[1] - len(visits)
+            spent = self.room.budget_h - float(self.cost_h[visits].sum()) + ROUNDING
+            others = others[self.cost_h[others] <= spent]
+            if left < 1 or not len(others):
+                return
+            each = (state.counts * self.ratios[needs - 1, left - 1] / needs[:, None]).sum(axis=0)
+            gains = (self.chance @ (item.weight * each) - self.charge)[others]
+            order = np.argsort(-gains, kind="stable")[: int((gains > 0.0).sum())]
+            if len(order):
+                made += 1
+                new = _Branch(state, net, visits, others[order], np.append(0.0, np.cumsum(gains[order])), 0, left)
+                heapq.heappush(heap, (-new.bound, made, new))
+
+        branch(StarValue.none(item, needed), 0.0, [], np.arange(len(self.columns)))
+        for _ in range(nodes):
+            if not heap or -heap[0][0] <= best + _CLOSED * abs(best):
+                break
+            _, _, top = heapq.heappop(heap)
+            column = int(top.others[top.place])
+            option, slot = (int(part) for part in self.columns[column])
+            state = top.state.after((option, slot))
+            visits = [*top.visits, column]
+            net = state.value - float(self.charge[visits].sum())
+            if net > best:
+                best, found = net, [(int(o), int(s)) for o, s in self.columns[visits]]
+            if top.place + 1 < len(top.others):
+                made += 1
+                again = replace(top, place=top.place + 1)
+                heapq.heappush(heap, (-again.bound, made, again))
+            others = top.others[top.place + 1 :]
+            branch(state, net, visits, others[~self.problem.near(item, slot)[self.columns[others, 1]]])
+        return max(best, -heap[0][0] if heap else 0.0), found
+
+    def bound(self, pool: Pool, fewest: int, most: int, rounds: int) -> float:
+        """Return the bound with between so many visits, by linear programming."""
         item = self.problem.stars[self.star]
-        weighed = replace(item, weight=item.weight * self.ratios[most - 1])
+        weighed = replace(item, weight=item.weight * self.ratios[-1, most - 1])
         rows, limits = self._limits(most)
         cuts: list[FloatArray] = []
         starts: list[float] = []
@@ -121,7 +202,7 @@ class _Star:
             cut(best.visits)
         bound = np.inf
         for _ in range(rounds):
-            x, promised, top = _solved(self.charge, np.array(cuts), np.array(starts), rows, limits, fewest, nodes)
+            x, promised, top = _solved(self.charge, np.array(cuts), np.array(starts), rows, limits, fewest)
             fell, bound = bound - top, min(bound, top)
             sets = {tuple(tuple(part) for part in self.columns[x > kept].tolist()) for kept in _KEPT}
             worst = 0.0
@@ -144,50 +225,41 @@ class _Star:
         return np.array(rows), np.array(limits)
 
 
-def _ratios(problem: Problem, chance: FloatArray, most: int) -> FloatArray:
-    """Return ``k P(count >= k) / E[min(count, k)]`` of every planet with its 1, 2, ... best chances, ``(most, m)``."""
+def _ratios(needed: int, chance: FloatArray, most: int) -> FloatArray:
+    """Return ``i P(count >= i) / E[min(count, i)]`` of every planet with its 1, 2, ... best chances, one a slot.
+
+    The shape is ``(k, most, m)``, for ``i = 1 ... k``.
+    """
     best = -np.sort(-chance.max(axis=0), axis=0)[:most]
-    counts = np.zeros((problem.needed + 1, best.shape[-1]))
-    counts[0] = 1.0
-    found = np.zeros(best.shape)
+    below = np.zeros((needed, best.shape[-1]))  # probability of 0, 1, ... k - 1
+    below[0] = 1.0
+    found = np.zeros((needed, *best.shape))
     for row, p in enumerate(best):
-        gone = counts[:-1] * p
-        counts[:-1] -= gone
-        counts[1:] += gone
-        expected = (np.arange(1, problem.needed + 1)[:, None] * counts[1:]).sum(axis=0) / problem.needed
-        found[row] = np.divide(counts[-1], expected, out=np.zeros_like(p), where=expected > 0.0)
-    return np.minimum(found * (1.0 + ROUNDING), 1.0)
+        gone = below * p
+        below = below - gone
+        below[1:] += gone[:-1]
+        reached = 1.0 - np.cumsum(below, axis=0)  # of at least 1, 2, ... k
+        expected = np.cumsum(reached, axis=0) / np.arange(1, needed + 1)[:, None]
+        found[:, row] = np.divide(reached, expected, out=np.ones_like(expected), where=expected > _CLOSED)
+        found[row + 1 :, row] = 0.0
+    return np.minimum(found * (1.0 + ROUNDING) + ROUNDING * (found > 0.0), 1.0)
 
 
 def _solved(
-    charge: FloatArray,
-    cuts: FloatArray,
-    starts: FloatArray,
-    rows: FloatArray,
-    limits: FloatArray,
-    fewest: int,
-    nodes: int,
+    charge: FloatArray, cuts: FloatArray, starts: FloatArray, rows: FloatArray, limits: FloatArray, fewest: int
 ) -> tuple[FloatArray, float, float]:
     """Shares of the visits, what the cuts promise for them, and the bound of one programme."""
-    from scipy.optimize import Bounds, LinearConstraint, milp
+    from scipy.optimize import linprog
 
     n = len(charge)
-    matrix = np.vstack([np.hstack([-cuts, np.ones((len(cuts), 1))]), np.hstack([rows, np.zeros((len(rows), 1))])])
-    low = np.full(len(matrix), -np.inf)
-    low[len(cuts)] = fewest
-    kinds = np.append(np.full(n, float(nodes > 0)), 0.0)
-    options: dict[str, Any] = {"node_limit": nodes} if nodes else {}
+    few = np.append(-np.ones(n), 0.0)[None]
+    matrix = np.vstack([np.hstack([-cuts, np.ones((len(cuts), 1))]), np.hstack([rows, np.zeros((len(rows), 1))]), few])
+    high = np.concatenate([starts, limits, [-float(fewest)]])
+    each = [*[(0.0, 1.0)] * n, (None, None)]
     with remarks_aside():
-        found = milp(
-            np.append(charge, -1.0),
-            constraints=LinearConstraint(matrix, low, np.concatenate([starts, limits])),
-            bounds=Bounds(np.append(np.zeros(n), -np.inf), np.append(np.ones(n), np.inf)),
-            integrality=kinds,
-            options=options,
-        )
+        found = linprog(np.append(charge, -1.0), A_ub=matrix, b_ub=high, bounds=each, method="highs")
     if found.status == 2:  # no such number of visits
         return np.zeros(n), 0.0, 0.0
-    bound = found.mip_dual_bound if nodes else found.fun
     if found.x is None:
-        return np.zeros(n), 0.0, np.inf if bound is None else -float(bound)
-    return found.x[:n], float(found.x[n]), -float(bound)
+        return np.zeros(n), 0.0, np.inf
+    return found.x[:n], float(found.x[n]), -float(found.fun)
