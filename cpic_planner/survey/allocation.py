@@ -3,9 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from cpic_planner.survey.bounds import lagrangian_bound
+from cpic_planner.survey.bounds import add_all_near, lagrangian_bound
 from cpic_planner.survey.greedy import greedy
 from cpic_planner.survey.plans import Chosen, Pool, exchanged, least_gain, pools_of, priced, share
 from cpic_planner.survey.schedule import ROUNDING, Problem, Room, Schedule, StarValue, Visit, in_order
@@ -17,35 +15,33 @@ class Effort:
 
     Attributes
     ----------
-    plans : int
-        Stars with at most so many plans have all of them listed.
     rounds : int
-        How often prices are found and plans added that pay at these.
-    nodes : int
+        How often prices are found and plans added that pay at these; as often again for the bound, at most.
+    choice : int
         Nodes of the search tree that chooses among plans.
     gap : float
         Relative distance from the bound at which that search ends.
+    nodes : int
+        Nodes of the search trees for the plans of all stars together, each time that prices are found for the bound.
+    bounds : int
+        How often that is.
     cuts : int
-        Rounds of cuts for the bound of a star that has more plans.
-    inner : int
-        Nodes of the search trees of all such stars, for their bounds.
-    again : int
-        How often prices are found for the bound.
+        Rounds of cuts for the bound of a star that can have many visits.
     """
 
-    plans: int
     rounds: int
-    nodes: int
+    choice: int
     gap: float
+    nodes: int
+    bounds: int
     cuts: int
-    inner: int
-    again: int
 
 
+_USUAL = Effort(rounds=6, choice=2000, gap=1e-4, nodes=6000, bounds=2, cuts=12)
 EFFORTS = {
-    "greedy": Effort(plans=1000, rounds=6, nodes=2000, gap=1e-4, cuts=25, inner=10_000, again=3),
-    "auto": Effort(plans=1000, rounds=6, nodes=2000, gap=1e-4, cuts=25, inner=10_000, again=3),
-    "exact": Effort(plans=20_000, rounds=40, nodes=100_000, gap=0.0, cuts=40, inner=200_000, again=20),
+    "greedy": _USUAL,
+    "auto": _USUAL,
+    "exact": Effort(rounds=40, choice=100_000, gap=0.0, nodes=400_000, bounds=20, cuts=40),
 }
 
 
@@ -86,40 +82,49 @@ def _planned(problem: Problem, made: Chosen, effort: Effort) -> tuple[Chosen, fl
     """Plans of all stars, group after group, and what no schedule can pass."""
     groups, room = problem.groups(), Room.of(problem)
     found: Chosen = {}
-    pools: list[Pool] = []
+    bound = 0.0
     for group in groups:
-        pools = pools_of(problem, room, group, made, effort.plans)
-        priced(problem, room, pools, effort.rounds)
-        least = least_gain(problem)
-        chosen = share(problem, room, pools, least=least, nodes=effort.nodes, gap=effort.gap).chosen
-        own = {star: made[star] for star in group if star in made}
-        if not _fits(problem, room, chosen) or _net(problem, own) > _net(problem, chosen):
-            chosen = own if _fits(problem, room, own) else {}
-        chosen = exchanged(problem, room, group, chosen)
+        chosen, bound = _of_group(problem, room, group, made, effort)
         for star, visits in sorted(chosen.items()):
             for visit in visits:
                 room.take(star, visit, problem.cost_h(star, visit))
         found |= chosen
-    room = Room.of(problem)
     if len(groups) > 1:
-        pools = pools_of(problem, room, range(len(problem.stars)), found, effort.plans)
-        priced(problem, room, pools, effort.rounds)
-    return found, _bound(problem, room, pools, effort)
+        bound = _of_group(problem, Room.of(problem), range(len(problem.stars)), made | found, effort)[1]
+    return found, bound
 
 
-def _bound(problem: Problem, room: Room, pools: Sequence[Pool], effort: Effort) -> float:
-    """What no schedule can pass."""
-    bound = np.inf
-    growing = sum(not pool.complete for pool in pools)
-    for _ in range(effort.again):
+def _of_group(problem: Problem, room: Room, group: Sequence[int], made: Chosen, effort: Effort) -> tuple[Chosen, float]:
+    """Plans of stars in the time that is left for them, and what no schedule of these can pass."""
+    each = effort.nodes // max(len(group), 1)
+    pools = pools_of(problem, room, group, made)
+    priced(problem, room, pools, effort.rounds)
+    bound = None
+    for _ in range(effort.bounds):
         prices, known = share(problem, room, pools).prices, sum(len(pool.plans) for pool in pools)
-        top = lagrangian_bound(problem, room, pools, prices, effort.cuts, effort.inner // max(growing, 1))
-        bound = min(bound, top)
+        again = lagrangian_bound(problem, room, pools, prices, effort.cuts, each)
+        bound = again if bound is None or again.value < bound.value else bound
         if sum(len(pool.plans) for pool in pools) == known:
             break
-    if all(pool.complete for pool in pools):
-        bound = min(bound, share(problem, room, pools, nodes=effort.nodes, gap=effort.gap).bound)
-    return bound
+    assert bound is not None
+    own = {star: made[star] for star in group if star in made}
+    chosen = _best(problem, room, group, pools, own if _fits(problem, room, own) else {}, effort)
+    value = sum(StarValue.of(problem.stars[star], problem.needed, visits).value for star, visits in chosen.items())
+    least = bound.value
+    if value < least and add_all_near(problem, room, pools, bound, value, each):
+        least = min(least, max(value, share(problem, room, pools, nodes=effort.choice, gap=effort.gap).bound))
+    return _best(problem, room, group, pools, chosen, effort), least
+
+
+def _best(
+    problem: Problem, room: Room, group: Sequence[int], pools: Sequence[Pool], known: Chosen, effort: Effort
+) -> Chosen:
+    """The better of a choice among plans and a known schedule, after exchanges of visits."""
+    least = least_gain(problem)
+    chosen = share(problem, room, pools, least=least, nodes=effort.choice, gap=effort.gap).chosen
+    if not _fits(problem, room, chosen) or _net(problem, known) >= _net(problem, chosen):
+        chosen = known
+    return exchanged(problem, room, group, chosen)
 
 
 def _fits(problem: Problem, room: Room, made: Chosen) -> bool:

@@ -11,12 +11,32 @@ from cpic_planner.survey.plans import Pool, Prices, charges, least_gain, remarks
 from cpic_planner.survey.schedule import ROUNDING, Problem, Room, StarValue, Visit
 
 _FALLS, _CLOSED = 1e-4, 1e-9
+_DEEP = 10
 _KEPT = (0.8, 0.5, 0.3, 0.1)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What no schedule of some stars can pass.
+
+    Attributes
+    ----------
+    value : float
+        Price of all the time that there is, and ``stars``.
+    stars : tuple of float
+        What no plan of each star passes, less the price of its time.
+    prices : Prices
+        Those at which it was found.
+    """
+
+    value: float
+    stars: tuple[float, ...]
+    prices: Prices
 
 
 def lagrangian_bound(
     problem: Problem, room: Room, pools: Sequence[Pool], prices: Prices, rounds: int, nodes: int
-) -> float:
+) -> Bound:
     """Return a value that no schedule of some stars can pass.
 
     Parameters
@@ -25,12 +45,11 @@ def lagrangian_bound(
     room : Room
         Time that is left for them.
     pools : sequence of Pool
-        Plans of the stars: those that are complete bound their stars exactly; better ones that are found on the way are
-        added to the others.
+        Plans of the stars; better ones that are found on the way are added.
     prices : Prices
         Any that are not negative; the nearer to those at which time is shared best, the lower the bound.
     rounds, nodes : int
-        Effort for each star: rounds of cuts, and nodes of a search tree.
+        Effort for each star: rounds of cuts where many visits can be made, and nodes of a search tree.
 
     Notes
     -----
@@ -39,43 +58,80 @@ def lagrangian_bound(
     Science 27, 1).
     """
     time = prices.budget * max(room.budget_h, 0.0) + float(prices.slots @ np.maximum(room.slots_h, 0.0))
-    return time + sum(_of_star(problem, room, pool, prices, rounds, nodes) for pool in pools)
+    found = []
+    for pool in pools:
+        charge = charges(problem, pool.star, prices)
+        star = _Star.of(problem, room, pool.star, charge)
+        known = max([plan.value - sum(charge[visit] for visit in plan.visits) for plan in pool.plans.values()] + [0.0])
+        best = star.searched(known, nodes)
+        bound = best.bound
+        for visits in best.plans:
+            pool.add(problem, visits)
+        if bound > known + _CLOSED * abs(known) and star.most > _DEEP:
+            bound = min(bound, max([0.0] + [star.bound(pool, *span, rounds) for span in star.spans()]))
+        found.append(float(bound))
+    return Bound(time + sum(found), tuple(found), prices)
 
 
-def _of_star(problem: Problem, room: Room, pool: Pool, prices: Prices, rounds: int, nodes: int) -> float:
-    """Return what no plan of a star passes, less the price of its time; at least 0, that of no visit."""
-    charge = charges(problem, pool.star, prices)
-    if pool.complete:
-        return max([plan.value - sum(charge[visit] for visit in plan.visits) for plan in pool.plans.values()] + [0.0])
-    star = _Star.of(problem, room, pool.star, charge)
-    known = max([plan.value - sum(charge[visit] for visit in plan.visits) for plan in pool.plans.values()] + [0.0])
-    bound, found = star.searched(known, nodes)
-    pool.add(problem, found)
-    if bound > known + _CLOSED * abs(known):
-        bound = min(bound, max([0.0] + [star.bound(pool, *span, rounds) for span in star.spans()]))
-    return float(bound)
+def add_all_near(problem: Problem, room: Room, pools: Sequence[Pool], bound: Bound, value: float, nodes: int) -> bool:
+    """Add every plan that a schedule better than a known one can have; whether these are all.
+
+    Parameters
+    ----------
+    problem : Problem
+    room : Room
+    pools : sequence of Pool
+        Of the stars of the bound.
+    bound : Bound
+    value : float
+        Of the known schedule.
+    nodes : int
+        Effort for each star.
+
+    Notes
+    -----
+    At the prices of the bound, a plan that is farther below its star's bound than the known schedule is below the
+    bound of all leaves less than the known value to any schedule with it (as in Baldacci, Christofides & Mingozzi 2008,
+    Mathematical Programming 115, 351).
+    """
+    every, slack = True, max(bound.value - value, 0.0) * (1.0 + _CLOSED) + _CLOSED * bound.value
+    for pool, top in zip(pools, bound.stars, strict=True):
+        star = _Star.of(problem, room, pool.star, charges(problem, pool.star, bound.prices))
+        found = star.searched(top - slack, nodes, every=True)
+        every &= found.bound <= top - slack
+        for visits in found.plans:
+            pool.add(problem, visits)
+    return every
 
 
 @dataclass(frozen=True, eq=False)
 class _Branch:
     """Sets of visits: some that are made, with the first of the others from a place on and any after it.
 
-    ``sums`` are those of the gains of the others, of none, one, two ...; ``left`` is how many may still be made.
+    ``gains`` are what each of the others adds at most, in falling order; ``left`` is how many may still be made.
     """
 
     state: StarValue
     net: float
     visits: list[int]
     others: IntArray
-    sums: FloatArray
+    gains: FloatArray
     place: int
     left: int
 
     @property
     def bound(self) -> float:
         """What none of them passes, less the price of its time."""
-        end = min(self.place + self.left, len(self.others))
-        return self.net + float(self.sums[end] - self.sums[self.place])
+        further = self.gains[self.place + 1 : self.place + self.left]
+        return self.net + float(self.gains[self.place] + further[further > 0.0].sum())
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Better plans of a star, and what no other passes, less the price of its time."""
+
+    bound: float
+    plans: list[list[Visit]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,17 +173,22 @@ class _Star:
         ratios = _ratios(problem.needed, shown, min(item.visits_left, affordable))
         return cls(problem, room, star, columns, item.cost_h[at], charge[at], item.chance[at].astype(float), ratios)
 
+    @property
+    def most(self) -> int:
+        """Visits that it can have."""
+        return int(self.ratios.shape[1])
+
     def spans(self) -> list[tuple[int, int]]:
         """Numbers of visits that are bounded together: few alone, as the ratio grows fast there."""
-        needed, most = self.problem.needed, self.ratios.shape[1]
+        needed, most = self.problem.needed, self.most
         if needed == 1:
             return [(1, most)] if most else []
         ends = [end for end in (*range(needed, 2 * needed + 3), 4 * needed) if end < most]
         ends = [*ends, most] if most >= needed else []
         return list(zip([needed, *(end + 1 for end in ends[:-1])], ends, strict=True)) if ends else []
 
-    def searched(self, known: float, nodes: int) -> tuple[float, list[Visit]]:
-        """Search all plans for the best, the most promising first; return a bound and the best plan found.
+    def searched(self, known: float, nodes: int, *, every: bool = False) -> "_Found":
+        """Search all plans for better ones than one that is known, the most promising first.
 
         After some visits, ``t`` more add at most the sum of their gains, each planet's chance to be seen as often as it
         still needs bounded as by `U`: the bound of a branch is that of its best ``t`` visits that are not excluded.
@@ -138,31 +199,35 @@ class _Star:
             Value less price of a plan that is known.
         nodes : int
             Sets of visits that are tried.
+        every : bool
+            Look for all that are better, not only for the best.
         """
         item, needed = self.problem.stars[self.star], self.problem.needed
         needs = np.arange(needed, 0, -1)
-        best, found = known, list[Visit]()
+        best, found = known, list[list[Visit]]()
         heap: list[tuple[float, int, _Branch]] = []
         made = 0
 
         def branch(state: StarValue, net: float, visits: list[int], others: IntArray) -> None:
             nonlocal made
-            left = self.ratios.shape[1] - len(visits)
+            left = self.most - len(visits)
             spent = self.room.budget_h - float(self.cost_h[visits].sum()) + ROUNDING
             others = others[self.cost_h[others] <= spent]
             if left < 1 or not len(others):
                 return
             each = (state.counts * self.ratios[needs - 1, left - 1] / needs[:, None]).sum(axis=0)
             gains = (self.chance @ (item.weight * each) - self.charge)[others]
-            order = np.argsort(-gains, kind="stable")[: int((gains > 0.0).sum())]
+            order = np.argsort(-gains, kind="stable")
+            if not every:  # the best plan has no visit that takes more than it adds
+                order = order[: int((gains > 0.0).sum())]
             if len(order):
                 made += 1
-                new = _Branch(state, net, visits, others[order], np.append(0.0, np.cumsum(gains[order])), 0, left)
+                new = _Branch(state, net, visits, others[order], gains[order], 0, left)
                 heapq.heappush(heap, (-new.bound, made, new))
 
         branch(StarValue.none(item, needed), 0.0, [], np.arange(len(self.columns)))
         for _ in range(nodes):
-            if not heap or -heap[0][0] <= best + _CLOSED * abs(best):
+            if not heap or -heap[0][0] <= best:
                 break
             _, _, top = heapq.heappop(heap)
             column = int(top.others[top.place])
@@ -171,14 +236,15 @@ class _Star:
             visits = [*top.visits, column]
             net = state.value - float(self.charge[visits].sum())
             if net > best:
-                best, found = net, [(int(o), int(s)) for o, s in self.columns[visits]]
+                found.append([(int(o), int(s)) for o, s in self.columns[visits]])
+                best = best if every else net
             if top.place + 1 < len(top.others):
                 made += 1
                 again = replace(top, place=top.place + 1)
                 heapq.heappush(heap, (-again.bound, made, again))
             others = top.others[top.place + 1 :]
             branch(state, net, visits, others[~self.problem.near(item, slot)[self.columns[others, 1]]])
-        return max(best, -heap[0][0] if heap else 0.0), found
+        return _Found(max(best, -heap[0][0] if heap else best), found)
 
     def bound(self, pool: Pool, fewest: int, most: int, rounds: int) -> float:
         """Return the bound with between so many visits, by linear programming."""

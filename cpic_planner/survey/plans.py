@@ -47,11 +47,10 @@ def charges(problem: Problem, star: int, prices: Prices) -> FloatArray:
 
 @dataclass
 class Pool:
-    """Plans of a star to choose from; ``complete`` if they are all that there are."""
+    """Plans of a star to choose from."""
 
     star: int
     plans: dict[tuple[Visit, ...], Plan] = field(default_factory=dict)
-    complete: bool = False
 
     def add(self, problem: Problem, visits: Iterable[Visit]) -> bool:
         """Add a plan; whether it is new."""
@@ -85,44 +84,6 @@ def least_gain(problem: Problem) -> float:
     Schedules are chosen by their value less that of all their visits: the best one has no visit that adds less.
     """
     return max(problem.strategy.scheduler.min_gain, _TINY)
-
-
-def every_plan(problem: Problem, room: Room, star: int, most: int) -> list[Plan] | None:
-    """Return all plans of a star that fit into what is left; None where there are more than ``most``.
-
-    Where one detection is enough, plans have only visits that are worth alone what the strategy asks of a visit.
-
-    Parameters
-    ----------
-    problem : Problem
-    room : Room
-    star : int
-    most : int
-    """
-    item = problem.stars[star]
-    useful = room.holds(item.cost_h)
-    if problem.needed == 1:
-        useful &= StarValue.none(item, 1).gain() >= least_gain(problem)
-    slots = [int(slot) for slot in np.argsort(item.day, kind="stable") if useful[:, slot].any()]
-    found: list[Plan] = []
-    # Visits, cost, value of the star and the place after the last slot, in the order of the days.
-    open_: list[tuple[tuple[Visit, ...], float, StarValue, int]] = [((), 0.0, StarValue.none(item, problem.needed), 0)]
-    while open_:
-        visits, cost, state, begin = open_.pop()
-        near = problem.near(item, visits[-1][1]) if visits else np.zeros(len(item.day), bool)
-        for place in range(begin, len(slots) if len(visits) < item.visits_left else begin):
-            slot = slots[place]
-            for option in np.flatnonzero(useful[:, slot]) if not near[slot] else ():
-                visit, total = (int(option), slot), cost + float(item.cost_h[option, slot])
-                if total > room.budget_h + ROUNDING:
-                    continue
-                after = state.after(visit)
-                own = (*visits, visit)
-                found.append(Plan(tuple(sorted(own, key=lambda one: (one[1], one[0]))), total, after.value))
-                if len(found) > most:
-                    return None
-                open_.append((own, total, after, place + 1))
-    return found
 
 
 def improved(problem: Problem, room: Room, star: int, start: Sequence[Visit], prices: Prices) -> list[Visit]:
@@ -174,17 +135,8 @@ def improved(problem: Problem, room: Room, star: int, start: Sequence[Visit], pr
     return made
 
 
-def _seeded(problem: Problem, room: Room, star: int, made: Sequence[Visit]) -> Pool:
-    """First plans of a star that has too many of them to list: those that the greedy choice would make of it."""
-    pool = Pool(star)
-    for start in (made, *promising(problem, room, star)):
-        for count in range(1, len(start) + 1):
-            pool.add(problem, start[:count])
-    return pool
-
-
-def pools_of(problem: Problem, room: Room, group: Sequence[int], made: Chosen, most: int) -> list[Pool]:
-    """Plans of stars to begin with: all of them where there are few.
+def pools_of(problem: Problem, room: Room, group: Sequence[int], made: Chosen) -> list[Pool]:
+    """Plans of stars to begin with: those of the greedy choice, the surest, the cheapest, and all their beginnings.
 
     Parameters
     ----------
@@ -194,15 +146,12 @@ def pools_of(problem: Problem, room: Room, group: Sequence[int], made: Chosen, m
         Stars.
     made : dict
         Visits of the greedy choice.
-    most : int
-        Largest number of plans of one star that are all listed.
     """
-    pools = []
-    for star in group:
-        every = every_plan(problem, room, star, most)
-        pool = _seeded(problem, room, star, made.get(star, ())) if every is None else Pool(star, complete=True)
-        pool.plans |= {plan.visits: plan for plan in every or ()}
-        pools.append(pool)
+    pools = [Pool(star) for star in group]
+    for pool in pools:
+        for start in (made.get(pool.star, ()), *promising(problem, room, pool.star)):
+            for count in range(1, len(start) + 1):
+                pool.add(problem, start[:count])
     return pools
 
 
@@ -214,16 +163,15 @@ def priced(problem: Problem, room: Room, pools: Sequence[Pool], rounds: int) -> 
     Column generation (Dantzig & Wolfe 1960; Barnhart et al. 1998, Operations Research 46, 316) with an inexact search
     for new plans: what it finds are schedules, not bounds.
     """
-    growing = [pool for pool in pools if not pool.complete]
     least = least_gain(problem)
-    for _ in range(rounds if growing else 0):
+    for _ in range(rounds):
         prices = share(problem, room, pools, least=least).prices
         helped = False
-        for pool in growing:
+        for pool in pools:
             costs = charges(problem, pool.star, prices)
 
             def net(plan: Plan, costs: FloatArray = costs) -> float:
-                return plan.value - sum(costs[visit] + least for visit in plan.visits)
+                return plan.value - sum(float(costs[visit]) + least for visit in plan.visits)
 
             for start in sorted(pool.plans.values(), key=net)[: -1 - _STARTS : -1]:
                 helped |= pool.add(problem, improved(problem, room, pool.star, start.visits, prices))
