@@ -190,7 +190,7 @@ class SchedulerRule(FrozenModel):
     universes in which stop rules free some.
     """
 
-    method: Literal["greedy", "milp"] = "greedy"
+    method: Literal["auto", "greedy", "exact"] = "auto"
     min_gain: Annotated[Real, Field(ge=0, le=1)] = 1e-3
     look_ahead: Annotated[int, Field(ge=1, le=5)] = 2
     gap: Annotated[Real, Field(gt=0, le=1)] = 0.01
