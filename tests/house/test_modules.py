@@ -9,8 +9,9 @@ ROOT = Path(__file__).resolve().parents[2]
 # programmes of visits: their modes, motion, filters and exact light, 355 before images of single stars and of schedules
 # stood apart from the main job (`confirm.stars`), 356 before rankings were compared, 357 before ensembles of
 # instruments: their laws, the states of the mirror, rankings under them, what they say, and the page of priorities, 362
-# before orbits: what positions say of them, and those of the planets that surveys find.
-MOST_MODULES, MOST_LINES, MOST_SKIPS = 364, 400, 20
+# before orbits: what positions say of them, and those of the planets that surveys find, 364 before
+# schedules chose among plans of stars (`survey.plans`, `survey.bounds`), 367 before plans under doubt.
+MOST_MODULES, MOST_LINES, MOST_SKIPS = 371, 400, 20
 
 
 def sources():
