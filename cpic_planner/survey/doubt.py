@@ -13,7 +13,7 @@ import numpy as np
 
 from cpic_core import Advance, FloatArray, InputError
 from cpic_planner.jobs import Runner, Task
-from cpic_planner.queries import OCCURRENCE, get, load_ensemble
+from cpic_planner.queries import get, load_ensemble
 from cpic_planner.results import (
     ChangeRecord,
     DoubtCell,
@@ -38,7 +38,6 @@ _LAWS = {
     "assumptions.drift": "drift",
     "assumptions.throughput": "bands.*.t_opt",
     "assumptions.exozodi": "sky.exozodi_zodis",
-    "population.planets_per_star": OCCURRENCE,
 }
 """Numbers of the ensemble that are those of a strategy."""
 _COUNTED = ("new_planets", "known_planets")
@@ -62,7 +61,7 @@ def doubted(config: StrategiesConfig) -> StrategiesConfig:
     found = varied(config, [rule.text], option="--doubt").model_copy(update={"doubt": None})
     key = _setting(found, 0).key
     if key.partition(".")[0] not in _OF_NATURE:
-        allowed = "a number of assumptions or of population: everything else of a strategy is a choice"
+        allowed = "drift, throughput, exozodi, contrast or population: everything else of a strategy is a choice"
         raise InputError("--doubt", rule.key, allowed=allowed, hint="--vary compares choices")
     if any(item.key == key for strategy in config.strategies for item in strategy.varied):
         raise InputError("--doubt", rule.key, allowed="a key that is not varied as well")
@@ -274,8 +273,7 @@ def weights_of(config: StrategiesConfig, every: StrategiesConfig) -> tuple[Float
     drawn = [get(item.model_dump(mode="python"), key) for item in every.strategies[:k]]
     if number is None or None in drawn:
         return np.full(k, 1.0 / k), "all the same"
-    present = get(config.strategies[0].model_dump(mode="python"), key) if _LAWS[key] == OCCURRENCE else 1.0
-    found = law_weights(number.law, np.array(drawn, float) / present)
+    found = law_weights(number.law, np.array(drawn, float))
     return found, f"the law of {number.label} in the default ensemble"
 
 

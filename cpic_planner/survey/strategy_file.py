@@ -98,8 +98,8 @@ class DoubtRule(FrozenModel):
     Attributes
     ----------
     key : str
-        Key of ``assumptions`` or ``population`` of a strategy, dotted or short: drift, throughput, exozodi, contrast,
-        population.planets_per_star.
+        What is assumed of the instrument or of the planets, dotted or short: drift, throughput, exozodi, contrast,
+        population.
     values : tuple of str
         What it may be, as ``--vary`` takes them: with a unit, or with an x.
     weights : tuple of float, optional
@@ -278,6 +278,17 @@ def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> Strateg
     kept = {key: item for key, item in old.provenance.items() if getattr(universe, key) == getattr(old, key)}
     universe._provenance.update(kept)
     return config.model_copy(update={"universe": universe})
+
+
+def with_doubt(config: StrategiesConfig, text: str | None) -> StrategiesConfig:
+    """The same strategies with a number that is not known, ``KEY=VALUE,VALUE...``; unchanged without one.
+
+    Raises
+    ------
+    InputError
+        For anything else.
+    """
+    return config if text is None else config.model_copy(update={"doubt": DoubtRule.of(text)})
 
 
 def sources_of(config: StrategiesConfig) -> list[SettingSource]:

@@ -12,7 +12,7 @@ from cpic_core import Advance, NDArray, announce, untold
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
 from cpic_planner.results import DoubtRecord, ImageSample, StrategyOutcome, WhatIfResult
-from cpic_planner.survey.doubt import doubt_record, plays_of, told_steps
+from cpic_planner.survey.doubt import doubt_record, doubted, plays_of, told_steps
 from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.facts import Counts, count_block, counts_of, facts_record, taken_back
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
@@ -103,6 +103,8 @@ def whatif_job(
     advance : Advance
         Told about every finished step of the preparation.
     """
+    if config.doubt is not None:
+        doubted(config)  # what cannot be is refused before anything is made
     prepared = functools.cache(lambda: prepare(config, advance=advance))
 
     def work(runner: Runner) -> WhatIfResult:
