@@ -80,7 +80,7 @@ def doubt_blocks(found: DoubtRecord) -> Iterator[doc.Block]:
     if len(found.of_strategies) > 1:
         yield doc.Heading("If the strategy is settled")
         yield _settled(found)
-    columns = (
+    regrets = (
         doc.Column("Plan", _plan, look="row left star"),
         *(doc.Column(f"{found.key} {value.text}", under(value.text, regret)) for value in found.values),
     )
@@ -91,7 +91,7 @@ def doubt_blocks(found: DoubtRecord) -> Iterator[doc.Block]:
         "scheduler left something: visits worth less than min_gain are not planned, whatever time is left."
     )
     yield doc.Fold(
-        "Regret against the same strategy", [doc.table("Regret", caption, columns, found.choices, look="compact")]
+        "Regret against the same strategy", [doc.table("Regret", caption, regrets, found.choices, look="compact")]
     )
 
 
