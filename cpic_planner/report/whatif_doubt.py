@@ -54,7 +54,7 @@ def doubt_blocks(found: DoubtRecord) -> Iterator[doc.Block]:
         return doc.lines(interval_text(item.low, item.high), doc.small(survey))
 
     chosen = {(item.strategy, item.planned_for) for item in (found.decision.cautious, found.decision.expected)}
-    columns = (
+    columns: tuple[doc.Column[DoubtChoice], ...] = (
         doc.Column("Plan", _plan, look="row left star"),
         *(
             doc.Column(f"{found.key} {value.text}", under(value.text, planets), f"weight {share_text(value.weight)} %")
@@ -73,14 +73,15 @@ def doubt_blocks(found: DoubtRecord) -> Iterator[doc.Block]:
         f"95 %), if {found.key} is what the plan was made for, by the number of universes alone; and with the doubt "
         f"about it. Weights: {found.weights_from}. Shaded: the cautious choice, and that of most by the weights."
     )
-    picked = [item for item in found.choices if (item.strategy, item.planned_for) in chosen]
-    yield doc.table(
-        "Plans under doubt", caption, columns, found.choices, look="compact", picked=lambda item: item in picked
-    )
+
+    def picked(item: DoubtChoice) -> bool:
+        return (item.strategy, item.planned_for) in chosen
+
+    yield doc.table("Plans under doubt", caption, columns, found.choices, look="compact", picked=picked)
     if len(found.of_strategies) > 1:
         yield doc.Heading("If the strategy is settled")
         yield _settled(found)
-    regrets = (
+    regrets: tuple[doc.Column[DoubtChoice], ...] = (
         doc.Column("Plan", _plan, look="row left star"),
         *(doc.Column(f"{found.key} {value.text}", under(value.text, regret)) for value in found.values),
     )
@@ -107,7 +108,7 @@ def _settled(found: DoubtRecord) -> doc.Table:
         ends = doc.small(interval_text(worth.low, worth.high, 3))
         return doc.lines(decimals(worth.mean, 3), ends)
 
-    columns = (
+    columns: tuple[doc.Column[DoubtDecision], ...] = (
         doc.Column("Strategy", lambda item: item.strategy, look="row left star"),
         doc.Column("Cautious", lambda item: item.cautious.planned_for, "planned for"),
         doc.Column("Its largest loss", loss, "planets"),
