@@ -87,9 +87,9 @@ def doubt_blocks(found: DoubtRecord) -> Iterator[doc.Block]:
     )
     caption = (
         "What the same strategy would have gained had it been planned for the value of the column, in what its "
-        "scheduler counts (value_new and value_known a planet), with its standard error, and the telescope time that "
-        "the plan uses. Below 0: the plan made for another value does better; where that is more than chance, the "
-        "scheduler left something: visits worth less than min_gain are not planned, whatever time is left."
+        "scheduler counts: value_new and value_known a planet, less min_gain a visit, for which it plans no visit that "
+        "is worth less. With its standard error, and the telescope time that the plan uses. Below 0 by more than "
+        "chance: the plan made for another value does better than that made for the true one."
     )
     yield doc.Fold(
         "Regret against the same strategy", [doc.table("Regret", caption, regrets, found.choices, look="compact")]

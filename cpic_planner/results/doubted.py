@@ -26,13 +26,14 @@ class DoubtCell(Row):
     planned_for: str = column("value that the strategy was planned for")
     played_under: str = column("value that the number then has")
     planets: EstimateRecord = Field(description="planets found")
+    visits: float = column("visits made, mean over universes")
     hours: float = column("telescope time used, mean over universes")
     loss: ChangeRecord = Field(
         description="what the best of all plans finds under that value, less what this one finds"
     )
     regret: ChangeRecord = Field(
-        description="value of the same strategy's plan for that very value, less that of this plan, as the scheduler "
-        "counts: value_new and value_known a planet"
+        description="what the same strategy's plan for that very value is worth, less what this plan is, as the "
+        "scheduler counts: value_new and value_known a planet, less min_gain a visit"
     )
 
 

@@ -40,7 +40,8 @@ _LAWS = {
     "assumptions.exozodi": "sky.exozodi_zodis",
 }
 """Numbers of the ensemble that are those of a strategy."""
-_COUNTED = ("new_planets", "known_planets")
+_PLANETS = ("new_planets", "known_planets")
+_COUNTED = (*_PLANETS, "visits", "hours")
 
 
 def doubted(config: StrategiesConfig) -> StrategiesConfig:
@@ -93,7 +94,7 @@ def played(plan: Survey, truth: Survey, universe: UniverseConfig) -> Survey:
 def play_block(
     surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
 ) -> dict[str, list[int] | list[float]]:
-    """One task: planets found and hours used in each universe of one block.
+    """One task: planets found, visits made and hours used in each universe of one block.
 
     Parameters
     ----------
@@ -104,8 +105,8 @@ def play_block(
         As of `cpic_planner.survey.simulate.simulate_survey`.
     """
     universes = simulate_survey(surveys[which], block=block, n=n, seed=seed).universes
-    hours = universes["search_h"] + universes["follow_up_h"]
-    return {name: universes[name].tolist() for name in _COUNTED} | {"hours": hours.tolist()}
+    universes["hours"] = universes["search_h"] + universes["follow_up_h"]
+    return {name: universes[name].tolist() for name in _COUNTED}
 
 
 def plays_of(rule: DoubtRule | None, n_strategies: int) -> int:
@@ -144,7 +145,7 @@ def doubt_record(config: StrategiesConfig, runner: Runner, advance: Advance) -> 
     shape = n, values, values, universe.universes
     counts = {
         name: np.array([[x for task in own for x in bodies[task.key][name]] for own in tasks], float).reshape(shape)
-        for name in (*_COUNTED, "hours")
+        for name in _COUNTED
     }
     return record_of(config, every, counts)
 
@@ -157,7 +158,7 @@ def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping
     config, every : StrategiesConfig
         As of `doubted`: before and after.
     counts : mapping of str to ndarray
-        New planets, known planets and hours, shape (strategies, planned for, played under, universes).
+        New planets, known planets, visits and hours, shape (strategies, planned for, played under, universes).
     """
     rule = config.doubt
     assert rule is not None
@@ -165,14 +166,15 @@ def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping
     settings = [_setting(every, t) for t in range(k)]
     texts = [item.text for item in settings]
     weights, source = weights_of(config, every)
-    new, known = (counts[name] for name in _COUNTED)
+    new, known = (counts[name] for name in _PLANETS)
     found = new if rule.quantity == "new_planets" else new + known
     plans = [(item.name, text) for item in config.strategies for text in texts]
     worth = found.reshape(n * k, k, -1)
     choice = decide(worth, weights)
     cells = []
     for s, strategy in enumerate(config.strategies):
-        value = strategy.value_new * new[s] + strategy.value_known * known[s]
+        least = strategy.scheduler.min_gain * counts["visits"][s]
+        value = strategy.value_new * new[s] + strategy.value_known * known[s] - least
         for p, t in itertools.product(range(k), range(k)):
             o = s * k + p
             cells.append(
@@ -181,6 +183,7 @@ def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping
                     planned_for=texts[p],
                     played_under=texts[t],
                     planets=estimate_record(worth[o, t]),
+                    visits=float(counts["visits"][s, p, t].mean()),
                     hours=float(counts["hours"][s, p, t].mean()),
                     loss=_more(worth[choice.best[t], t], worth[o, t]),
                     regret=_more(value[t, t], value[p, t]),

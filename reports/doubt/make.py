@@ -71,7 +71,7 @@ class Table:
         knew = self.cell(item.strategy, item.played_under, item.played_under)
         return (
             f"{item.strategy} planned for {item.planned_for}, played under {item.played_under}: "
-            f"{item.regret.mean:+.3f} ± {item.regret.error:.3f} in {item.hours:.0f} h, {knew.hours:.0f} h for the plan that knew"
+            f"{item.regret.mean:+.3f} ± {item.regret.error:.3f}, in {item.hours:.0f} h instead of {knew.hours:.0f} h"
         )
 
     def off_diagonal(self) -> list[DoubtCell]:
@@ -80,8 +80,10 @@ class Table:
 
 
 def in_errors(cell: DoubtCell) -> float:
-    """Regret in its standard errors; 0 where two plans find the same in every universe."""
-    return cell.regret.mean / cell.regret.error if cell.regret.error > 0.0 else 0.0
+    """Regret in its standard errors; 0 where two plans are worth the same in every universe."""
+    if cell.regret.mean == 0.0:
+        return 0.0
+    return cell.regret.mean / max(cell.regret.error, 1e-12)
 
 
 def lines_figure(found: Table) -> Picture:
@@ -255,10 +257,11 @@ def regret_part(found: Table) -> list[str]:
     )
     return [
         "## Regret against the same strategy",
-        "What a plan would have gained had it been made for the drift of the column, in what the scheduler counts "
-        "(planets; of known_planets_first a known one counts three times), with its paired standard error, and the "
-        "telescope time that the plan uses. A number below 0 says that a plan made for another drift does better than "
-        f"that made for the true one. {said} The lowest: {in_errors(lowest):+.1f} standard errors.",
+        "What a plan would have gained had it been made for the drift of the column, in what the scheduler counts: a "
+        "planet 1 (of known_planets_first a known one 3), less `min_gain`, 0.001, a visit, for it plans no visit that "
+        "is worth less. With its paired standard error, and the telescope time that the plan uses. A number below 0 "
+        "says that a plan made for another drift does better than that made for the true one. "
+        f"{said} The lowest: {in_errors(lowest):+.1f} standard errors.",
         table(["strategy", "planned for", *(f"drift {text}" for text in found.texts)], rows),
     ]
 

@@ -19,7 +19,8 @@ def record():
     # Mean of planets by strategy, value planned for and value played under.
     rate = np.array([[[3.0, 0.0], [2.0, 1.0]], [[1.0, 2.0], [0.5, 2.5]]])
     new = np.random.default_rng(1).poisson(rate[..., None], (*rate.shape, 400)).astype(float)
-    counts = {"new_planets": new, "known_planets": np.zeros_like(new), "hours": np.full_like(new, 120.0)}
+    zero = np.zeros_like(new)
+    counts = {"new_planets": new, "known_planets": zero, "visits": zero, "hours": np.full_like(new, 120.0)}
     return record_of(config, doubted(config), counts)
 
 
