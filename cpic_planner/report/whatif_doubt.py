@@ -11,7 +11,7 @@ from cpic_planner.report.whatif_maps import MOST_ROWS, row_label
 from cpic_planner.report.whatif_words import interval_text
 from cpic_planner.results import DoubtCell, DoubtChoice, DoubtDecision, DoubtRecord, WhatIfResult
 
-_DARK = 0.6
+_DARK = 0.4
 
 
 def _plan(item: DoubtChoice) -> str:
@@ -173,6 +173,6 @@ def doubt_figure(result: WhatIfResult) -> Picture | None:
             alt=f"Loss of {len(rows)} plans under {len(texts)} values of {found.key}.",
             caption=f"Each row is a plan made for one value of {found.key}, each column the value that turns out to be "
             f"true: {what} found in a survey, and in brackets how many fewer than the best plan finds there. The "
-            "cautious plan has the smallest largest loss of its row; the plan marked most finds most by the weights."
+            "cautious plan is that whose largest loss is the smallest; the plan marked most finds most by the weights."
             f"{f' Plans that lose more, not shown: {hidden}.' if hidden else ''}",
         )

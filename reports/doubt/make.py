@@ -21,7 +21,7 @@ import numpy as np
 from cpic_core import write_text
 from cpic_planner.report.drawing import BAND_STYLE, Picture, new_figure, save, style
 from cpic_planner.report.whatif_doubt import doubt_figure
-from cpic_planner.results import DoubtCell, DoubtRecord, StrategyOutcome, WhatIfResult
+from cpic_planner.results import DoubtCell, DoubtRecord, WhatIfResult
 from cpic_planner.survey import load_strategies, run_whatif, with_doubt, with_universe
 
 HERE = Path(__file__).resolve().parent
@@ -39,11 +39,7 @@ def measured(folder: Path) -> dict[str, Any]:
         run_whatif(config, folder, pages=False)
     result = WhatIfResult.model_validate_json(made.read_text(encoding="utf-8"))
     assert result.doubt is not None
-    plain = [
-        {"name": item.name, "planets": item.planets.model_dump(), "hours": item.hours.mean}
-        for item in result.strategies
-    ]
-    return {"doubt": result.doubt.model_dump(), "strategies": plain, "n_universes": result.n_universes}
+    return {"doubt": result.doubt.model_dump(), "n_universes": result.n_universes}
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
@@ -172,7 +168,7 @@ def decision_part(found: Table, n_universes: int) -> list[str]:
     ]
 
 
-def settled_part(found: Table, plain: dict[str, StrategyOutcome | Any]) -> list[str]:
+def settled_part(found: Table) -> list[str]:
     """Each strategy by itself, and intervals with and without the doubt."""
     record = found.record
     rows = [
@@ -213,12 +209,12 @@ def settled_part(found: Table, plain: dict[str, StrategyOutcome | Any]) -> list[
     ]
     rows = []
     for item in record.of_strategies:
-        nominal, mixed = plain[item.strategy]["planets"], item.expected
+        nominal, mixed = found.cell(item.strategy, NOMINAL, NOMINAL).planets, item.expected
         rows.append(
             [
                 item.strategy,
-                f"{nominal['mean']:.2f} ({nominal['low']:.2f} to {nominal['high']:.2f})",
-                f"{nominal['survey_low']:.0f} to {nominal['survey_high']:.0f}",
+                f"{nominal.mean:.2f} ({nominal.low:.2f} to {nominal.high:.2f})",
+                f"{nominal.survey_low:.0f} to {nominal.survey_high:.0f}",
                 f"{mixed.planets:.2f} ({mixed.low:.2f} to {mixed.high:.2f}), planned for {mixed.planned_for}",
                 f"{mixed.survey_low:.0f} to {mixed.survey_high:.0f}",
             ]
@@ -280,8 +276,7 @@ LEFT_OUT = """## What is left out
 def report(kept: dict[str, Any]) -> str:
     """The page."""
     found = Table(DoubtRecord.model_validate(kept["doubt"]))
-    plain = {item["name"]: item for item in kept["strategies"]}
-    parts = decision_part(found, kept["n_universes"]) + settled_part(found, plain) + regret_part(found)
+    parts = decision_part(found, kept["n_universes"]) + settled_part(found) + regret_part(found)
     return "\n\n".join([*parts, LEFT_OUT, "Regenerate with `python reports/doubt/make.py`."]) + "\n"
 
 
