@@ -35,6 +35,7 @@ class DoubtCell(Row):
         description="what the same strategy's plan for that very value is worth, less what this plan is, as the "
         "scheduler counts: value_new and value_known a planet, less min_gain a visit"
     )
+    regret_of_planets: ChangeRecord = Field(description="the same without the price of visits, value of planets alone")
 
 
 class DoubtChoice(Row):

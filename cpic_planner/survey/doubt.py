@@ -173,8 +173,8 @@ def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping
     choice = decide(worth, weights)
     cells = []
     for s, strategy in enumerate(config.strategies):
-        least = strategy.scheduler.min_gain * counts["visits"][s]
-        value = strategy.value_new * new[s] + strategy.value_known * known[s] - least
+        value = strategy.value_new * new[s] + strategy.value_known * known[s]
+        net = value - strategy.scheduler.min_gain * counts["visits"][s]
         for p, t in itertools.product(range(k), range(k)):
             o = s * k + p
             cells.append(
@@ -186,7 +186,8 @@ def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping
                     visits=float(counts["visits"][s, p, t].mean()),
                     hours=float(counts["hours"][s, p, t].mean()),
                     loss=_more(worth[choice.best[t], t], worth[o, t]),
-                    regret=_more(value[t, t], value[p, t]),
+                    regret=_more(net[t, t], net[p, t]),
+                    regret_of_planets=_more(value[t, t], value[p, t]),
                 )
             )
     own = [decide(found[s], weights) for s in range(n)]

@@ -83,7 +83,7 @@ def test_every_cell_is_a_replay_by_hand(run, config, plans):
     doubt = result.doubt
     assert [(value.text, value.weight > 0.0) for value in doubt.values] == [("0.02 nm", True), ("0.2 nm", True)]
     instrument = prepare(config).instrument
-    worth, value = {}, {}
+    worth, planets, value = {}, {}, {}
     for s, strategy in enumerate(config.strategies):
         for p, t in ((0, 0), (0, 1), (1, 0), (1, 1)):
             plan, factor = plans[2 * s + p], (0.4, 4.0)[t]
@@ -94,7 +94,8 @@ def test_every_cell_is_a_replay_by_hand(run, config, plans):
             names = "new_planets", "known_planets", "visits"
             new, known, visits = (np.concatenate([part[name] for part in parts]) for name in names)
             worth[s, p, t] = new + known
-            value[s, p, t] = strategy.value_new * new + strategy.value_known * known - 0.001 * visits
+            planets[s, p, t] = strategy.value_new * new + strategy.value_known * known
+            value[s, p, t] = planets[s, p, t] - 0.001 * visits
     means = {key: found.mean() for key, found in worth.items()}
     cells = {(cell.strategy, cell.planned_for, cell.played_under): cell for cell in doubt.cells}
     for (s, p, t), found in worth.items():
@@ -102,6 +103,7 @@ def test_every_cell_is_a_replay_by_hand(run, config, plans):
         best = max(means[key] for key in means if key[2] == t)
         assert cell.planets.mean == pytest.approx(found.mean())
         assert cell.loss.mean == pytest.approx(best - found.mean())
+        assert cell.regret_of_planets.mean == pytest.approx((planets[s, t, t] - planets[s, p, t]).mean(), abs=1e-12)
         change = value[s, t, t] - value[s, p, t]
         assert cell.regret.mean == pytest.approx(change.mean(), abs=1e-12)
         assert cell.regret.error == pytest.approx(change.std(ddof=1) / np.sqrt(120), abs=1e-12)
