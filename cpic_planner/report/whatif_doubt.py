@@ -11,7 +11,7 @@ from cpic_planner.report.whatif_maps import MOST_ROWS, row_label
 from cpic_planner.report.whatif_words import interval_text
 from cpic_planner.results import DoubtCell, DoubtChoice, DoubtDecision, DoubtRecord, WhatIfResult
 
-_DARK = 0.4
+_DARK, _ROOM = 0.4, 34.0
 
 
 def _plan(item: DoubtChoice) -> str:
@@ -150,7 +150,7 @@ def doubt_figure(result: WhatIfResult) -> Picture | None:
                 text = f"{decimals(cell.planets.mean, 2)}  (−{decimals(cell.loss.mean, 3)})"
                 text = f"{decimals(cell.planets.mean, 2)}  best" if cell.loss.mean == 0.0 else text
                 colour = "white" if cell.loss.mean > _DARK * most else "black"
-                axes.text(x, y, text, ha="center", va="center", fontsize=8.5, color=colour)
+                axes.text(x, y, text, ha="center", va="center", fontsize=min(8.5, _ROOM / len(texts)), color=colour)
             names = [
                 name
                 for name, one in chosen.items()

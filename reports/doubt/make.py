@@ -21,7 +21,7 @@ import numpy as np
 from cpic_core import write_text
 from cpic_planner.report.drawing import BAND_STYLE, Picture, new_figure, save, style
 from cpic_planner.report.whatif_doubt import doubt_figure
-from cpic_planner.results import ChangeRecord, DoubtCell, DoubtRecord, WhatIfResult
+from cpic_planner.results import ChangeRecord, DoubtCell, DoubtChoice, DoubtRecord, WhatIfResult
 from cpic_planner.survey import load_strategies, run_whatif, with_doubt, with_universe
 
 HERE = Path(__file__).resolve().parent
@@ -48,6 +48,11 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return "\n".join("| " + " | ".join(str(cell) for cell in row) + " |" for row in lines)
 
 
+def signed(value: float, places: int = 3) -> str:
+    """A number with its sign."""
+    return f"{value:+.{places}f}".replace("-", "−")
+
+
 class Table:
     """Cells of a record by plan and value."""
 
@@ -67,8 +72,17 @@ class Table:
         knew = self.cell(item.strategy, item.played_under, item.played_under)
         return (
             f"{item.strategy} planned for {item.planned_for}, played under {item.played_under}: "
-            f"{change.mean:+.3f} ± {change.error:.3f}, in {item.hours:.0f} h instead of {knew.hours:.0f} h"
+            f"{signed(change.mean)} ± {change.error:.3f}, in {item.hours:.0f} h instead of {knew.hours:.0f} h"
         )
+
+    def cautious(self, texts: Sequence[str]) -> tuple[DoubtChoice, float]:
+        """The plan whose largest loss is smallest where only some values can be true, and that loss."""
+        largest = [
+            max(self.cell(item.strategy, item.planned_for, text).loss.mean for text in texts)
+            for item in self.record.choices
+        ]
+        best = int(np.argmin(largest))
+        return self.record.choices[best], largest[best]
 
     def off_diagonal(self) -> list[DoubtCell]:
         """Plans played under a value that they were not made for."""
@@ -100,11 +114,11 @@ def lines_figure(found: Table) -> Picture:
             )
             nominal = found.cell(name, NOMINAL, NOMINAL).planets
             for shift, low, middle, high, width in (
-                (-0.15, nominal.low, nominal.mean, nominal.high, 4.0),
+                (-0.15, nominal.low, nominal.mean, nominal.high, 7.0),
                 (0.15, plan.low, plan.planets, plan.high, 1.6),
             ):
                 right.plot([low, high], [row + shift] * 2, color=colour, lw=width, solid_capstyle="butt")
-                right.plot([middle], [row + shift], marker=marker, color=colour, ms=6, mec="black", mew=0.6)
+                right.plot([middle], [row + shift], marker="|", color="black", ms=9, mew=1.2)
         left.set_xscale("log")
         left.set_xticks(drift, found.texts)
         left.minorticks_off()
@@ -152,10 +166,17 @@ def decision_part(found: Table, n_universes: int) -> list[str]:
     hours = ", ".join(
         f"{found.cell(safe.strategy, safe.planned_for, text).hours:.0f} h at {text}" for text in found.texts
     )
+    at_least = []
+    for first in range(1, len(found.texts) - 1):
+        left = found.texts[first:]
+        plan, loss = found.cautious(left)
+        at_least.append(f"not below {left[0]}: {plan.strategy} planned for {plan.planned_for}, at most {loss:.3f}")
     return [
         f"# Which strategy to take while the drift is not known\n\n{record.statement}",
         f"What the cautious plan loses, in planets a survey: {where or 'nothing'}. Telescope time that it uses of its "
         f"1752 h: {hours}.",
+        "The choice hangs on the lowest drift: it is there that plans differ most. The cautious plan and its largest "
+        f"loss if the drift is surely {'; '.join(at_least)}.",
         f"Mean planets (new and known) of a survey of ten years, {n_universes} universes (`{COMMAND}`). A row is a "
         "calendar with its frames, made for one drift; a column plays it under one drift, in the same universes. Bold: "
         "the best plan of the column; in brackets what a plan loses against that, with its paired standard error. "
@@ -237,7 +258,7 @@ def regret_part(found: Table) -> list[str]:
             for text in found.texts:
                 cell = found.cell(name, planned, text)
                 same = planned == text
-                shown = "0" if same else f"{cell.regret.mean:+.3f} ± {cell.regret.error:.3f}"
+                shown = "0" if same else f"{signed(cell.regret.mean)} ± {cell.regret.error:.3f}"
                 row.append(f"{shown}, {cell.hours:.0f} h")
             rows.append(row)
     others = found.off_diagonal()
@@ -247,7 +268,7 @@ def regret_part(found: Table) -> list[str]:
         low = [found.told(item, change) for item, change in changes if in_errors(change) < -2.0]
         lowest = min(in_errors(change) for _, change in changes)
         counted = f"{len(low) or 'None'} of {len(others)} {'are' if len(low) > 1 else 'is'} below −2 standard errors"
-        return f"{counted}, the lowest at {lowest:+.1f}{': ' if low else ''}{'; '.join(low)}."
+        return f"{counted}, the lowest at {signed(lowest, 1)}{': ' if low else ''}{'; '.join(low)}."
 
     return [
         "## Regret against the same strategy",
@@ -270,6 +291,7 @@ LEFT_OUT = """## What is left out
 - Only the drift is in doubt here. Contrast, throughput and dust move all plans at once; `--doubt` takes them one at a
   time.
 - Four values stand for the law of the drift: the lowest one for everything below it, where more would be found.
+- Plans are made for the same four values: one made for a drift between them may lose less.
 - Weights are those of an assumed law; the cautious choice does not use them.
 - False alarms follow the true instrument, and cost what the strategies say that they cost."""
 
