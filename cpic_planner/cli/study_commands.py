@@ -44,6 +44,12 @@ def whatif(
     without each of these facts, without what was published on known planets since 2019 and with companion stars where
     they were first listed, in the same universes, so that the report says which fact moved which number.
 
+    With --doubt, every strategy is planned for each value of a number that nobody knows before launch, and every plan
+    is played under each value with its visits and frames as they are, in the same universes: the report says which plan
+    loses least at worst, which finds most by the weights of the values, and what it is worth to know the number. In a
+    file, doubt: {key: drift, values: [0.05nm, 0.1nm], weights: [2, 1]} says the same; without weights those of the
+    default ensemble count, if it has the number.
+
     Examples:
 
       cpic whatif survey_default
@@ -61,6 +67,8 @@ def whatif(
       cpic whatif survey_default --no-facts --images 0
 
       cpic whatif survey_default --exclusions none
+
+      cpic whatif survey_default --doubt drift=0.02nm,0.05nm,0.1nm,0.2nm --no-facts
 
       cpic whatif my_strategies.yaml --scheduler tcp://cluster:8786
 
@@ -93,11 +101,13 @@ def whatif(
         variation_lines,
         varied,
         whatif_job,
+        with_doubt,
         with_universe,
     )
 
     config = with_universe(_chosen(load_strategies(question.strategies), question.strategy), question.shared())
     config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
+    config = with_doubt(config, question.doubt)
     note(*(f"varied: {line}" for line in variation_lines(config)))
     table = known_table(config.universe)
     note(*(() if table is None else table.notes))

@@ -18,6 +18,7 @@ from cpic_planner.report.whatif_blocks import (
     source_table,
     strategy_blocks,
 )
+from cpic_planner.report.whatif_doubt import doubt_blocks
 from cpic_planner.report.whatif_maps import shown_rows
 from cpic_planner.report.words import method_credits, reading, terms, whatif_terms
 from cpic_planner.results import RankChange, StrategyOutcome, WhatIfResult
@@ -146,6 +147,16 @@ def _facts(report: WhatIfReport) -> Iterator[doc.Block]:
         return
     yield doc.Paragraph(facts.statement)
     yield from fact_tables(report.named, report.result.strategies, facts)
+
+
+@doc.section_of(WHATIF_SECTIONS, "doubt", "Planned for one value, played under another")
+def _doubt(report: WhatIfReport) -> Iterator[doc.Block]:
+    found = report.result.doubt
+    if found is None:
+        return
+    yield doc.Paragraph(found.statement)
+    yield from report.drawn("doubt")
+    yield from doubt_blocks(found)
 
 
 def _hourly(item: StrategyOutcome) -> str:

@@ -5,35 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from cpic_planner.results.base import Result, Row, column, optional
-
-
-class EstimateRecord(Result):
-    """Mean over universes."""
-
-    mean: float
-    error: float = Field(description="standard error of the mean, of the number of universes")
-    low: float = Field(description="lower end of the 90 % interval of the mean")
-    high: float = Field(description="upper end of it")
-    survey_low: float = Field(description="5 % of the surveys find fewer")
-    survey_high: float = Field(description="5 % of the surveys find more")
-
-
-class CurvePoint(Result):
-    """One point of a curve with its band."""
-
-    x: float = Field(description="telescope time used in hours, or number of universes")
-    mean: float
-    low: float
-    high: float
-
-
-class ChangeRecord(Result):
-    """Mean of a paired difference over universes."""
-
-    mean: float
-    error: float = Field(description="standard error of the mean, of the number of universes")
-    low: float = Field(description="lower end of the 90 % interval of the mean")
-    high: float = Field(description="upper end of it")
+from cpic_planner.results.doubted import DoubtRecord
+from cpic_planner.results.estimates import ChangeRecord, CurvePoint, EstimateRecord
 
 
 class OccurrenceRange(Result):
@@ -370,6 +343,7 @@ class WhatIfResult(Result):
     differences: list[DifferenceRecord]
     rank_changes: list[RankChange]
     facts: FactsRecord | None = optional("null where the comparison was not asked for")
+    doubt: DoubtRecord | None = optional("null where no number is in doubt")
     statement: str = Field(description="the outcome in words")
     sources: list[SettingSource] = Field(default_factory=list, description="empty: no setting states one")
     not_modelled: list[str]

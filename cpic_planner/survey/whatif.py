@@ -11,7 +11,8 @@ import numpy as np
 from cpic_core import Advance, NDArray, announce, untold
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
-from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult
+from cpic_planner.results import DoubtRecord, ImageSample, StrategyOutcome, WhatIfResult
+from cpic_planner.survey.doubt import doubt_record, doubted, plays_of, told_steps
 from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.facts import Counts, count_block, counts_of, facts_record, taken_back
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
@@ -66,10 +67,13 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     holes = [(item.assumptions.contrast, band) for item in config.strategies for band in item.visit.bands]
     assumed = {(contrast, band) for contrast, band in holes if contrast is not None}
     counts = {"n_strategies": n, "n_universes": universes, "n_blocks": blocks, "n_images": n * n_images}
+    doubtful = 0 if config.doubt is None else len(config.doubt.values)
+    plays = times * n + plays_of(config.doubt, n)
+    steps = times * (1 + 2 * n + blocks) + told_steps(config.doubt, n, blocks // n) + n * n_images
     return Cost(
-        counts=counts | {"n_steps": times * (1 + 2 * n + blocks) + n * n_images},
-        times_s=[(times * _PLAY_S * n * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
-        start_s=_START_S + _PREPARE_S * bands + _AGAIN_S * n * (times - 1) + _OPTICS_S * len(assumed),
+        counts=counts | {"n_steps": steps},
+        times_s=[(_PLAY_S * plays * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
+        start_s=_START_S + _PREPARE_S * bands * (1 + doubtful) + _AGAIN_S * n * (times - 1) + _OPTICS_S * len(assumed),
         memory_mb=400.0,
         worker_mb=120.0,
         disk_mb=0.5 + 0.00035 * n * universes,
@@ -99,6 +103,8 @@ def whatif_job(
     advance : Advance
         Told about every finished step of the preparation.
     """
+    if config.doubt is not None:
+        doubted(config)  # what cannot be is refused before anything is made
     prepared = functools.cache(lambda: prepare(config, advance=advance))
 
     def work(runner: Runner) -> WhatIfResult:
@@ -108,7 +114,8 @@ def whatif_job(
         tables = {table.name: store.read(table.name) for table in TABLES}
         images = _images(ready, tables["detections"], runner, n_images)
         without = _without_facts(ready, runner, advance)
-        return assemble(ready, tables, images, without, runner.digest)
+        doubt = doubt_record(config, runner, advance)
+        return assemble(ready, tables, images, without, runner.digest, doubt)
 
     def write(folder: RunFolder, result: WhatIfResult, bodies: Mapping[str, Any]) -> None:
         ready = prepared()
@@ -210,6 +217,7 @@ def assemble(
     images: Sequence[ImageSample | None],
     without: Mapping[str, Sequence[Counts]],
     digest: str,
+    doubt: DoubtRecord | None = None,
 ) -> WhatIfResult:
     """The result from its tables."""
     config, calendar = prepared.config, prepared.calendar
@@ -236,6 +244,7 @@ def assemble(
         facts=facts_record(taken_back(config), outcomes, [counts_of([own]) for own in universes], without)
         if config.universe.facts
         else None,
+        doubt=doubt,
         statement=statement(outcomes),
         sources=sources_of(config),
         not_modelled=list(NOT_MODELLED),
