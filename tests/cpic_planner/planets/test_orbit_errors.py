@@ -229,7 +229,7 @@ def test_three_positions_may_fit_a_second_period_and_four_hardly(campaigns, reco
         before, rng = float(np.log(population.semi_major_axis_au).mean()), np.random.default_rng(1)
         shares.append(np.mean([campaigns.has_second_period(one, rng, before) for one in every]))
         record_property(
-            f"{epochs} positions over 1.2 to 4 periods: share that fits a second period", f"{shares[-1]:.2f}"
+            f"{epochs} positions over 1.2 to 4 periods: a second period fits", f"{shares[-1]:.2f}"
         )
     assert shares[0] > 0.2
     assert shares[1] < 0.15
