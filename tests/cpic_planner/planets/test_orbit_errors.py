@@ -228,8 +228,6 @@ def test_three_positions_may_fit_a_second_period_and_four_hardly(campaigns, reco
         population, every = campaigns.campaigns("alf Cen A", 25, (1.2, 4.0), epochs, seed=5)
         before, rng = float(np.log(population.semi_major_axis_au).mean()), np.random.default_rng(1)
         shares.append(np.mean([campaigns.has_second_period(one, rng, before) for one in every]))
-        record_property(
-            f"{epochs} positions over 1.2 to 4 periods: a second period fits", f"{shares[-1]:.2f}"
-        )
+        record_property(f"{epochs} positions over 1.2 to 4 periods: a second period fits", f"{shares[-1]:.2f}")
     assert shares[0] > 0.2
     assert shares[1] < 0.15
