@@ -73,7 +73,7 @@ class Unkept:
 
     def part(self, key: str) -> None:
         """Nothing is there."""
-        return None
+        return
 
     def save_part(self, key: str, body: Any) -> Any:
         """Return the body."""

@@ -30,7 +30,6 @@ from simulator.config import AlbedoSpec
 from simulator.imaging import PsfMetrics
 from simulator.target import sky_to_detector
 
-
 _ROLLS = 32  # at once: tables of the companion's light take memory
 
 

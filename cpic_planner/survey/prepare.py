@@ -24,7 +24,7 @@ from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
 from cpic_planner.survey.universe import occurrence
 from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
-from simulator.config import Instrument, load_instrument
+from simulator.config import Instrument, content_hash, load_instrument
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +109,13 @@ class Prepared:
             allowed = "visits that leave a part of the survey"
             raise InputError("universe.observed", log.provenance, allowed=allowed, hint=none_left)
         # What surveys share is one thing again, after its way to other processes and back.
-        shared = [replace(plan.survey, known=ground.known, log=log, model=case.model) for case, plan in _pairs(ground, plans)]
-        return cls(config, ground, tuple(shared), tuple(plan.worth for plan in plans), tuple(plan.odds for plan in plans))
-
-
-def _pairs(ground: Ground, plans: Sequence[Plan]) -> list[tuple[Case, Plan]]:
-    return list(zip(ground.cases, plans, strict=True))
+        shared: dict[str, Any] = {"known": ground.known, "log": log}
+        surveys = (
+            replace(plan.survey, model=case.model, **shared) for case, plan in zip(ground.cases, plans, strict=True)
+        )
+        return cls(
+            config, ground, tuple(surveys), tuple(plan.worth for plan in plans), tuple(plan.odds for plan in plans)
+        )
 
 
 def read_ground(config: StrategiesConfig, like: Ground | None = None) -> Ground:
@@ -200,13 +201,13 @@ def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Plan]:
     """
     first = grounds[0]
     looked: list[Screened] = []
+    kept: dict[str, Screened] = {}
     for ground in grounds:
         case = ground.cases[which]
-        same = next((item for item in looked if item.targets.content() == case.targets.content()), None)
-        if same is None:
-            looked.append(screen(case.strategy, case.model, case.targets, case.known_rows, first.universe.seed))
-        else:
-            looked.append(replace(same, known_rows=case.known_rows))
+        key = content_hash(case.targets.content())
+        if key not in kept:
+            kept[key] = screen(case.strategy, case.model, case.targets, case.known_rows, first.universe.seed)
+        looked.append(replace(kept[key], known_rows=case.known_rows))
     places = [_places(item) for item in looked]
     every = {place: row for item, own in zip(looked, places, strict=True) for place, row in _stars(item, own)}
     stars = Targets.joined(list(every.values())) if every else first.cases[which].targets.select([0])

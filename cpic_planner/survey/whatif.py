@@ -8,22 +8,23 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from cpic_core import Advance, NDArray, announce, untold
-from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
+from cpic_core import NDArray, announce
+from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, Unkept, run
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
 from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult
 from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.facts import Counts, count_block, counts_of, facts_record, taken_back
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import VISIT_FILES, Columns, differences, outcome, rank_changes, visit_files
-from cpic_planner.survey.prepare import Prepared, prepare
+from cpic_planner.survey.prepare import Ground, Prepared, plan_states, read_ground
 from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.universe import BLOCK
-from cpic_planner.survey.visibility import load_visibility, utc_of
+from cpic_planner.survey.visibility import utc_of
 from cpic_planner.version import __version__
 from simulator.config import content_hash
+from simulator.products import mjd_of
 
 _START_S, _PREPARE_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.9, 5.0, 0.0015, 2.2
 RESULT_VERSION = 3
@@ -39,20 +40,13 @@ NOT_MODELLED = (
 )
 
 
-def decided_by(prepared: Prepared, n_images: int) -> dict[str, Any]:
+def decided_by(config: StrategiesConfig, ground: Ground, n_images: int) -> dict[str, Any]:
     """Return what decides the result: configuration, stars, known planets, instrument; files by what is in them."""
-    config = prepared.config
     populations = [item.population for item in config.strategies]
     return {
         "config": config.model_dump(mode="json", exclude={"universe": set(FILES)}),
         "populations": [None if population is None else population.content() for population in populations],
-        "models": [survey.model.content() for survey in prepared.surveys],
-        "stars": prepared.stars.content(),
-        "catalogue": prepared.catalogue.provenance,
-        "known": "" if prepared.known is None else prepared.known.provenance,
-        "limits": [survey.limits.digest() for survey in prepared.surveys],
-        "observed": "" if prepared.log is None else prepared.log.provenance,
-        "visibility": load_visibility(config.universe.visibility).content(),
+        "ground": ground.content(),
         "images": n_images,
     }
 
@@ -67,7 +61,7 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     assumed = {(contrast, band) for contrast, band in holes if contrast is not None}
     counts = {"n_strategies": n, "n_universes": universes, "n_blocks": blocks, "n_images": n * n_images}
     return Cost(
-        counts=counts | {"n_steps": times * (1 + 2 * n + blocks) + n * n_images},
+        counts=counts | {"n_steps": times * (n + blocks) + n * n_images},
         times_s=[(times * _PLAY_S * n * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
         start_s=_START_S + _PREPARE_S * bands + _AGAIN_S * n * (times - 1) + _OPTICS_S * len(assumed),
         memory_mb=400.0,
@@ -84,9 +78,7 @@ def simulate_block(
     return rows_of(simulate_survey(survey, block=block, n=n, seed=seed), survey.strategy.name, block * BLOCK)
 
 
-def whatif_job(
-    config: StrategiesConfig, *, n_images: int = 0, pages: bool = True, advance: Advance = untold
-) -> Job[WhatIfResult]:
+def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = True) -> Job[WhatIfResult]:
     """Return the job that compares strategies.
 
     Parameters
@@ -96,22 +88,29 @@ def whatif_job(
         Detections of each strategy that are confirmed at image level.
     pages : bool
         Whether to write the report for people; its figures take as long as a small survey.
-    advance : Advance
-        Told about every finished step of the preparation.
     """
-    prepared = functools.cache(lambda: prepare(config, advance=advance))
+    states = taken_back(config)
+
+    @functools.cache
+    def grounds() -> tuple[Ground, ...]:
+        """What strategies are planned with: with all facts, then in every state without one."""
+        now = read_ground(config)
+        return (now, *(read_ground(state, now) for state in states.values()))
+
+    planned: list[Prepared] = []
 
     def work(runner: Runner) -> WhatIfResult:
-        ready, store = prepared(), ResultStore(runner.folder, TABLES)
+        planned[:] = _planned((config, *states.values()), grounds(), runner)
+        ready, store = planned[0], ResultStore(runner.folder, TABLES)
         blocks = runner.finish(simulate_block, _blocks(ready), common=(ready.surveys,), store=store)
+        without = _without_facts(dict(zip(states, planned[1:], strict=True)), runner)
         store.merge(list(blocks))
         tables = {table.name: store.read(table.name) for table in TABLES}
         images = _images(ready, tables["detections"], runner, n_images)
-        without = _without_facts(ready, runner, advance)
         return assemble(ready, tables, images, without, runner.digest)
 
     def write(folder: RunFolder, result: WhatIfResult, bodies: Mapping[str, Any]) -> None:
-        ready = prepared()
+        ready = planned[0]
         about = {"version": __version__, "config_hash": result.config_hash, "catalogue": result.catalogue}
         date_utc = config.universe.date_utc or config.universe.start_utc
         for name, text in visit_files(ready.surveys, ready.odds, about | {"date_utc": date_utc}).items():
@@ -123,7 +122,7 @@ def whatif_job(
     return Job(
         kind="whatif",
         results=RESULT_VERSION,
-        decides=lambda: decided_by(prepared(), n_images),
+        decides=lambda: decided_by(config, grounds()[0], n_images),
         work=work,
         write=write,
         products=(*table_files(TABLES), *VISIT_FILES, *(WHATIF_PRODUCTS if pages else ())),
@@ -150,8 +149,20 @@ def run_whatif(
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
-    advance = how.get("advance", untold)
-    return run(whatif_job(config, n_images=n_images, pages=pages, advance=advance), out, **how)
+    return run(whatif_job(config, n_images=n_images, pages=pages), out, **how)
+
+
+def _planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], runner: Runner) -> list[Prepared]:
+    """Surveys with all facts, and in every state without one: a task for each strategy, in all of them.
+
+    Plans are kept in no folder: they are made again in less time than it takes to write them down in a form of its own.
+    """
+    names = [strategy.name for strategy in configs[0].strategies]
+    keys = [f"plan {name}" for name in names]
+    tasks = [Task(key, (which,), f"{names[which]}: plan", len(grounds)) for which, key in enumerate(keys)]
+    plans = runner.finish(plan_states, tasks, common=(grounds,), store=Unkept())
+    of_states = zip(*(plans[key] for key in keys), strict=True)
+    return [Prepared.of(*state) for state in zip(configs, grounds, of_states, strict=True)]
 
 
 def _blocks(prepared: Prepared) -> list[Task]:
@@ -164,12 +175,11 @@ def _blocks(prepared: Prepared) -> list[Task]:
     return tasks
 
 
-def _without_facts(prepared: Prepared, runner: Runner, advance: Advance) -> dict[str, list[Counts]]:
+def _without_facts(states: Mapping[str, Prepared], runner: Runner) -> dict[str, list[Counts]]:
     """Planets found without each fact, by strategy: planned anew, played in the same universes."""
     surveys: list[Survey] = []
     tasks: dict[str, list[list[Task]]] = {}
-    for fact, state in taken_back(prepared.config).items():
-        ready = prepare(state, sky=prepared.sky, advance=advance)
+    for fact, ready in states.items():
         tasks[fact] = [[] for _ in ready.surveys]
         for task in _blocks(ready):
             which, *rest = task.arguments
@@ -212,22 +222,22 @@ def assemble(
     digest: str,
 ) -> WhatIfResult:
     """The result from its tables."""
-    config, calendar = prepared.config, prepared.calendar
+    config, ground, universe = prepared.config, prepared.ground, prepared.config.universe
     outcomes, universes = [], []
     for survey, sample in zip(prepared.surveys, images, strict=True):
         own = {name: _rows(columns, survey.strategy.name) for name, columns in tables.items()}
         universes.append(own["universes"])
         outcomes.append(outcome(survey, own, _first_visits(survey), sample))
     changed = differences([item.name for item in outcomes], universes)
-    begins = calendar.start_mjd + config.universe.slot_days * np.arange(calendar.n_slots)
+    begins = mjd_of(universe.start_utc) + universe.slot_days * np.arange(universe.n_slots)
     return WhatIfResult.of(
         config,
         version=__version__,
         config_hash=digest,
         universe=_named(config),
-        catalogue=prepared.catalogue.provenance,
-        known_planets="" if prepared.known is None else prepared.known.provenance,
-        observed="" if prepared.log is None else prepared.log.provenance,
+        catalogue=ground.catalogue.provenance,
+        known_planets="" if ground.known is None else ground.known.provenance,
+        observed="" if ground.log is None else ground.log.provenance,
         n_universes=config.universe.universes,
         slot_utc=[text[:10] for text in utc_of(begins)],
         strategies=outcomes,
