@@ -256,7 +256,8 @@ class Runner:
         common : tuple
             Leading arguments that all tasks share.
         store : PartStore, optional
-            Where bodies are kept, the folder of the run by default. Each body is kept before it is told or counted.
+            Where bodies are kept, the folder of the run by default. Each body is kept before it is told or counted;
+            those of `Unkept` are no parts of the run, and are not counted.
         tells : bool
             Whether ``function`` takes ``progress``, and tells it every step itself where it runs in this process.
         again : bool
@@ -284,7 +285,7 @@ class Runner:
         for position, body in done:
             task = waiting[position]
             kept[task.key] = keeper.save_part(task.key, body)
-            self.computed_parts += 1
+            self.computed_parts += not isinstance(store, Unkept)
             if not tells:
                 self.advance(task.text or task.key, task.steps)
         ordered = {key: kept[key] for key in every}
