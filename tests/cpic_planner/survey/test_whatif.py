@@ -241,6 +241,22 @@ def test_nothing_to_find_is_an_answer(small, tmp_path, no_report):
     assert json.loads((tmp_path / "none/whatif.json").read_text())["strategies"][0]["targets"] == []
 
 
+EXTREMES = {
+    "a calendar without a visit": ({}, {"duration_days": 1, "slot_days": 1}, 0.0),
+    "a thousand visits": ({"revisits": {"max_visits": 1000}}, {}, 300.0),
+    "no drift": ({"assumptions": {"drift": 0}}, {}, 300.0),
+}
+
+
+@pytest.mark.parametrize("extreme", EXTREMES)
+def test_extremes_of_one_star_are_answers(small, tmp_path, extreme):
+    strategy, universe, most_h = EXTREMES[extreme]
+    config = small({"targets": {"names": ["tau Cet"]}} | strategy, universe={"universes": 10} | universe)
+    (found,) = run_whatif(config, tmp_path, pages=False).result.strategies
+    assert (found.hours.mean > 0.0) == (most_h > 0.0)
+    assert found.hours.mean <= most_h
+
+
 def test_the_cost_grows_with_the_work(small):
     config = small(*STRATEGIES, universe={"universes": 1000})
     one = whatif_cost(config).at(1)
