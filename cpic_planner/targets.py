@@ -31,7 +31,7 @@ OLD_YR = 10.0
 class Targets:
     """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN.
 
-    ``roll_deg`` is the roll of the telescope at which they are observed.
+    ``roll_deg`` is the roll of the telescope at which they are observed, one for all or one each.
     """
 
     name: NDArray[np.str_]
@@ -52,7 +52,7 @@ class Targets:
     companion_teff_k: FloatArray
     flags: tuple[tuple[str, ...], ...]
     companions: Literal["on", "off"] = "on"
-    roll_deg: float = 0.0
+    roll_deg: float | FloatArray = 0.0
     date_utc: str = ""
 
     def __len__(self) -> int:

@@ -283,7 +283,7 @@ def _companion_e_s(model: EtcModel, band: str, near: Targets) -> FloatArray:
 def _companion_place(model: EtcModel, near: Targets, turns_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Offsets x and y of ``k`` companions on the detector, ``(k, a)``, at ``a`` rolls beside that of the targets."""
     separation, pa_deg = (part[:, None] for part in (near.companion_separation_arcsec, near.companion_pa_deg))
-    turned = np.nan_to_num(pa_deg) - near.roll_deg - np.asarray(turns_deg, float)
+    turned = np.nan_to_num(pa_deg) - np.reshape(near.roll_deg, (-1, 1)) - np.asarray(turns_deg, float)
     return sky_to_detector(separation, turned, parity=model.instrument.detector.parity)
 
 

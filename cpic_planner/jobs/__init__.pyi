@@ -7,6 +7,7 @@ from cpic_planner.jobs.job import (
     Runner as Runner,
     RunSettings as RunSettings,
     Task as Task,
+    Unkept as Unkept,
     estimate as estimate,
     run as run,
 )

@@ -5,7 +5,9 @@ handed to the caller as they finish, for checkpoints and progress; the caller or
 workers or the scheduler die is told in `cpic_planner.jobs.cluster`.
 """
 
+import contextlib
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
@@ -19,6 +21,39 @@ class ClusterError(RuntimeError):
     """The cluster, not a task, ended the run; what was handed over until then is good."""
 
 
+@dataclass(eq=False)
+class LocalPool:
+    """Workers of this machine that several calls of `run_tasks` share: a context, at whose end they end.
+
+    They start when the first call needs them.
+
+    Attributes
+    ----------
+    workers : int
+        Local processes.
+    """
+
+    workers: int
+    _open: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+    _cluster: tuple[str, Any] | None = None
+
+    def __enter__(self) -> "LocalPool":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._cluster = None
+        self._open.close()
+
+    def cluster(self) -> tuple[str, Any]:
+        """Return the address of their scheduler, and the workers."""
+        if self._cluster is None:
+            from cpic_planner.jobs.local_cluster import local_cluster, quiet_dask
+
+            self._open.enter_context(quiet_dask())
+            self._cluster = self._open.enter_context(local_cluster(self.workers))
+        return self._cluster
+
+
 def run_tasks(
     function: Callable[..., T],
     arguments: Sequence[tuple[Any, ...]],
@@ -27,6 +62,7 @@ def run_tasks(
     workers: int = 1,
     scheduler: str | None = None,
     patience_s: float = 60.0,
+    pool: LocalPool | None = None,
 ) -> Iterator[tuple[int, T]]:
     """Run ``function(*common, *arguments[i])`` for every ``i``.
 
@@ -45,6 +81,8 @@ def run_tasks(
         Address of a Dask scheduler (``tcp://host:port``) to use instead.
     patience_s : float
         How long a scheduler that has gone may take to come back, in s.
+    pool : LocalPool, optional
+        Workers of this machine to use, where they are needed; without, they are started for this call.
 
     Yields
     ------
@@ -78,15 +116,19 @@ def run_tasks(
         return
     check_address(scheduler)
     from cpic_planner.jobs.cluster import Work, run_on
-    from cpic_planner.jobs.local_cluster import local_cluster, quiet_dask
+    from cpic_planner.jobs.local_cluster import quiet_dask
 
     work = Work(function, common, arguments)
-    with quiet_dask():
-        if scheduler is not None:
+    if scheduler is not None:
+        with quiet_dask():
             yield from run_on(scheduler, work, patience_s)
-        else:
-            with local_cluster(workers) as (address, crew):
-                yield from run_on(address, work, patience_s, crew)
+    elif pool is not None:
+        address, crew = pool.cluster()
+        yield from run_on(address, work, patience_s, crew)
+    else:
+        with LocalPool(workers) as own:
+            address, crew = own.cluster()
+            yield from run_on(address, work, patience_s, crew)
 
 
 def in_this_process(n_tasks: int, workers: int, scheduler: str | None) -> bool:

@@ -26,7 +26,7 @@ from typing import Any, Generic, Protocol, TypedDict, TypeVar
 from pydantic import BaseModel
 
 from cpic_core import Advance, InputError, dump_json, untold
-from cpic_planner.jobs.engine import in_this_process, run_tasks
+from cpic_planner.jobs.engine import LocalPool, in_this_process, run_tasks
 from cpic_planner.jobs.folder import RunFolder, open_run_folder
 from cpic_planner.results import RunRecord
 from cpic_planner.version import __version__
@@ -68,13 +68,15 @@ class PartStore(Protocol):
         """Keep a finished body whole, and return it as `part` would."""
 
 
-class _Nowhere:
-    """Keeps nothing: for a run without a folder."""
+class Unkept:
+    """Keeps nothing: for a run without a folder, and for bodies that are quicker made again than kept."""
 
     def part(self, key: str) -> None:
-        return None
+        """Nothing is there."""
+        return
 
     def save_part(self, key: str, body: Any) -> Any:
+        """Return the body."""
         return body
 
 
@@ -202,6 +204,8 @@ class Runner:
         Told about every finished task.
     output : RunFolder or None
         Open folder of the run.
+    pool : LocalPool or None
+        Workers of this machine that all tasks of the run share.
     bodies : dict
         Bodies of all finished tasks, by key.
     resumed_parts, computed_parts : int
@@ -213,6 +217,7 @@ class Runner:
     scheduler: str | None = None
     advance: Advance = untold
     output: RunFolder | None = None
+    pool: LocalPool | None = None
     bodies: dict[str, Any] = field(default_factory=dict)
     resumed_parts: int = 0
     computed_parts: int = 0
@@ -251,7 +256,8 @@ class Runner:
         common : tuple
             Leading arguments that all tasks share.
         store : PartStore, optional
-            Where bodies are kept, the folder of the run by default. Each body is kept before it is told or counted.
+            Where bodies are kept, the folder of the run by default. Each body is kept before it is told or counted;
+            those of `Unkept` are no parts of the run, and are not counted.
         tells : bool
             Whether ``function`` takes ``progress``, and tells it every step itself where it runs in this process.
         again : bool
@@ -262,7 +268,7 @@ class Runner:
         dict
             Bodies by key, in the order of the tasks.
         """
-        keeper: PartStore = store or self.output or _Nowhere()
+        keeper: PartStore = store or self.output or Unkept()
         every = {task.key: task for task in tasks}
         kept: dict[str, Any] = {}
         for task in () if again else every.values():
@@ -274,11 +280,12 @@ class Runner:
         tells = tells and in_this_process(len(waiting), self.workers, self.scheduler)
         function = functools.partial(function, progress=self.advance) if tells else function
         arguments = [task.arguments for task in waiting]
-        done = run_tasks(function, arguments, common=common, workers=self.workers, scheduler=self.scheduler)
+        where: dict[str, Any] = {"workers": self.workers, "scheduler": self.scheduler, "pool": self.pool}
+        done = run_tasks(function, arguments, common=common, **where)
         for position, body in done:
             task = waiting[position]
             kept[task.key] = keeper.save_part(task.key, body)
-            self.computed_parts += 1
+            self.computed_parts += not isinstance(store, Unkept)
             if not tells:
                 self.advance(task.text or task.key, task.steps)
         ordered = {key: kept[key] for key in every}
@@ -326,11 +333,11 @@ def run(
     started, clock = datetime.now(UTC), time.monotonic()
     runner = Runner(job.digest, workers, scheduler, advance)
     if out is None:
-        return _finished(job.work(runner), runner)
+        return _finished(_worked(job, runner), runner)
     products = (job.result_name, RECORD, *job.products)
     with open_run_folder(out, kind=job.kind, config_hash=job.digest, products=products, force=force) as folder:
         runner.output = folder
-        result = job.work(runner)
+        result = _worked(job, runner)
         folder.write(job.result_name, dump_json(result.model_dump(mode="json")))
         job.write(folder, result, runner.bodies)
         record = RunRecord.of(
@@ -345,6 +352,12 @@ def run(
         )
         folder.write(RECORD, dump_json(record.model_dump(mode="json")))
     return _finished(result, runner)
+
+
+def _worked(job: Job[R], runner: Runner) -> R:
+    """Result of a job whose tasks share the workers of this machine."""
+    with LocalPool(runner.workers) as runner.pool:
+        return job.work(runner)
 
 
 def _finished(result: R, runner: Runner) -> Finished[R]:

@@ -1,5 +1,6 @@
 """What is assumed of planets: a population as configuration, its presets and its loader."""
 
+import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
@@ -152,14 +153,7 @@ mean_anomaly_deg : Law
     @property
     def mixture(self) -> tuple[PlanetKind, ...]:
         """The kinds, each complete; one for a population without kinds."""
-        shared = {key: getattr(self, key) for key in _LAWS}
-        if not self.kinds:
-            return (PlanetKind(name=self.name, **shared),)
-        lacking = [{key: shared[key] for key in _LAWS if getattr(kind, key) is None} for kind in self.kinds]
-        for kind, update in zip(self.kinds, lacking, strict=True):
-            if kind.radius_rjup is not None and kind.mass_mjup is None:
-                update["mass_mjup"] = _OF_RADIUS  # the mass of all was that of their radius
-        return tuple(kind.model_copy(update=update) for kind, update in zip(self.kinds, lacking, strict=True))
+        return _mixture(self)
 
     def quantiles(self, kind: IntArray, shares: Sequence[FloatArray]) -> dict[str, FloatArray]:
         """Return what each planet is, from its kind and uniform numbers.
@@ -198,6 +192,19 @@ mean_anomaly_deg : Law
             "planets_per_star": self.planets_per_star,
             "kinds": kinds,
         }
+
+
+@functools.lru_cache(maxsize=256)
+def _mixture(population: PopulationConfig) -> tuple[PlanetKind, ...]:
+    """Kinds of a population, each complete; kept, because every draw asks for them and reading laws takes a while."""
+    shared = {key: getattr(population, key) for key in _LAWS}
+    if not population.kinds:
+        return (PlanetKind(name=population.name, **shared),)
+    lacking = [{key: shared[key] for key in _LAWS if getattr(kind, key) is None} for kind in population.kinds]
+    for kind, update in zip(population.kinds, lacking, strict=True):
+        if kind.radius_rjup is not None and kind.mass_mjup is None:
+            update["mass_mjup"] = _OF_RADIUS  # the mass of all was that of their radius
+    return tuple(kind.model_copy(update=update) for kind, update in zip(population.kinds, lacking, strict=True))
 
 
 PopulationSource = PopulationConfig | Mapping[str, Any] | str | Path | None

@@ -64,14 +64,25 @@ class Candidate:
         return float((self.chance @ self.weight / self.cost_h).max(initial=0.0))
 
 
-def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: BoolArray) -> IntArray:
-    """Rows that the cuts leave.
+def chosen_stars(
+    strategy: SurveyStrategy, targets: Targets, known: KnownPlanetTable | None
+) -> tuple[Targets, tuple[tuple[int, ...], ...]]:
+    """Stars that the cuts of a strategy leave, and the known planets of each.
+
+    Parameters
+    ----------
+    strategy : SurveyStrategy
+    targets : Targets
+        Stars of the catalogue; the cuts by name, distance and known planets are made here.
+    known : KnownPlanetTable or None
 
     Raises
     ------
     InputError
         For a name that no star has, or if no star is left.
     """
+    every = [() if known is None else known.by_star.get(star_key(str(name)), ()) for name in targets.name]
+    with_known = np.array([bool(item) for item in every], bool)
     cuts = strategy.targets
     keep = with_known if cuts.known_planets == "only" else np.ones(len(targets), bool)
     for values, most in ((targets.v_mag, cuts.v_mag_max), (targets.distance_pc, cuts.distance_max_pc)):
@@ -88,7 +99,8 @@ def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: BoolArray) -
     keep &= ~np.isin(keys, named["exclude"])
     if not keep.any():
         raise InputError("targets", strategy.name, allowed="cuts that leave a star")
-    return np.flatnonzero(keep)
+    rows = np.flatnonzero(keep)
+    return targets.select(rows), tuple(tuple(every[row]) for row in rows)
 
 
 def settings_of(model: EtcModel, targets: Targets, band: str, visit: VisitRule, time_s: float) -> list[Setting]:
@@ -158,7 +170,7 @@ class Screened:
 
 
 def screen(
-    strategy: SurveyStrategy, model: EtcModel, targets: Targets, known: KnownPlanetTable | None, seed: int
+    strategy: SurveyStrategy, model: EtcModel, targets: Targets, known_rows: tuple[tuple[int, ...], ...], seed: int
 ) -> Screened:
     """Frames of every star, and which stars can show a planet at all.
 
@@ -168,23 +180,21 @@ def screen(
     model : EtcModel
         That of the strategy.
     targets : Targets
-        Stars of the catalogue; the strategy's cuts by name, distance and known planets are made here.
-    known : KnownPlanetTable or None
+        Stars that its cuts leave.
+    known_rows : tuple of tuple of int
+        Known planets of each.
     seed : int
     """
-    every = [() if known is None else known.by_star.get(star_key(str(name)), ()) for name in targets.name]
-    rows = _wanted(strategy, targets, np.array([bool(item) for item in every], bool))
-    chosen = targets.select(rows)
-    settings, promising = [], np.zeros(len(chosen), bool)
+    settings, promising = [], np.zeros(len(targets), bool)
     drawn = None if strategy.population is None else draw_population(strategy.population, N_SCREEN, seed)
     for band in strategy.visit.bands:
         for time_s in strategy.visit.time_s:
-            own = settings_of(model, chosen, band, strategy.visit, time_s)
+            own = settings_of(model, targets, band, strategy.visit, time_s)
             settings.append(tuple(own))
             if drawn is not None:
                 counted = completeness(
                     model,
-                    chosen,
+                    targets,
                     band,
                     drawn,
                     exposure_s=np.array([item.exposure_s for item in own]),
@@ -194,8 +204,7 @@ def screen(
                 )
                 # Half a planet of those drawn, at its known place: a probability is nowhere exactly zero.
                 promising |= counted.completeness_known_place > 0.5 / N_SCREEN
-    known_rows = tuple(tuple(every[row]) for row in rows)
-    return Screened(strategy, model, chosen, tuple(settings), promising, known_rows)
+    return Screened(strategy, model, targets, tuple(settings), promising, known_rows)
 
 
 def candidates(

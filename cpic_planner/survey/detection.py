@@ -30,6 +30,8 @@ from simulator.config import AlbedoSpec
 from simulator.imaging import PsfMetrics
 from simulator.target import sky_to_detector
 
+_ROLLS = 32  # at once: tables of the companion's light take memory
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -155,21 +157,32 @@ def expected_signals(
         contrast[usable] = light
         # Only a companion's wings care for the roll, with two of them that of the places x and y.
         wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
-        turns = (roll + first)[usable] if wings else np.zeros(light.shape)
+        angles, which = np.unique((roll + first)[usable] if wings else np.zeros(light.shape), return_inverse=True)
         made = programme_of(model, setting)
-        for angle in np.unique(turns):
-            here = turns == angle
-            put = (visit[here], planet[here])
-            rates = aperture_rates(model, rolled(star, angle), band, x[put][None], y[put][None], light[here][None])
+        for begin in range(0, angles.size, _ROLLS):
+            here = np.flatnonzero((which >= begin) & (which < begin + _ROLLS))
+            turned = angles[begin : begin + _ROLLS]
+            rolls = replace(star.select(np.zeros(turned.size, np.int64)), roll_deg=turned % 360.0)
+            # One row a roll, as long as the longest; what is behind its last planet is that planet again.
+            row = which[here] - begin
+            order = here[np.argsort(row, kind="stable")]
+            count = np.bincount(row, minlength=turned.size)
+            column = np.minimum(np.arange(count.max()), count[:, None] - 1)
+            every = order[(np.cumsum(count) - count)[:, None] + column]
+            real = np.arange(count.max()) < count[:, None]
+            put = (visit[every[real]], planet[every[real]])
+            at = (visit[every], planet[every])
+            rates = aperture_rates(model, rolls, band, x[at], y[at], light[every])
             noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
-            elements = metrics.resolution_elements(separation[put])
-            margin[put] = noise.significance[0] / threshold_array(elements, model.strategy.sigma)
-            tails[put] = tail_share(model, setting, separation[put][None], noise)[0]
+            elements = metrics.resolution_elements(separation[at])
+            shares = tail_share(model, setting, separation[at], noise)
+            moving = SearchMotion.of(model, rolls, band, separation[at])
+            margin[put] = (noise.significance / threshold_array(elements, model.strategy.sigma))[real]
+            tails[put] = shares[real]
             inward[put] = metrics.lambda_d_arcsec / separation[put]
-            snr[put] = noise.snr[0]
-            visits[put] = effective_of(made, rates.speckle)
-            moving = SearchMotion.of(model, star, band, separation[put][None])
-            motion[put] = moving.factor(made, _visit_s(model, setting))[0]
+            snr[put] = noise.snr[real]
+            visits[put] = np.broadcast_to(effective_of(made, rates.speckle), real.shape)[real]
+            motion[put] = np.broadcast_to(moving.factor(made, _visit_s(model, setting)), real.shape)[real]
     return ExpectedSignals(
         margin,
         tails,

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cpic_core import Advance, FloatArray, InputError
+from cpic_core import FloatArray, InputError
 from cpic_planner.jobs import Runner, Task
 from cpic_planner.queries import get, load_ensemble
 from cpic_planner.results import (
@@ -26,7 +26,7 @@ from cpic_planner.results import (
 from cpic_planner.survey.decision import Choice, decide, law_weights, quantiles
 from cpic_planner.survey.estimates import difference_interval
 from cpic_planner.survey.outcome import change_record, estimate_record
-from cpic_planner.survey.prepare import alarms, prepare
+from cpic_planner.survey.prepare import alarms, planned, read_ground
 from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.strategy_file import DoubtRule, StrategiesConfig, UniverseConfig
 from cpic_planner.survey.sweeps import varied
@@ -114,22 +114,21 @@ def plays_of(rule: DoubtRule | None, n_strategies: int) -> int:
     return 0 if rule is None else n_strategies * len(rule.values) ** 2
 
 
-def doubt_record(config: StrategiesConfig, runner: Runner, advance: Advance) -> DoubtRecord | None:
+def doubt_record(config: StrategiesConfig, runner: Runner) -> DoubtRecord | None:
     """Plan every strategy for each value, play every plan under each, and say what to take; None without a rule.
 
     Parameters
     ----------
     config : StrategiesConfig
     runner : Runner
-    advance : Advance
-        Told about every finished step.
     """
     rule, universe = config.doubt, config.universe
     if rule is None:
         return None
     every = doubted(config)
     n, values = len(config.strategies), len(rule.values)
-    plans = prepare(every, advance=advance).surveys
+    (ready,) = planned((every,), (read_ground(every),), runner)
+    plans = ready.surveys
     order = list(itertools.product(range(n), range(values), range(values)))
     surveys = tuple(played(plans[s * values + p], plans[s * values + t], universe) for s, p, t in order)
     tasks: list[list[Task]] = []
@@ -333,7 +332,7 @@ def statement(
 
 
 def told_steps(rule: DoubtRule | None, n_strategies: int, n_blocks: int) -> int:
-    """Return how many steps are told: screening and calendar of every plan, and every block that is played.
+    """Return how many steps are told: every plan, and every block that is played.
 
     Parameters
     ----------
@@ -344,4 +343,4 @@ def told_steps(rule: DoubtRule | None, n_strategies: int, n_blocks: int) -> int:
     """
     if rule is None:
         return 0
-    return 1 + 2 * n_strategies * len(rule.values) + plays_of(rule, n_strategies) * n_blocks
+    return n_strategies * len(rule.values) + plays_of(rule, n_strategies) * n_blocks

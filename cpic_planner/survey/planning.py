@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -121,8 +121,8 @@ class PlanningSky:
     def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
         self._seed = seed
         self._reach = reach_arcsec
-        self._kept: dict[str, tuple[PlanetSample, OrbitPlaces]] = {}
-        self._shown: dict[str, Shown] = {}
+        self._kept: dict[Hashable, tuple[PlanetSample, OrbitPlaces]] = {}
+        self._shown: dict[Hashable, Shown] = {}
 
     def of(self, host: Host, epoch_mjd: float, days: FloatArray) -> tuple[PlanetSample, OrbitPlaces]:
         """Planets of one star, `N_DRAWS` new ones and `N_KNOWN` draws of each known one, and their places by day.
@@ -135,7 +135,7 @@ class PlanningSky:
         days : ndarray
             Days after it.
         """
-        key = content_hash({"host": host.content(), "epoch": epoch_mjd, "days": days.tolist()})
+        key = content_hash(host.content()), epoch_mjd, days.tobytes()
         if key not in self._kept:
             star = host.star
             who = str(star.name[0]), float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0])
@@ -169,14 +169,8 @@ class PlanningSky:
         epoch_mjd : float
             Start of the survey.
         """
-        visits = {
-            "options": [vars(option) for option in looks.options],
-            "open": looks.open.tolist(),
-            "days": looks.day.tolist(),
-            "rolls": looks.roll_deg.tolist(),
-        }
-        decides = {"strategy": strategy.name, "host": host.content(), "visits": visits, "epoch": epoch_mjd}
-        key = content_hash(decides)
+        visits = looks.options, looks.open.tobytes(), looks.day.tobytes(), looks.roll_deg.tobytes()
+        key = strategy.name, content_hash(host.content()), visits, epoch_mjd
         if key not in self._shown:
             planets, places = self.of(host, epoch_mjd, looks.day)
             chance = np.zeros((*looks.open.shape, len(planets)), np.float32)

@@ -1,17 +1,20 @@
 """From strategies to surveys that can be simulated: stars, calendar, frames, schedule."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from catalogs import Catalogue, KnownPlanetTable, load_known_planets
 from cpic_core import Advance, InputError, untold
 from cpic_planner.etc import EtcModel
+from cpic_planner.jobs import Runner, Task, Unkept
 from cpic_planner.planets import StarLimits
 from cpic_planner.survey.allocation import make_schedule
 from cpic_planner.survey.assumed import assumed_model
 from cpic_planner.survey.calendar import Calendar, make_calendar
-from cpic_planner.survey.candidates import Candidate, Screened, candidates, screen, settings_of
+from cpic_planner.survey.candidates import Candidate, Screened, candidates, chosen_stars, screen, settings_of
 from cpic_planner.survey.detection import Setting, background_alarms, noise_alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
 from cpic_planner.survey.planning import PlanningSky, VisitOdds, visit_odds
@@ -19,44 +22,111 @@ from cpic_planner.survey.schedule import Problem
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
 from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
+from cpic_planner.survey.universe import occurrence
 from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
-from simulator.config import Instrument, load_instrument
+from simulator.config import Instrument, content_hash, load_instrument
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A strategy with its model, the stars that its cuts leave, and the known planets of each."""
+
+    strategy: SurveyStrategy
+    model: EtcModel
+    targets: Targets
+    known_rows: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What strategies are planned with, read from presets and files: whoever has it can plan them anywhere.
+
+    ``reach_arcsec`` are the separations between which any band of any strategy shows a planet.
+    """
+
+    universe: UniverseConfig
+    catalogue: Catalogue
+    instrument: Instrument
+    pointing: VisibilityConfig
+    known: KnownPlanetTable | None
+    log: ObservationLog | None
+    cases: tuple[Case, ...]
+    reach_arcsec: tuple[float, float]
+
+    def content(self) -> dict[str, Any]:
+        """Everything that decides the plans beside the strategies, for content hashes; files by what is in them."""
+        joined = Targets.joined([case.targets for case in self.cases])
+        _, first = np.unique(joined.name, return_index=True)
+        stars = joined.select(np.sort(first))
+        return {
+            "models": [case.model.content() for case in self.cases],
+            "stars": stars.content(),
+            "of_strategies": [case.targets.name.tolist() for case in self.cases],
+            "catalogue": self.catalogue.provenance,
+            "known": "" if self.known is None else self.known.provenance,
+            "limits": StarLimits.of(stars.name.tolist(), self.universe.exclusions, self.known).digest(),
+            "observed": "" if self.log is None else self.log.provenance,
+            "visibility": self.pointing.content(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A strategy that was planned.
+
+    ``worth`` is the value per hour of the first visit of each of the survey's stars, in their order, ``odds`` what each
+    visit of its schedule is likely to bring; ``open`` tells whether its calendar has any time left.
+    """
+
+    survey: Survey
+    worth: tuple[float, ...]
+    odds: tuple[VisitOdds, ...]
+    open: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Surveys of all strategies, with what they were made of.
-
-    ``calendar`` is that of ``stars``, all stars that any strategy looks at closely; ``worth`` is the value per hour of
-    the first visit of each survey's stars, in their order, ``odds`` what each visit of its schedule is likely to bring;
-    ``sky`` is kept where the strategies are planned again without some facts.
-    """
+    """Surveys of all strategies with their odds and worth (`Plan`), and what they were made of."""
 
     config: StrategiesConfig
-    catalogue: Catalogue
-    instrument: Instrument
-    known: KnownPlanetTable | None
-    log: ObservationLog | None
-    stars: Targets
-    calendar: Calendar
+    ground: Ground
     surveys: tuple[Survey, ...]
     worth: tuple[tuple[float, ...], ...]
     odds: tuple[tuple[VisitOdds, ...], ...]
-    sky: PlanningSky | None
+
+    @classmethod
+    def of(cls, config: StrategiesConfig, ground: Ground, plans: Sequence[Plan]) -> "Prepared":
+        """Return the surveys of plans, wherever these were made.
+
+        Raises
+        ------
+        InputError
+            If visits made so far leave no time at all.
+        """
+        log = ground.log
+        if log is not None and not any(plan.open for plan in plans):
+            none_left = f"none of its {ground.universe.duration_days:g} days is left"
+            allowed = "visits that leave a part of the survey"
+            raise InputError("universe.observed", log.provenance, allowed=allowed, hint=none_left)
+        # What surveys share is one thing again, after its way to other processes and back.
+        shared: dict[str, Any] = {"known": ground.known, "log": log}
+        surveys = (
+            replace(plan.survey, model=case.model, **shared) for case, plan in zip(ground.cases, plans, strict=True)
+        )
+        return cls(
+            config, ground, tuple(surveys), tuple(plan.worth for plan in plans), tuple(plan.odds for plan in plans)
+        )
 
 
-def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance: Advance = untold) -> Prepared:
-    """Screen the catalogue, make the calendar, and schedule every strategy.
+def read_ground(config: StrategiesConfig, like: Ground | None = None) -> Ground:
+    """Read what strategies are planned with.
 
     Parameters
     ----------
     config : StrategiesConfig
-    sky : PlanningSky, optional
-        That of the same strategies with other stars, known planets or exclusions: what has not changed is taken from
-        there.
-    advance : Advance
-        Told about every finished step: one for each strategy's screening and schedule, one for the calendar.
+    like : Ground, optional
+        That of the same strategies and the same instrument: their models are taken from there.
 
     Raises
     ------
@@ -67,15 +137,20 @@ def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance
     pointing = load_visibility(universe.visibility)
     _check_rolls(config, pointing)
     catalogue = as_catalogue(universe.catalog)
-    instrument = load_instrument(universe.instrument)
+    instrument = load_instrument(universe.instrument) if like is None else like.instrument
     known = known_table(universe)
     strategies = [item.name for item in config.strategies]
     log = _checked(read_log(universe.observed, strategies), catalogue, instrument) if universe.observed else None
-    looked = []
-    for strategy in config.strategies:
-        logged = () if log is None else [visit.setting.band for visit in log.visits]
-        bands = tuple(dict.fromkeys((*strategy.visit.bands, *strategy.follow_up.bands, *logged)))
-        model = assumed_model(instrument, strategy, bands)
+    cases = []
+    for number, strategy in enumerate(config.strategies):
+        if strategy.population is not None:
+            occurrence(strategy.population)
+        if like is None:
+            logged = () if log is None else [visit.setting.band for visit in log.visits]
+            bands = tuple(dict.fromkeys((*strategy.visit.bands, *strategy.follow_up.bands, *logged)))
+            model = assumed_model(instrument, strategy, bands)
+        else:
+            model = like.cases[number].model
         cuts = strategy.targets
         targets = rank_sample(
             catalog=catalogue,
@@ -84,35 +159,112 @@ def prepare(config: StrategiesConfig, *, sky: PlanningSky | None = None, advance
             singles_only=cuts.singles_only,
             date_utc=universe.date_utc or universe.start_utc,
         )
-        looked.append(screen(strategy, model, targets, known, universe.seed))
-        advance(f"{strategy.name}: stars")
-    stars = _every_star(looked)
-    calendar = make_calendar(universe, instrument, pointing, stars)
-    if log is not None:
-        calendar = calendar.closed_before(log.until_mjd)
-        if not calendar.allowed_h.any():
-            none_left = f"none of its {universe.duration_days:g} days is left"
-            allowed = "visits that leave a part of the survey"
-            raise InputError("universe.observed", log.provenance, allowed=allowed, hint=none_left)
-        looked = [_without(item, log.hours) for item in looked]
-    advance("calendar")
-    place = {str(name): i for i, name in enumerate(stars.name)}
-    if sky is None:
-        reach = [reach_au(item.model, 1.0) for item in looked]
-        sky = PlanningSky(universe.seed, (min(low for low, _ in reach), max(high for _, high in reach)))
-    surveys, worth, odds = [], [], []
-    for item in looked:
-        names = item.targets.name[item.rows]
-        own = calendar.select(np.array([place[str(name)] for name in names], np.int64))
-        limits = StarLimits.of(item.targets.name.tolist(), universe.exclusions, known)
-        found = candidates(item, own, known, sky, limits, log)
-        surveys.append(_survey(universe, item, found, own, known, log))
-        worth.append(tuple(star.worth for star in found))
-        odds.append(visit_odds(Problem(item.strategy, tuple(found), own.slot_h), surveys[-1].schedule.visits))
-        advance(f"{item.strategy.name}: schedule")
-    kept = sky if universe.facts else None
-    plans = tuple(surveys), tuple(worth), tuple(odds)
-    return Prepared(config, catalogue, instrument, known, log, stars, calendar, *plans, kept)
+        left = strategy if log is None else _without(strategy, log.hours)
+        cases.append(Case(left, model, *chosen_stars(strategy, targets, known)))
+    reach = [reach_au(case.model, 1.0) for case in cases]
+    edges = min(low for low, _ in reach), max(high for _, high in reach)
+    return Ground(universe, catalogue, instrument, pointing, known, log, tuple(cases), edges)
+
+
+def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
+    """Screen the catalogue, make the calendar, and schedule every strategy.
+
+    Parameters
+    ----------
+    config : StrategiesConfig
+    advance : Advance
+        Told about every strategy that is planned.
+
+    Raises
+    ------
+    InputError
+        For a preset, file, band or star that does not exist, or a population without an occurrence rate.
+    """
+    ground = read_ground(config)
+    plans = []
+    for which, strategy in enumerate(config.strategies):
+        plans += plan_states((ground,), which)
+        advance(f"{strategy.name}: schedule")
+    return Prepared.of(config, ground, plans)
+
+
+def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Plan]:
+    """One task: plans of one strategy in several states of what is known.
+
+    What a change of the facts leaves as it was is worked out once: screening, calendar, and what visits show.
+
+    Parameters
+    ----------
+    grounds : tuple of Ground
+        Of the same survey, its calendar and its seed.
+    which : int
+        Position of the strategy.
+    """
+    first = grounds[0]
+    looked: list[Screened] = []
+    kept: dict[str, Screened] = {}
+    for ground in grounds:
+        case = ground.cases[which]
+        key = content_hash(case.targets.content())
+        if key not in kept:
+            kept[key] = screen(case.strategy, case.model, case.targets, case.known_rows, first.universe.seed)
+        looked.append(replace(kept[key], known_rows=case.known_rows))
+    places = [_places(item) for item in looked]
+    every = {place: row for item, own in zip(looked, places, strict=True) for place, row in _stars(item, own)}
+    stars = Targets.joined(list(every.values())) if every else first.cases[which].targets.select([0])
+    calendar = make_calendar(first.universe, first.instrument, first.pointing, stars)
+    number = {place: i for i, place in enumerate(every)}
+    sky = PlanningSky(first.universe.seed, first.reach_arcsec)
+    found = []
+    for ground, item, own in zip(grounds, looked, places, strict=True):
+        mine = calendar.select(np.array([number[place] for place in own], np.int64))
+        if ground.log is not None:
+            mine = mine.closed_before(ground.log.until_mjd)
+        found.append(_plan(ground, item, mine, sky))
+    return found
+
+
+def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], runner: Runner) -> list[Prepared]:
+    """Return surveys in several states of what is known: a task for each strategy, in all of them.
+
+    Parameters
+    ----------
+    configs : sequence of StrategiesConfig
+        The same strategies in each state.
+    grounds : tuple of Ground
+        What each is planned with.
+    runner : Runner
+
+    Notes
+    -----
+    Plans are kept in no folder: they are made again in less time than it takes to write them down in a form of its own.
+    """
+    names = [strategy.name for strategy in configs[0].strategies]
+    keys = [f"plan {name}" for name in names]
+    tasks = [Task(key, (which,), f"{names[which]}: plan", len(grounds)) for which, key in enumerate(keys)]
+    plans = runner.finish(plan_states, tasks, common=(grounds,), store=Unkept())
+    of_states = zip(*(plans[key] for key in keys), strict=True)
+    return [Prepared.of(*state) for state in zip(configs, grounds, of_states, strict=True)]
+
+
+def _places(item: Screened) -> list[tuple[str, float, float]]:
+    """Name and direction of each star with a close look: what decides its calendar, and tells it from others."""
+    stars = item.targets.select(item.rows)
+    names = stars.name.tolist()
+    return list(zip(names, stars.ra_deg.tolist(), stars.dec_deg.tolist(), strict=True))
+
+
+def _stars(item: Screened, places: list[tuple[str, float, float]]) -> list[tuple[tuple[str, float, float], Targets]]:
+    return [(place, item.targets.select([row])) for place, row in zip(places, item.rows, strict=True)]
+
+
+def _plan(ground: Ground, item: Screened, calendar: Calendar, sky: PlanningSky) -> Plan:
+    """Plan of one strategy, ``calendar`` that of the stars with a close look."""
+    limits = StarLimits.of(item.targets.name.tolist(), ground.universe.exclusions, ground.known)
+    found = candidates(item, calendar, ground.known, sky, limits, ground.log)
+    survey = _survey(ground.universe, item, found, calendar, ground.known, ground.log)
+    odds = visit_odds(Problem(item.strategy, tuple(found), calendar.slot_h), survey.schedule.visits)
+    return Plan(survey, tuple(star.worth for star in found), odds, bool(calendar.allowed_h.any()))
 
 
 def known_table(universe: UniverseConfig) -> KnownPlanetTable | None:
@@ -159,27 +311,18 @@ def _checked(log: ObservationLog, catalogue: Catalogue, instrument: Instrument) 
     return replace(log, visits=tuple(replace(visit, star=names[visit.star]) for visit in log.visits))
 
 
-def _without(item: Screened, hours: float) -> Screened:
+def _without(strategy: SurveyStrategy, hours: float) -> SurveyStrategy:
     """The strategy with the time that is left of its budget."""
-    budget_h = item.strategy.time_budget_h
+    budget_h = strategy.time_budget_h
     if budget_h <= hours:
         raise InputError(
             "time_budget_h",
             budget_h,
             unit="h",
             allowed=f"more than the {hours:g} h of the observation log",
-            hint=f"strategy {item.strategy.name}",
+            hint=f"strategy {strategy.name}",
         )
-    return replace(item, strategy=item.strategy.model_copy(update={"time_budget_h": budget_h - hours}))
-
-
-def _every_star(looked: list[Screened]) -> Targets:
-    """Stars that any strategy looks at closely, each once; the first of the catalogue if there is none."""
-    joined = Targets.joined([item.targets.select(item.rows) for item in looked])
-    if not len(joined):
-        return looked[0].targets.select([0])
-    _, first = np.unique(joined.name, return_index=True)
-    return joined.select(np.sort(first))
+    return strategy.model_copy(update={"time_budget_h": budget_h - hours})
 
 
 def _survey(

@@ -8,7 +8,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from cpic_core import Advance, NDArray, announce, untold
+from cpic_core import NDArray, announce
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
 from cpic_planner.results import DoubtRecord, ImageSample, StrategyOutcome, WhatIfResult
@@ -17,14 +17,15 @@ from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.facts import Counts, count_block, counts_of, facts_record, taken_back
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import VISIT_FILES, Columns, differences, outcome, rank_changes, visit_files
-from cpic_planner.survey.prepare import Prepared, prepare
+from cpic_planner.survey.prepare import Ground, Prepared, planned, read_ground
 from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.universe import BLOCK
-from cpic_planner.survey.visibility import load_visibility, utc_of
+from cpic_planner.survey.visibility import utc_of
 from cpic_planner.version import __version__
 from simulator.config import content_hash
+from simulator.products import mjd_of
 
 _START_S, _PREPARE_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.9, 5.0, 0.0015, 2.2
 RESULT_VERSION = 4
@@ -40,20 +41,13 @@ NOT_MODELLED = (
 )
 
 
-def decided_by(prepared: Prepared, n_images: int) -> dict[str, Any]:
+def decided_by(config: StrategiesConfig, ground: Ground, n_images: int) -> dict[str, Any]:
     """Return what decides the result: configuration, stars, known planets, instrument; files by what is in them."""
-    config = prepared.config
     populations = [item.population for item in config.strategies]
     return {
         "config": config.model_dump(mode="json", exclude={"universe": set(FILES)}),
         "populations": [None if population is None else population.content() for population in populations],
-        "models": [survey.model.content() for survey in prepared.surveys],
-        "stars": prepared.stars.content(),
-        "catalogue": prepared.catalogue.provenance,
-        "known": "" if prepared.known is None else prepared.known.provenance,
-        "limits": [survey.limits.digest() for survey in prepared.surveys],
-        "observed": "" if prepared.log is None else prepared.log.provenance,
-        "visibility": load_visibility(config.universe.visibility).content(),
+        "ground": ground.content(),
         "images": n_images,
     }
 
@@ -69,7 +63,7 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     counts = {"n_strategies": n, "n_universes": universes, "n_blocks": blocks, "n_images": n * n_images}
     doubtful = 0 if config.doubt is None else len(config.doubt.values)
     plays = times * n + plays_of(config.doubt, n)
-    steps = times * (1 + 2 * n + blocks) + told_steps(config.doubt, n, blocks // n) + n * n_images
+    steps = times * (n + blocks) + told_steps(config.doubt, n, blocks // n) + n * n_images
     return Cost(
         counts=counts | {"n_steps": steps},
         times_s=[(_PLAY_S * plays * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
@@ -88,9 +82,7 @@ def simulate_block(
     return rows_of(simulate_survey(survey, block=block, n=n, seed=seed), survey.strategy.name, block * BLOCK)
 
 
-def whatif_job(
-    config: StrategiesConfig, *, n_images: int = 0, pages: bool = True, advance: Advance = untold
-) -> Job[WhatIfResult]:
+def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = True) -> Job[WhatIfResult]:
     """Return the job that compares strategies.
 
     Parameters
@@ -100,25 +92,32 @@ def whatif_job(
         Detections of each strategy that are confirmed at image level.
     pages : bool
         Whether to write the report for people; its figures take as long as a small survey.
-    advance : Advance
-        Told about every finished step of the preparation.
     """
     if config.doubt is not None:
         doubted(config)  # what cannot be is refused before anything is made
-    prepared = functools.cache(lambda: prepare(config, advance=advance))
+    states = taken_back(config)
+
+    @functools.cache
+    def grounds() -> tuple[Ground, ...]:
+        """What strategies are planned with: with all facts, then in every state without one."""
+        now = read_ground(config)
+        return (now, *(read_ground(state, now) for state in states.values()))
+
+    made: list[Prepared] = []
 
     def work(runner: Runner) -> WhatIfResult:
-        ready, store = prepared(), ResultStore(runner.folder, TABLES)
+        made[:] = planned((config, *states.values()), grounds(), runner)
+        ready, store = made[0], ResultStore(runner.folder, TABLES)
         blocks = runner.finish(simulate_block, _blocks(ready), common=(ready.surveys,), store=store)
+        without = _without_facts(dict(zip(states, made[1:], strict=True)), runner)
         store.merge(list(blocks))
         tables = {table.name: store.read(table.name) for table in TABLES}
         images = _images(ready, tables["detections"], runner, n_images)
-        without = _without_facts(ready, runner, advance)
-        doubt = doubt_record(config, runner, advance)
+        doubt = doubt_record(config, runner)
         return assemble(ready, tables, images, without, runner.digest, doubt)
 
     def write(folder: RunFolder, result: WhatIfResult, bodies: Mapping[str, Any]) -> None:
-        ready = prepared()
+        ready = made[0]
         about = {"version": __version__, "config_hash": result.config_hash, "catalogue": result.catalogue}
         date_utc = config.universe.date_utc or config.universe.start_utc
         for name, text in visit_files(ready.surveys, ready.odds, about | {"date_utc": date_utc}).items():
@@ -130,7 +129,7 @@ def whatif_job(
     return Job(
         kind="whatif",
         results=RESULT_VERSION,
-        decides=lambda: decided_by(prepared(), n_images),
+        decides=lambda: decided_by(config, grounds()[0], n_images),
         work=work,
         write=write,
         products=(*table_files(TABLES), *VISIT_FILES, *(WHATIF_PRODUCTS if pages else ())),
@@ -157,8 +156,7 @@ def run_whatif(
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
-    advance = how.get("advance", untold)
-    return run(whatif_job(config, n_images=n_images, pages=pages, advance=advance), out, **how)
+    return run(whatif_job(config, n_images=n_images, pages=pages), out, **how)
 
 
 def _blocks(prepared: Prepared) -> list[Task]:
@@ -171,12 +169,11 @@ def _blocks(prepared: Prepared) -> list[Task]:
     return tasks
 
 
-def _without_facts(prepared: Prepared, runner: Runner, advance: Advance) -> dict[str, list[Counts]]:
+def _without_facts(states: Mapping[str, Prepared], runner: Runner) -> dict[str, list[Counts]]:
     """Planets found without each fact, by strategy: planned anew, played in the same universes."""
     surveys: list[Survey] = []
     tasks: dict[str, list[list[Task]]] = {}
-    for fact, state in taken_back(prepared.config).items():
-        ready = prepare(state, sky=prepared.sky, advance=advance)
+    for fact, ready in states.items():
         tasks[fact] = [[] for _ in ready.surveys]
         for task in _blocks(ready):
             which, *rest = task.arguments
@@ -220,22 +217,22 @@ def assemble(
     doubt: DoubtRecord | None = None,
 ) -> WhatIfResult:
     """The result from its tables."""
-    config, calendar = prepared.config, prepared.calendar
+    config, ground, universe = prepared.config, prepared.ground, prepared.config.universe
     outcomes, universes = [], []
     for survey, sample in zip(prepared.surveys, images, strict=True):
         own = {name: _rows(columns, survey.strategy.name) for name, columns in tables.items()}
         universes.append(own["universes"])
         outcomes.append(outcome(survey, own, _first_visits(survey), sample))
     changed = differences([item.name for item in outcomes], universes)
-    begins = calendar.start_mjd + config.universe.slot_days * np.arange(calendar.n_slots)
+    begins = mjd_of(universe.start_utc) + universe.slot_days * np.arange(universe.n_slots)
     return WhatIfResult.of(
         config,
         version=__version__,
         config_hash=digest,
         universe=_named(config),
-        catalogue=prepared.catalogue.provenance,
-        known_planets="" if prepared.known is None else prepared.known.provenance,
-        observed="" if prepared.log is None else prepared.log.provenance,
+        catalogue=ground.catalogue.provenance,
+        known_planets="" if ground.known is None else ground.known.provenance,
+        observed="" if ground.log is None else ground.log.provenance,
         n_universes=config.universe.universes,
         slot_utc=[text[:10] for text in utc_of(begins)],
         strategies=outcomes,

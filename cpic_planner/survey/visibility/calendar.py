@@ -1,5 +1,6 @@
 """When targets can be seen: targets x dates, with what prevents it."""
 
+import functools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -216,10 +217,10 @@ def visibility(
         if int(times[-1].ymdhms.year) > LAST_YEAR:
             raise InputError("n_days", n_days, unit="d", allowed=f"an end before {LAST_YEAR + 1}")
         elapsed = (times - Time(orbit.epoch_utc, format="isot", scale="utc")).to_value("s")
-        sun, moon = body_km("sun", times), body_km("moon", times)
+    sun, moon = _sun_and_moon_km(begin, n_steps, step_days)
     circle = CircularOrbit(orbit)
-    cosine_sun = targets @ _unit(sun).T
-    sun_deg, moon_deg = _angles_deg(cosine_sun), _angles_deg(targets @ _unit(moon).T)
+    cosine_sun = _cosines(targets, _unit(sun))
+    sun_deg, moon_deg = _angles_deg(cosine_sun), _angles_deg(_cosines(targets, _unit(moon)))
     parallax_deg = np.rad2deg(np.arcsin(circle.radius_km / np.linalg.norm(moon, axis=1)))
     roll = roll_half_range_deg(sun_deg, config)
     blocked = np.zeros(sun_deg.shape, dtype=np.int8)
@@ -269,11 +270,27 @@ def _angles_deg(cosine: FloatArray) -> FloatArray:
     return np.asarray(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
+@functools.lru_cache(maxsize=4)
+def _sun_and_moon_km(begin_utc: str, n_steps: int, step_days: float) -> tuple[FloatArray, FloatArray]:
+    """Where Sun and Moon stand in the middle of each step: most of the work of a calendar, the same for all targets."""
+    from astropy.time import Time
+
+    with offline_time():
+        first = Time(begin_utc, format="isot", scale="utc").mjd
+        times = Time(first + step_days * (np.arange(n_steps) + 0.5), format="mjd", scale="utc")
+        return body_km("sun", times), body_km("moon", times)
+
+
+def _cosines(targets: FloatArray, others: FloatArray) -> FloatArray:
+    """Products of unit vectors, ``(n, 3)`` and ``(d, 3)``: the same bytes for a target whatever others there are."""
+    return np.asarray(np.einsum("ni,di->nd", targets, others, optimize=False))
+
+
 def _geometry(
     targets: FloatArray, sun: FloatArray, cosine_sun: FloatArray, plane: tuple[Any, Any], allowed: BoolArray
 ) -> Geometry:
     """Targets and Suns in the planes of the orbits, for the allowed pairs of target and date."""
-    along = [(targets @ axis.T)[allowed] for axis in plane]
+    along = [_cosines(targets, axis)[allowed] for axis in plane]
     of_sun = [np.broadcast_to(np.einsum("ij,ij->i", sun, axis), allowed.shape)[allowed] for axis in plane]
     in_plane = np.hypot(*along)
     # At a pole of the orbit no direction in the plane is nearest: any will do.

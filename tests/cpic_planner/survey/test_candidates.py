@@ -10,7 +10,7 @@ from cpic_planner.etc import build_model
 from cpic_planner.planets import StarLimits
 from cpic_planner.queries import Strategy
 from cpic_planner.survey.calendar import make_calendar
-from cpic_planner.survey.candidates import candidates, screen, settings_of
+from cpic_planner.survey.candidates import candidates, chosen_stars, screen, settings_of
 from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
 from cpic_planner.survey.planning import N_DRAWS, N_KNOWN, Host, PlanningSky, albedos_of
 from cpic_planner.survey.strategy import VisitRule
@@ -46,7 +46,7 @@ def looked(strategy, model, everyone, known):
     """Screened stars with their calendar and candidates."""
     config = strategy
     rules = config.strategies[0]
-    screened = screen(rules, model, everyone, known, 1)
+    screened = screen(rules, model, *chosen_stars(rules, everyone, known), 1)
     stars = screened.targets.select(screened.rows)
     calendar = make_calendar(config.universe, INSTRUMENT, load_visibility(), stars)
     sky = PlanningSky(1, reach_au(model, 1.0))
@@ -129,13 +129,12 @@ def test_values_weigh_known_and_new_planets(small, model, everyone, known):
     assert worth["known"][alone] == worth["plain"][alone]
 
 
-def test_cuts(refused, small, model, everyone, known):
+def test_cuts(refused, small, everyone, known):
     everyone = everyone.select(np.argsort(everyone.distance_pc)[:60])
 
     def names(**cuts):
-        return set(
-            screen(small({"targets": {"names": []} | cuts}).strategies[0], model, everyone, known, 1).targets.name
-        )
+        rules = small({"targets": {"names": []} | cuts}).strategies[0]
+        return set(chosen_stars(rules, everyone, known)[0].name)
 
     assert len(names()) == len(everyone)
     assert names(names=["tau Cet"]) == {"tau Cet"}

@@ -14,6 +14,7 @@ import pytest
 
 from cpic_planner.jobs.engine import ClusterError
 from cpic_planner.jobs.folder import open_run_folder
+from cpic_planner.survey import run_whatif
 from cpic_planner.survey.store import ResultStore
 
 pytestmark = pytest.mark.long
@@ -202,3 +203,34 @@ def test_the_client_dies(tasks, undisturbed, cluster, tmp_path):
     done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address)
     assert sorted(done + [int(key) for key in kept]) == EVERY_PART
     assert files == undisturbed
+
+
+TABLES = ("universes.parquet", "detections.parquet", "stars.parquet", "whatif.json", "visits.csv")
+
+
+def test_workers_die_while_strategies_are_planned_and_played(small, cluster, tmp_path):
+    """Both workers are killed with plans in flight, and again with blocks in flight: the same files in the end."""
+    few = (
+        {"name": "plain"},
+        {"name": "deep", "visit": {"time_s": 72000}},
+        {"name": "short", "visit": {"time_s": 9000}},
+    )
+    config = small(*few, universe={"universes": 300, "exclusions": ["rv"], "facts": True})
+    cluster.start_scheduler()
+    cluster.start_workers(2)
+    told = []
+
+    def advance(text, steps=1, /):
+        kind = "plan" if text.endswith("plan") else "block"
+        told.append(kind)
+        if told.count(kind) == 1:  # of 3 plans, or of 9 blocks
+            for worker in cluster.workers:
+                cluster.kill(worker)
+            cluster.start_workers(2)
+
+    folders = {"serial": {}, "two": {"workers": 2}, "killed": {"scheduler": cluster.address, "advance": advance}}
+    for name, how in folders.items():
+        run_whatif(config, tmp_path / name, pages=False, **how)
+    assert told.count("plan") == len(few)
+    for table in TABLES:
+        assert len({(tmp_path / name / table).read_bytes() for name in folders}) == 1, table

@@ -82,7 +82,7 @@ def test_every_cell_is_a_replay_by_hand(run, config, plans):
     _, result, _ = run
     doubt = result.doubt
     assert [(value.text, value.weight > 0.0) for value in doubt.values] == [("0.02 nm", True), ("0.2 nm", True)]
-    instrument = prepare(config).instrument
+    instrument = prepare(config).ground.instrument
     worth, planets, value = {}, {}, {}
     for s, strategy in enumerate(config.strategies):
         for p, t in ((0, 0), (0, 1), (1, 0), (1, 1)):

@@ -13,7 +13,7 @@ import cpic_planner.survey.whatif as module
 from cpic_planner.results import DifferenceRecord, WhatIfResult
 from cpic_planner.survey import run_whatif, varied
 from cpic_planner.survey.observed import read_log
-from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.prepare import read_ground
 from cpic_planner.survey.store import read_table
 from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.whatif import decided_by, whatif_cost
@@ -32,12 +32,15 @@ UNIVERSE = {"universes": 130}
 class Told(list):
     """What progress was told."""
 
+    steps = 0
+
     def __call__(self, text, steps=1, /):
         self.append(text)
+        self.steps += steps
 
 
-def digest_of(prepared, n_images):
-    return content_hash(decided_by(prepared, n_images))
+def digest_of(config, ground, n_images=0):
+    return content_hash(decided_by(config, ground, n_images))
 
 
 def digests(folder):
@@ -56,7 +59,7 @@ def run(small, tmp_path_factory):
 def test_every_block_is_told_and_counted(run, small):
     _, done, told = run
     assert (done.computed_parts, done.resumed_parts) == (6, 0)
-    assert len(told) == whatif_cost(small(*STRATEGIES, universe=UNIVERSE)).counts["n_steps"]
+    assert told.steps == whatif_cost(small(*STRATEGIES, universe=UNIVERSE)).counts["n_steps"]
 
 
 def test_the_result_is_that_of_its_tables(run):
@@ -170,35 +173,47 @@ CHANGES = {
 }
 
 
+@pytest.fixture(scope="module")
+def ground(small):
+    return read_ground(small())
+
+
 @pytest.mark.parametrize("change", CHANGES)
-def test_the_hash_tells_what_decides_results(plain, small, change):
+def test_the_hash_tells_what_decides_results(ground, small, change):
     strategy, universe = CHANGES[change]
-    assert digest_of(replace(plain, config=small(strategy, universe=universe)), 0) != digest_of(plain, 0)
-    assert digest_of(replace(plain, config=small()), 0) == digest_of(plain, 0)
+    digest = digest_of(small(), ground)
+    assert digest_of(small(strategy, universe=universe), ground) != digest
+    assert digest_of(small(), read_ground(small())) == digest
+    assert digest_of(small(), ground, 3) != digest
 
 
-def test_the_hash_counts_what_is_known_of_the_stars(plain, excluding):
-    (survey,) = plain.surveys
-    limits = excluding(survey.targets.name, 0.5)
-    assert digest_of(replace(plain, surveys=(replace(survey, limits=limits),)), 0) != digest_of(plain, 0)
+def test_the_hash_counts_what_is_known_of_the_stars(ground, small):
+    universe = small(universe={"exclusions": ["rv"]}).universe
+    assert digest_of(small(), replace(ground, universe=universe)) != digest_of(small(), ground)
 
 
-def test_the_hash_counts_the_table_of_known_planets(plain):
-    assert digest_of(replace(plain, known=None), 0) != digest_of(plain, 0)
+def test_the_hash_counts_the_table_of_known_planets(ground, small):
+    assert digest_of(small(), replace(ground, known=None)) != digest_of(small(), ground)
 
 
-def test_the_hash_counts_files_by_what_is_in_them(plain, small, tmp_path):
-    digest = digest_of(plain, 0)
-    assert digest_of(prepare(small()), 0) == digest
-    assert digest_of(plain, 3) != digest
+def test_the_hash_counts_the_stars_of_each_strategy(ground, small):
+    (case,) = ground.cases
+    fewer = replace(case, targets=case.targets.select([0, 1]))
+    twice = replace(ground, cases=(case, case))
+    assert digest_of(small(), replace(ground, cases=(fewer,))) != digest_of(small(), ground)
+    assert digest_of(small(), replace(ground, cases=(case, fewer))) != digest_of(small(), twice)
+
+
+def test_the_hash_counts_files_by_what_is_in_them(ground, small, tmp_path):
+    digest = digest_of(small(), ground)
     for name in ("a", "b"):  # another place of the same limits
         (tmp_path / name).mkdir()
         (tmp_path / name / "mine.yaml").write_text("moon_deg: 25\n")
     (tmp_path / "c.yaml").write_text("moon_deg: 26\n")
-    found = [
-        digest_of(replace(plain, config=small(universe={"visibility": str(path)})), 0)
-        for path in (tmp_path / "a/mine.yaml", tmp_path / "b/mine.yaml", tmp_path / "c.yaml")
-    ]
+    found = []
+    for path in (tmp_path / "a/mine.yaml", tmp_path / "b/mine.yaml", tmp_path / "c.yaml"):
+        config = small(universe={"visibility": str(path)})
+        found.append(digest_of(config, read_ground(config)))
     assert found[0] == found[1]
     assert len({digest, *found}) == 3
     log = tmp_path / "log.csv"
@@ -208,14 +223,15 @@ def test_the_hash_counts_files_by_what_is_in_them(plain, small, tmp_path):
             "star,start_utc,band,exposure_s,n_frames,em_gain,telescope_h\n"
             f"tau Cet,2028-02-01T00:00:00,F520,20,100,400,{hours}\n"
         )
-        logged.append(digest_of(replace(plain, log=read_log(log)), 0))
+        logged.append(digest_of(small(), replace(ground, log=read_log(log))))
     assert len({digest, *logged}) == 3
 
 
-def test_the_hash_of_another_instrument(plain, small, tmp_path):
+def test_the_hash_of_another_instrument(ground, small, tmp_path):
     high = tmp_path / "high.yaml"
     high.write_text("mission: {orbit: {altitude_km: 500}}\n")
-    assert digest_of(prepare(small(universe={"instrument": str(high)})), 0) != digest_of(plain, 0)
+    config = small(universe={"instrument": str(high)})
+    assert digest_of(config, read_ground(config)) != digest_of(small(), ground)
 
 
 def test_nothing_to_find_is_an_answer(small, tmp_path, no_report):
@@ -224,6 +240,22 @@ def test_nothing_to_find_is_an_answer(small, tmp_path, no_report):
     assert done.result.statement == "No strategy finds a planet in any universe."
     assert done.result.strategies[0].planets.mean == 0.0
     assert json.loads((tmp_path / "none/whatif.json").read_text())["strategies"][0]["targets"] == []
+
+
+EXTREMES = {
+    "a calendar without a visit": ({}, {"duration_days": 1, "slot_days": 1}, 0.0),
+    "a thousand visits": ({"revisits": {"max_visits": 1000}}, {}, 300.0),
+    "no drift": ({"assumptions": {"drift": 0}}, {}, 300.0),
+}
+
+
+@pytest.mark.parametrize("extreme", EXTREMES)
+def test_extremes_of_one_star_are_answers(small, tmp_path, extreme):
+    strategy, universe, most_h = EXTREMES[extreme]
+    config = small({"targets": {"names": ["tau Cet"]}} | strategy, universe={"universes": 10} | universe)
+    (found,) = run_whatif(config, tmp_path, pages=False).result.strategies
+    assert (found.hours.mean > 0.0) == (most_h > 0.0)
+    assert found.hours.mean <= most_h
 
 
 def test_the_cost_grows_with_the_work(small):
