@@ -11,7 +11,7 @@ from cpic_planner.survey.plans import Pool, Prices, charges, least_gain, remarks
 from cpic_planner.survey.schedule import ROUNDING, Problem, Room, StarValue, Visit
 
 _FALLS, _CLOSED = 1e-4, 1e-9
-_DEEP = 10
+_DEEP = 5
 _KEPT = (0.8, 0.5, 0.3, 0.1)
 
 
@@ -67,7 +67,7 @@ def lagrangian_bound(
         bound = best.bound
         for visits in best.plans:
             pool.add(problem, visits)
-        if bound > known + _CLOSED * abs(known) and star.most > _DEEP:
+        if bound > known + _CLOSED * abs(known) and star.most > _DEEP * problem.needed:
             bound = min(bound, max([0.0] + [star.bound(pool, *span, rounds) for span in star.spans()]))
         found.append(float(bound))
     return Bound(time + sum(found), tuple(found), prices)

@@ -37,6 +37,10 @@ class Prices:
     budget: float
     slots: FloatArray
 
+    def near(self, other: "Prices") -> bool:
+        """Whether they hardly differ from others."""
+        return bool(np.allclose(self.slots, other.slots) and np.isclose(self.budget, other.budget))
+
 
 def charges(problem: Problem, star: int, prices: Prices) -> FloatArray:
     """Return the price of the time of each visit of a star, shape ``(o, b)``; infinite where none is possible."""
