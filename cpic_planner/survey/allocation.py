@@ -27,8 +27,6 @@ class Effort:
         How often that is.
     cuts : int
         Rounds of cuts for the bound of a star that can have many visits.
-    near : float
-        Relative distance from the bound from which on all plans are listed that a better schedule could have.
     """
 
     rounds: int
@@ -37,14 +35,13 @@ class Effort:
     nodes: int
     bounds: int
     cuts: int
-    near: float
 
 
-_USUAL = Effort(rounds=6, choice=2000, gap=1e-4, nodes=8000, bounds=2, cuts=10, near=0.1)
+_USUAL = Effort(rounds=6, choice=2000, gap=1e-4, nodes=8000, bounds=2, cuts=10)
 EFFORTS = {
     "greedy": _USUAL,
     "auto": _USUAL,
-    "exact": Effort(rounds=40, choice=100_000, gap=0.0, nodes=400_000, bounds=20, cuts=40, near=1.0),
+    "exact": Effort(rounds=40, choice=100_000, gap=0.0, nodes=400_000, bounds=20, cuts=40),
 }
 
 
@@ -115,7 +112,7 @@ def _of_group(problem: Problem, room: Room, group: Sequence[int], made: Chosen, 
     chosen = _best(problem, room, group, pools, own if _fits(problem, room, own) else {}, effort)
     value = sum(StarValue.of(problem.stars[star], problem.needed, visits).value for star, visits in chosen.items())
     least = bound.value
-    if value < least <= value * (1.0 + effort.near) and add_all_near(problem, room, pools, bound, value, each):
+    if value < least and bound.ended and add_all_near(problem, room, pools, bound, value, each):
         least = min(least, max(value, share(problem, room, pools, nodes=effort.choice, gap=effort.gap).bound))
     return _best(problem, room, group, pools, chosen, effort), least
 

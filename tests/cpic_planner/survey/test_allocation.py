@@ -107,7 +107,7 @@ def test_more_of_seven_stars_with_twenty_visits(problems, record_property):
 def test_bounds_are_true_wherever_the_search_ends(problems, seed, needed, limits, nodes):
     """With no search tree at all it is the cuts that bound a star; with a few nodes, whichever is lower."""
     problem = problems.random_problem(seed, slots=4, needed=needed, **limits)
-    effort = Effort(rounds=0, choice=1, gap=0.1, nodes=nodes, bounds=1, cuts=3, near=0.1)
+    effort = Effort(rounds=0, choice=1, gap=0.1, nodes=nodes, bounds=1, cuts=3)
     with mock.patch.object(bounds, "_DEEP", 0 if nodes < 12 else 5):
         schedule = make_schedule(problem, effort)
     assert problems.allowed(problem, visits_of(schedule))
