@@ -102,11 +102,13 @@ def whatif(
         varied,
         whatif_job,
         with_doubt,
+        with_exact_calendars,
         with_universe,
     )
 
     config = with_universe(_chosen(load_strategies(question.strategies), question.strategy), question.shared())
     config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
+    config = with_exact_calendars(config) if question.exact else config
     config = with_doubt(config, question.doubt)
     note(*(f"varied: {line}" for line in variation_lines(config)))
     table = known_table(config.universe)

@@ -131,6 +131,9 @@ class WhatIfQuestion(RunQuestion):
         "velocities, stability, known giants, companion stars), and say which fact moved which number.",
         unset="as the file says; not with values that vary",
     )
+    exact: bool = asked(
+        False, "Search for the best calendar of every strategy much longer: minutes each (scheduler.method exact)."
+    )
     images: int = asked(6, "Detections of each strategy that are simulated as images.", ge=0)
     workers: int = asked(
         2, "Local worker processes; results do not depend on their number.", ge=1, le=256, physics=False

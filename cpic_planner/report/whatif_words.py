@@ -198,7 +198,11 @@ _RULES = {
     "expected": "predicted significance reaches the threshold; no chance in it",
 }
 _HOSTS = {"any": "", "first": "stars with known planets come first", "only": "only stars with known planets"}
-_METHODS = {"greedy": "best gain per hour first, with look-ahead", "milp": "mixed-integer programme"}
+_METHODS = {
+    "auto": "whole plans of stars weighed against each other, with a limited search",
+    "exact": "whole plans of stars weighed against each other, with a long search",
+    "greedy": "best gain per hour first, with look-ahead",
+}
 
 
 def universe_facts(result: WhatIfResult) -> list[tuple[str, str]]:

@@ -4,6 +4,7 @@ from cpic_planner.survey.strategy_file import (
     StrategiesConfig as StrategiesConfig,
     load_strategies as load_strategies,
     with_doubt as with_doubt,
+    with_exact_calendars as with_exact_calendars,
     with_universe as with_universe,
 )
 from cpic_planner.survey.sweeps import variation_lines as variation_lines, varied as varied

@@ -1,7 +1,7 @@
 """The schedule of a strategy, and the bound that says how far it may be from the best one."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cpic_planner.survey.bounds import add_all_near, lagrangian_bound
 from cpic_planner.survey.greedy import greedy
@@ -37,7 +37,7 @@ class Effort:
     cuts: int
 
 
-_USUAL = Effort(rounds=6, choice=2000, gap=1e-4, nodes=6000, bounds=2, cuts=12)
+_USUAL = Effort(rounds=6, choice=2000, gap=1e-4, nodes=8000, bounds=2, cuts=10)
 EFFORTS = {
     "greedy": _USUAL,
     "auto": _USUAL,
@@ -83,8 +83,9 @@ def _planned(problem: Problem, made: Chosen, effort: Effort) -> tuple[Chosen, fl
     groups, room = problem.groups(), Room.of(problem)
     found: Chosen = {}
     bound = 0.0
+    part = effort if len(groups) == 1 else replace(effort, nodes=effort.nodes // 4, bounds=1)
     for group in groups:
-        chosen, bound = _of_group(problem, room, group, made, effort)
+        chosen, bound = _of_group(problem, room, group, made, part)
         for star, visits in sorted(chosen.items()):
             for visit in visits:
                 room.take(star, visit, problem.cost_h(star, visit))
@@ -99,19 +100,19 @@ def _of_group(problem: Problem, room: Room, group: Sequence[int], made: Chosen, 
     each = effort.nodes // max(len(group), 1)
     pools = pools_of(problem, room, group, made)
     priced(problem, room, pools, effort.rounds)
-    bound = None
-    for _ in range(effort.bounds):
-        prices, known = share(problem, room, pools).prices, sum(len(pool.plans) for pool in pools)
-        again = lagrangian_bound(problem, room, pools, prices, effort.cuts, each)
-        bound = again if bound is None or again.value < bound.value else bound
-        if sum(len(pool.plans) for pool in pools) == known:
+    prices = share(problem, room, pools).prices
+    bound = lagrangian_bound(problem, room, pools, prices, effort.cuts, each)
+    for _ in range(1, effort.bounds):
+        before, prices = prices, share(problem, room, pools).prices
+        if prices.near(before):
             break
-    assert bound is not None
+        again = lagrangian_bound(problem, room, pools, prices, effort.cuts, each)
+        bound = min(bound, again, key=lambda item: item.value)
     own = {star: made[star] for star in group if star in made}
     chosen = _best(problem, room, group, pools, own if _fits(problem, room, own) else {}, effort)
     value = sum(StarValue.of(problem.stars[star], problem.needed, visits).value for star, visits in chosen.items())
     least = bound.value
-    if value < least and add_all_near(problem, room, pools, bound, value, each):
+    if value < least and bound.ended and add_all_near(problem, room, pools, bound, value, each):
         least = min(least, max(value, share(problem, room, pools, nodes=effort.choice, gap=effort.gap).bound))
     return _best(problem, room, group, pools, chosen, effort), least
 

@@ -11,7 +11,7 @@ from cpic_planner.survey.plans import Pool, Prices, charges, least_gain, remarks
 from cpic_planner.survey.schedule import ROUNDING, Problem, Room, StarValue, Visit
 
 _FALLS, _CLOSED = 1e-4, 1e-9
-_DEEP = 10
+_DEEP = 5
 _KEPT = (0.8, 0.5, 0.3, 0.1)
 
 
@@ -27,11 +27,14 @@ class Bound:
         What no plan of each star passes, less the price of its time.
     prices : Prices
         Those at which it was found.
+    ended : bool
+        Whether the search for the best plan of each star ended within its effort.
     """
 
     value: float
     stars: tuple[float, ...]
     prices: Prices
+    ended: bool
 
 
 def lagrangian_bound(
@@ -58,19 +61,19 @@ def lagrangian_bound(
     Science 27, 1).
     """
     time = prices.budget * max(room.budget_h, 0.0) + float(prices.slots @ np.maximum(room.slots_h, 0.0))
-    found = []
+    found, ended = [], True
     for pool in pools:
         charge = charges(problem, pool.star, prices)
         star = _Star.of(problem, room, pool.star, charge)
         known = max([plan.value - sum(charge[visit] for visit in plan.visits) for plan in pool.plans.values()] + [0.0])
         best = star.searched(known, nodes)
-        bound = best.bound
+        bound, ended = best.bound, ended and best.ended
         for visits in best.plans:
             pool.add(problem, visits)
-        if bound > known + _CLOSED * abs(known) and star.most > _DEEP:
+        if not best.ended and star.most > _DEEP * problem.needed:
             bound = min(bound, max([0.0] + [star.bound(pool, *span, rounds) for span in star.spans()]))
         found.append(float(bound))
-    return Bound(time + sum(found), tuple(found), prices)
+    return Bound(time + sum(found), tuple(found), prices, ended)
 
 
 def add_all_near(problem: Problem, room: Room, pools: Sequence[Pool], bound: Bound, value: float, nodes: int) -> bool:
@@ -98,7 +101,7 @@ def add_all_near(problem: Problem, room: Room, pools: Sequence[Pool], bound: Bou
     for pool, top in zip(pools, bound.stars, strict=True):
         star = _Star.of(problem, room, pool.star, charges(problem, pool.star, bound.prices))
         found = star.searched(top - slack, nodes, every=True)
-        every &= found.bound <= top - slack
+        every &= found.ended
         for visits in found.plans:
             pool.add(problem, visits)
     return every
@@ -128,10 +131,11 @@ class _Branch:
 
 @dataclass(frozen=True)
 class _Found:
-    """Better plans of a star, and what no other passes, less the price of its time."""
+    """Better plans of a star, what no other passes, less the price of its time, and whether the search ended."""
 
     bound: float
     plans: list[list[Visit]]
+    ended: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +248,8 @@ class _Star:
                 heapq.heappush(heap, (-again.bound, made, again))
             others = top.others[top.place + 1 :]
             branch(state, net, visits, others[~self.problem.near(item, slot)[self.columns[others, 1]]])
-        return _Found(max(best, -heap[0][0] if heap else best), found)
+        rest = -heap[0][0] if heap else best
+        return _Found(max(best, rest), found, rest <= best)
 
     def bound(self, pool: Pool, fewest: int, most: int, rounds: int) -> float:
         """Return the bound with between so many visits, by linear programming."""

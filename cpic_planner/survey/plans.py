@@ -37,6 +37,10 @@ class Prices:
     budget: float
     slots: FloatArray
 
+    def near(self, other: "Prices") -> bool:
+        """Whether they hardly differ from others."""
+        return bool(np.allclose(self.slots, other.slots) and np.isclose(self.budget, other.budget))
+
 
 def charges(problem: Problem, star: int, prices: Prices) -> FloatArray:
     """Return the price of the time of each visit of a star, shape ``(o, b)``; infinite where none is possible."""
@@ -227,7 +231,8 @@ def share(
     high = np.concatenate([[room.budget_h], room.slots_h, np.ones(len(pools))])
     worth = np.array([least * len(plan.visits) - plan.value for _, plan in every])
     if not nodes:
-        found = linprog(worth, A_ub=matrix, b_ub=np.maximum(high, 0.0), bounds=(0.0, None), method="highs")
+        with remarks_aside():
+            found = linprog(worth, A_ub=matrix, b_ub=np.maximum(high, 0.0), bounds=(0.0, None), method="highs")
         marginal = np.maximum(-found.ineqlin.marginals, 0.0)
         return Shared({}, -float(found.fun), Prices(float(marginal[0]), marginal[1 : 1 + slots]))
     options = {"mip_rel_gap": gap, "node_limit": nodes}

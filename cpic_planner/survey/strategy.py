@@ -183,17 +183,18 @@ class OrbitRule(FrozenModel):
 class SchedulerRule(FrozenModel):
     """How visits are put into the calendar.
 
-    ``min_gain`` is the least that a visit has to be worth, in planets; where a detection needs several visits, the mean
-    of a star's visits. ``look_ahead`` is the most visits of one star that the greedy choice weighs together where one
-    detection is enough: where several are needed, it weighs any number of them. ``gap`` is how near to the bound the
-    mixed-integer programme has to come; ``reserve`` the time planned beyond the budget, as a fraction of it, for
-    universes in which stop rules free some.
+    ``method``: ``auto`` weighs whole plans of stars (sets of visits) against each other, however many visits a
+    detection needs, with a search that ends after seconds; ``exact`` searches for minutes; ``greedy`` takes the visits
+    of most planets per hour first. All three state how far they may be from the best calendar. ``min_gain`` is the
+    least that a visit has to add to the others of its star, in planets. ``look_ahead`` is the most visits of one star
+    that the greedy choice weighs together where one detection is enough: where several are needed, it weighs any number
+    of them. ``reserve`` is the time planned beyond the budget, as a fraction of it, for universes in which stop rules
+    free some.
     """
 
     method: Literal["auto", "greedy", "exact"] = "auto"
     min_gain: Annotated[Real, Field(ge=0, le=1)] = 1e-3
     look_ahead: Annotated[int, Field(ge=1, le=5)] = 2
-    gap: Annotated[Real, Field(gt=0, le=1)] = 0.01
     reserve: Annotated[Real, Field(ge=0, le=10)] = 0.5
 
 

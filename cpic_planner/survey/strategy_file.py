@@ -291,6 +291,15 @@ def with_doubt(config: StrategiesConfig, text: str | None) -> StrategiesConfig:
     return config if text is None else config.model_copy(update={"doubt": DoubtRule.of(text)})
 
 
+def with_exact_calendars(config: StrategiesConfig) -> StrategiesConfig:
+    """The same strategies, whose calendars are searched for much longer."""
+    exact = [
+        item.model_copy(update={"scheduler": item.scheduler.model_copy(update={"method": "exact"})})
+        for item in config.strategies
+    ]
+    return config.model_copy(update={"strategies": tuple(exact)})
+
+
 def sources_of(config: StrategiesConfig) -> list[SettingSource]:
     """Sources of the numbers of all strategies and of what they share, equal ones once."""
     names, settings = [item.name for item in config.strategies], config.universe.model_dump(mode="json")

@@ -181,14 +181,18 @@ def report(found: dict[str, Any]) -> str:
         + table(*seasons.rows(found["seasons"])),
         "## How well it is scheduled\n\nValue: detections expected on the planets that schedules are made with, "
         "known planets "
-        "by their weight. The bound is that of a linear programme over all visits, which no schedule can pass.\n\n"
+        "by their weight. No schedule can pass the bound.\n\n"
         + table(
             ["strategy", "method", "value", "bound", "below the bound by"],
             [
                 (
                     row["strategy"],
                     row["method"]
-                    + (" (greedy was better)" if row["method"] == "milp" and row["chosen"] == "greedy" else ""),
+                    + (
+                        " (greedy was better)"
+                        if row["method"] == "plans of stars" and row["chosen"] == "greedy"
+                        else ""
+                    ),
                     f"{row['value']:.4f}",
                     f"{row['bound']:.4f}",
                     f"{row['distance']:.1%}",

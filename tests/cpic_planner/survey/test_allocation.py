@@ -2,14 +2,24 @@
 
 import ctypes
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
 import scipy.optimize
 from hypothesis import given, settings, strategies as st
 
-from cpic_planner.survey.allocation import make_schedule
+from cpic_planner.survey import bounds
+from cpic_planner.survey.allocation import Effort, make_schedule
 from cpic_planner.survey.schedule import Problem
+
+PROVES = (
+    "cpic_planner.survey.allocation",
+    "cpic_planner.survey.bounds",
+    "cpic_planner.survey.greedy",
+    "cpic_planner.survey.plans",
+    "cpic_planner.survey.schedule",
+)
 
 LIMITS = st.fixed_dictionaries(
     {
@@ -24,53 +34,92 @@ def visits_of(schedule):
     return [(visit.star, (visit.option, visit.slot)) for visit in schedule.visits if not visit.reserve]
 
 
-@settings(max_examples=40)
-@given(seed=st.integers(0, 10_000), needed=st.sampled_from([1, 1, 2]), limits=LIMITS)
+def with_method(problem, method):
+    rules = problem.strategy
+    scheduler = rules.scheduler.model_copy(update={"method": method})
+    return replace(problem, strategy=rules.model_copy(update={"scheduler": scheduler}))
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10_000), needed=st.integers(1, 3), limits=LIMITS)
 def test_values_and_bounds_hold_the_optimum_between_them(problems, seed, needed, limits):
     problem = problems.random_problem(seed, needed=needed, **limits)
     best = problems.optimum(problem)
     values = {}
-    for method in ("greedy", "auto"):
-        rules = problem.strategy
-        rules = rules.model_copy(update={"scheduler": rules.scheduler.model_copy(update={"method": method})})
-        schedule = make_schedule(replace(problem, strategy=rules))
+    for method in ("greedy", "auto", "exact"):
+        schedule = make_schedule(with_method(problem, method))
         visits = visits_of(schedule)
         assert problems.allowed(problem, visits)
         assert schedule.value == pytest.approx(problems.worth(problem, visits, needed), abs=1e-9)
         assert schedule.value <= best + 1e-9
-        assert schedule.bound >= best - 1e-6
+        assert schedule.bound >= best - 1e-9
         assert schedule.bound >= schedule.value
-        values[method] = schedule
-    assert values["auto"].value >= values["greedy"].value - 1e-9
-    assert values["auto"].bound <= values["greedy"].bound + 1e-6
-    if needed == 1:
-        # Single detections: the programme comes as near to the optimum as it says, or as asked.
-        assert values["auto"].value >= best * (1.0 - max(0.011, values["auto"].distance)) - 1e-9
-        assert values["auto"].distance <= 0.011 + 1e-9
+        values[method] = schedule.value
+    assert values["auto"] >= values["greedy"] - 1e-9
+    assert values["exact"] == pytest.approx(best, rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize(("needed", "seeds", "most_lost"), [(2, 20, 0.02), (3, 40, 0.001)])
-def test_several_visits_for_a_detection_are_planned_nearly_as_well_as_possible(problems, needed, seeds, most_lost):
-    """Against all schedules of two stars and four slots; a survey that could show planets is never empty."""
-    reached = []
+@pytest.mark.parametrize(("needed", "seeds", "least"), [(1, 140, 135), (2, 240, 160), (3, 620, 100)])
+def test_small_problems_are_planned_as_well_as_possible(problems, needed, seeds, least):
+    """By default, against all schedules of two stars and four slots: 400 surveys and more that can show a planet."""
+    reached, tops = [], []
     for seed in range(seeds):
-        for budget_h, gap_days in ((6.0, 0.0), (10.0, 25.0), (15.0, 45.0)):
-            problem = problems.random_problem(seed, slots=4, needed=needed, budget_h=budget_h, gap_days=gap_days)
-            best = problems.optimum(problem)
-            if best > 0.0:
-                reached.append(make_schedule(problem).value / best)
-    assert len(reached) >= 9
+        limits = {"budget_h": (6.0, 10.0, 15.0, 100.0)[seed % 4], "gap_days": (0.0, 25.0, 45.0)[seed % 3]}
+        problem = problems.random_problem(seed + 1000 * needed, slots=4, needed=needed, **limits)
+        best = problems.optimum(problem)
+        if best > 0.0:
+            schedule = make_schedule(problem)
+            reached.append(schedule.value / best)
+            tops.append(schedule.bound / best)
+    assert len(reached) >= least
     assert min(reached) > 0.5
-    assert np.mean(reached) > 1.0 - most_lost
+    assert np.mean(reached) >= 0.98
+    assert min(tops) >= 1.0 - 1e-9
+    assert np.mean(tops) <= 1.5
 
 
-@given(seed=st.integers(0, 300))
-@settings(max_examples=1)
-def test_larger_problems_end_within_their_gap(problems, seed):
-    problem = problems.random_problem(seed, stars=6, slots=8, options=2, budget_h=30.0, method="auto", gap=0.02)
-    schedule = make_schedule(problem)
+def against_a_long_search(problems, seeds):
+    reached, tops = [], []
+    for needed in (1, 2, 3):
+        for seed in seeds:
+            problem = problems.large_problem(seed, needed=needed, budget_h=(30.0, 60.0)[seed // 2 % 2])
+            best, schedule = problems.long_search(problem), make_schedule(problem)
+            assert problems.allowed(problem, visits_of(schedule))
+            reached.append(schedule.value / best)
+            tops.append(schedule.bound / best)
+    return np.array(reached), np.array(tops)
+
+
+def test_seven_stars_with_twenty_visits_are_planned_nearly_as_well_as_possible(problems):
+    reached, tops = against_a_long_search(problems, [4])
+    assert reached.min() >= 0.98
+    assert reached.max() <= 1.0 + 1e-6
+    assert tops.min() >= 1.0 - 1e-6
+    assert tops.max() <= 1.5
+
+
+@pytest.mark.long
+def test_more_of_seven_stars_with_twenty_visits(problems, record_property):
+    reached, tops = against_a_long_search(problems, range(12))
+    record_property("surveys", len(reached))
+    record_property("value over the optimum, mean and least", f"{reached.mean():.4f} {reached.min():.4f}")
+    record_property("bound over the optimum, mean and most", f"{tops.mean():.4f} {tops.max():.4f}")
+    assert reached.mean() >= 0.98
+    assert reached.max() <= 1.0 + 1e-6
+    assert tops.min() >= 1.0 - 1e-6
+    assert tops.mean() <= 1.5
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 10_000), needed=st.integers(1, 3), limits=LIMITS, nodes=st.sampled_from([0, 3, 12]))
+def test_bounds_are_true_wherever_the_search_ends(problems, seed, needed, limits, nodes):
+    """With no search tree at all it is the cuts that bound a star; with a few nodes, whichever is lower."""
+    problem = problems.random_problem(seed, slots=4, needed=needed, **limits)
+    effort = Effort(rounds=0, choice=1, gap=0.1, nodes=nodes, bounds=1, cuts=3)
+    with mock.patch.object(bounds, "_DEEP", 0 if nodes < 12 else 5):
+        schedule = make_schedule(problem, effort)
     assert problems.allowed(problem, visits_of(schedule))
-    assert schedule.distance <= 0.021
+    assert schedule.bound >= problems.optimum(problem) - 1e-9
 
 
 def test_a_problem_that_the_programme_solves_better(problems):
@@ -106,8 +155,7 @@ def test_bounds_hold_where_visits_have_to_be_worth_something(problems, seed, nee
         value = problems.worth(problem, visits, needed)
         assert schedule.value == pytest.approx(value, abs=1e-9)
         assert schedule.bound >= value - 1e-9
-        # Where one detection is enough, visits of the programme are worth as much alone, not together.
-        assert value >= least * len(visits) - 1e-9 or (method == "auto" and needed == 1)
+        assert value >= least * len(visits) - 1e-9
         for star, visit in visits if needed == 1 else ():
             assert problems.outcomes(problem.stars[star], 1, [visit]) >= least - 1e-9
 

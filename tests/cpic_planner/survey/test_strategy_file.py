@@ -2,7 +2,7 @@
 
 import pytest
 
-from cpic_planner.survey import load_strategies, varied, with_universe
+from cpic_planner.survey import load_strategies, varied, with_exact_calendars, with_universe
 from cpic_planner.survey.strategy_file import UniverseConfig, sources_of
 
 ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
@@ -121,3 +121,14 @@ def test_files_with_the_former_name_of_a_key(refused, tmp_path):
     (a,) = load_strategies(path).strategies
     assert (a.slot_share, a.assumptions.drift, a.assumptions.throughput) == (0.1, 2.0, 0.5)
     refused("strategies.share = given with slot_share", load, defaults={"share": 0.1, "slot_share": 0.1})
+
+
+def test_exact_calendars_change_nothing_else():
+    config = load_strategies("survey_default")
+    exact = with_exact_calendars(config)
+    assert {item.scheduler.method for item in config.strategies} == {"auto"}
+    assert {item.scheduler.method for item in exact.strategies} == {"exact"}
+    assert with_exact_calendars(exact) == exact
+    usual = [item.model_dump(exclude={"scheduler": {"method"}}) for item in config.strategies]
+    assert [item.model_dump(exclude={"scheduler": {"method"}}) for item in exact.strategies] == usual
+    assert exact.universe == config.universe
