@@ -197,7 +197,7 @@ def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", 
     place = ("separation_arcsec", "pa_deg", "v_mag", "teff_k")
     seen = {key: _known(getattr(target, f"companion_{key}")[0]) for key in place}
     if seen["pa_deg"] is not None:
-        seen["pa_deg"] = (seen["pa_deg"] - target.roll_deg) % 360.0
+        seen["pa_deg"] = (seen["pa_deg"] - float(target.roll_deg)) % 360.0
     near = companion_of(star.model_dump(), **seen)
     stars = tuple(SceneStar(**body) for body in near)
     disc = exozodi_disc(exozodi_zodis)
