@@ -344,10 +344,11 @@ def compare_strategies(question: queries.WhatIfQuestion) -> results.WhatIfResult
     >>> result.strategies[0].schedule.visits
     1
     """
-    from cpic_planner.survey import load_strategies, run_whatif, varied, with_universe
+    from cpic_planner.survey import load_strategies, run_whatif, varied, with_doubt, with_universe
 
     config = with_universe(load_strategies(question.strategies), question.shared())
     config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
+    config = with_doubt(config, question.doubt)
     with contextlib.ExitStack() as stack:
         folder = question.out or stack.enter_context(tempfile.TemporaryDirectory())
         pages = question.out is not None

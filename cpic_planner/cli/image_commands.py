@@ -35,9 +35,9 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
     --stars, --sp-type, --distance-max-pc, --dec-min, --dec-max and --known-hosts choose some of the ranked stars: the
     plan proposes the first of these, and each keeps its rank in the whole ranking beside.
 
-    Writes plan.json, sensitivity.json, run.json, ranking.csv, ranking.ecsv, measurements.csv and report.html into
-    --out. Stopped half way, it continues when started again on the same folder; the result is the same for any
-    number of workers.
+    Writes plan.json, sensitivity.json, known.json (known planets of the first stars, where there are any), run.json,
+    ranking.csv, ranking.ecsv, measurements.csv and report.html into --out. Stopped half way, it continues when started
+    again on the same folder; the result is the same for any number of workers.
 
     Examples:
 

@@ -33,15 +33,22 @@ def whatif(
     its stars; then it is played in made-up universes (--universes), each with its own planets, drift of calibration
     and luck, the same for all strategies, so that differences are known far better than yields. A sample of the
     detections is simulated as images and searched blind. Writes whatif.json, universes.parquet, detections.parquet,
-    stars.parquet, targets.csv, visits.csv (.ecsv, .json: the calendars, one line a visit), run.json and report.html
-    into --out. Stopped half way, it continues when started again on the same folder; the result is the same for any
-    number of workers.
+    stars.parquet, orbits.parquet (how well positions determine the orbits of the planets found), targets.csv,
+    visits.csv (.ecsv, .json: the calendars, one line a visit), run.json and report.html into --out.
+    Stopped half way, it continues when started again on the same folder; the result is the same for any number of
+    workers.
 
     New planets are those of the population that what is known of their star still allows (--exclusions: radial
     velocities, stability beside companion stars, known giants); what the same visits would find of the whole
     population stands beside. With --facts, as in the default strategies, every strategy is also planned and played
     without each of these facts, without what was published on known planets since 2019 and with companion stars where
     they were first listed, in the same universes, so that the report says which fact moved which number.
+
+    With --doubt, every strategy is planned for each value of a number that nobody knows before launch, and every plan
+    is played under each value with its visits and frames as they are, in the same universes: the report says which plan
+    loses least at worst, which finds most by the weights of the values, and what it is worth to know the number. In a
+    file, doubt: {key: drift, values: [0.05nm, 0.1nm], weights: [2, 1]} says the same; without weights those of the
+    default ensemble count, if it has the number.
 
     Examples:
 
@@ -60,6 +67,8 @@ def whatif(
       cpic whatif survey_default --no-facts --images 0
 
       cpic whatif survey_default --exclusions none
+
+      cpic whatif survey_default --doubt drift=0.02nm,0.05nm,0.1nm,0.2nm --no-facts
 
       cpic whatif my_strategies.yaml --scheduler tcp://cluster:8786
 
@@ -92,11 +101,13 @@ def whatif(
         variation_lines,
         varied,
         whatif_job,
+        with_doubt,
         with_universe,
     )
 
     config = with_universe(_chosen(load_strategies(question.strategies), question.strategy), question.shared())
     config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
+    config = with_doubt(config, question.doubt)
     note(*(f"varied: {line}" for line in variation_lines(config)))
     table = known_table(config.universe)
     note(*(() if table is None else table.notes))

@@ -29,11 +29,13 @@ from cpic_planner.confirm.stars import (
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
-from cpic_planner.queries import MAX_VISITS, PlanQuestion, observed_utc
+from cpic_planner.queries import DEFAULT_YEARS, MAX_VISITS, PlanQuestion, observed_utc
 from cpic_planner.ranking import KnownChoice, asked_stars, rank_under, timed_model
+from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.ranking.sensitivity import sensitivity
 from cpic_planner.results import (
     BandConfirmation,
+    KnownResult,
     LeftOutRow,
     NotImagedRow,
     PeriodRecord,
@@ -49,6 +51,8 @@ from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_targ
 from cpic_planner.validation import ConfirmTask, confirm_task
 
 _CHUNK = 20
+_SHOWN, _KNOWN_DRAWS = 50, 500
+"""Stars of the ranking whose known planets are shown, and draws of each planet."""
 
 
 @dataclass(frozen=True)
@@ -268,10 +272,13 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
             population=ready.drawn,
             score=config.score,
         )
+        known = _known(config, ready)
         announce("writing the report")
         folder.write("sensitivity.json", dump_json(firm.model_dump(mode="json")))
+        if known is not None:
+            folder.write("known.json", dump_json(known.model_dump(mode="json")))
         images = {(task.name, task.band): bodies[task.key] for task in ready.tasks}
-        write_report(folder, plan, ready.rank, ready.model, images, ready.targets, sensitivity=firm)
+        write_report(folder, plan, ready.rank, ready.model, images, ready.targets, firm, known)
 
     return Job(
         kind="plan",
@@ -279,7 +286,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
         decides=lambda: _decides(config, prepared()),
         work=work,
         write=write,
-        products=("sensitivity.json", *PRODUCTS),
+        products=("sensitivity.json", "known.json", *PRODUCTS),
         cost=lambda: images_cost(prepared().tasks, n_targets=len(prepared().chosen)),
     )
 
@@ -304,6 +311,20 @@ def make_plan(
         For bad input, or if ``out`` is in use or holds another configuration.
     """
     return run(plan_job(config, catalog), out, **how)
+
+
+def _known(config: PlanQuestion, ready: _Prepared) -> KnownResult | None:
+    """Known planets of the first stars of the ranking and their next windows; None where these have none."""
+    choice, first = ready.drawn, {row.name for row in ready.rank.targets[:_SHOWN]}
+    if not isinstance(choice, KnownChoice):
+        where = "snapshot", config.date_utc, config.planet.albedo, config.instrument
+        choice = KnownChoice.at(*where, n_draws=_KNOWN_DRAWS, seed=config.seed)
+    hosts = [i for i, name in enumerate(ready.targets.name.tolist()) if name in first and choice.table.rows_of(name)]
+    if not hosts:
+        return None
+    stars, catalogue = ready.targets.select(hosts), ready.rank.catalogue
+    found = known_answer(ready.model, stars, choice, years=DEFAULT_YEARS, catalogue=catalogue)
+    return found.model_copy(update={"planets": [row.model_copy(update={"track": None}) for row in found.planets]})
 
 
 def _decides(config: PlanQuestion, prepared: _Prepared) -> dict[str, Any]:

@@ -18,6 +18,13 @@ from cpic_planner.planets.motion import (
     span_days as span_days,
     star_masses_msun as star_masses_msun,
 )
+from cpic_planner.planets.orbit_errors import (
+    FLOOR_MAS as FLOOR_MAS,
+    STAR_MASS_ERROR as STAR_MASS_ERROR,
+    OrbitQuality as OrbitQuality,
+    astrometric_error_arcsec as astrometric_error_arcsec,
+    orbit_quality as orbit_quality,
+)
 from cpic_planner.planets.orbit_search import (
     OrbitSearch as OrbitSearch,
     ProgrammeMotion as ProgrammeMotion,

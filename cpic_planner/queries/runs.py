@@ -94,6 +94,11 @@ class WhatIfQuestion(RunQuestion):
     vary: Texts = asked(
         (), "KEY=VALUE,VALUE...: every strategy with each value, as drift=0.1nm,x3; repeat for several keys."
     )
+    doubt: str | None = asked(
+        None,
+        "KEY=VALUE,VALUE...: plan every strategy for each value of a number that is not known, play every plan under "
+        "each, and say which to take, as drift=0.02nm,0.05nm,0.1nm,0.2nm.",
+    )
     universes: int | None = asked(None, "Synthetic universes.", ge=2, le=10_000_000, unset="1000")
     seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, unset="1")
     start_utc: str | None = asked(None, "Begin of the survey, UTC.", option="--start")

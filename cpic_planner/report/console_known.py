@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.known_planet_columns import FLAGS
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
-from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, pretty_name, ratio_text
+from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, ratio_text
+from cpic_planner.report.priorities import known_planet_name
 from cpic_planner.report.summary import day_text, pointing_sentence
 from cpic_planner.report.words import BLOCK_WORDS
 from cpic_planner.results import (
@@ -49,7 +50,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
     print_table(console, title, _cells(), shown)
     if result.years is not None:
         years = f"{result.years:g} years from {result.date_utc[:10]}"
-        never = ", ".join(_planet_name(row) for row in counted[:limit] if not row.windows)
+        never = ", ".join(known_planet_name(row) for row in counted[:limit] if not row.windows)
         if never:
             print_plain(console, f"In no band more likely than not in the dark hole within {years}: {never}.")
         for row in counted[:limit]:
@@ -77,7 +78,7 @@ def _cells() -> list[Cells]:
         KnownPlanetRow,
         "planet distance_pc/5 period_days/4 semi_major_axis_au/3 eccentricity/6 mass_mjup/7 radius_rjup/8 "
         "separation_arcsec phase_deg/1 contrast in_hole/2 phase_known/2 status",
-        planet=_planet_name,
+        planet=known_planet_name,
         separation_arcsec=lambda row: _with_width(row.separation_arcsec, 3),
         phase_deg=lambda row: _with_width(row.phase_deg, 0),
         contrast=Cells("contrast", lambda row: ratio_text(row.bands[0].contrast.median)),
@@ -86,15 +87,11 @@ def _cells() -> list[Cells]:
     )
 
 
-def _planet_name(row: KnownPlanetRow) -> str:
-    return f"{pretty_name(row.star)} {row.planet.rpartition(' ')[2]}"
-
-
 def _print_standing(row: KnownPlanetRow, console: Console) -> None:
     """Print how sure a planet is, who says so, and where its orbit was published."""
     words = {(False, True): ", not counted unless candidates are asked for", (True, True): ", counted as asked"}
     asked = words.get((row.counted, row.status == "candidate"), "" if row.counted else ", not counted")
-    sentences = [f"{_planet_name(row)}: {row.status}{asked}"]
+    sentences = [f"{known_planet_name(row)}: {row.status}{asked}"]
     sentences += [f"Status from {row.status_reference}"] if row.status_reference else []
     sentences += [row.note[0].upper() + row.note[1:]] if row.note else []
     if len(row.orbits) > 1:
@@ -131,7 +128,7 @@ def _print_windows(row: KnownPlanetRow, result: KnownResult, console: Console) -
     for spans, names in bands.items():
         inside = f"more likely than not in the dark hole {spans}" if spans else "at no time more likely than not in it"
         if row.windows:
-            print_plain(console, f"{_planet_name(row)}, {', '.join(names)}: {inside}")
+            print_plain(console, f"{known_planet_name(row)}, {', '.join(names)}: {inside}")
 
 
 def _span(window: KnownWindow) -> str:

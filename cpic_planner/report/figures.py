@@ -19,6 +19,7 @@ from cpic_planner.report.panel_figure import PanelSheet
 from cpic_planner.report.panels import Panels
 from cpic_planner.report.sky_figures import margin_figure, sky_map
 from cpic_planner.report.whatif_curves import convergence_figure, curves_figure, sweep_figure
+from cpic_planner.report.whatif_doubt import doubt_figure
 from cpic_planner.report.whatif_maps import FEW, left_out, looks_of, row_label, shown_rows
 from cpic_planner.results import DifferenceRecord, EstimateRecord, PlanResult, RankResult, WhatIfResult
 
@@ -262,6 +263,7 @@ WHATIF_FIGURES: dict[str, tuple[str, Callable[[WhatIfResult], Picture | None]]] 
     "sweep": ("What the varied setting does", sweep_figure),
     "yields": ("What each strategy yields", yields_figure),
     "differences": ("Is the difference real?", differences_figure),
+    "doubt": ("What each plan loses", doubt_figure),
     "curves": ("Yield against telescope time", curves_figure),
     "time": ("Where the time goes", time_figure),
     "calendar": ("Who is visited when", whatif_maps.calendar_figure),

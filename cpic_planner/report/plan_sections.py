@@ -12,7 +12,7 @@ from cpic_planner.report.cells import Cells, frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import PLAN_FIGURES
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, pretty_name, significant
-from cpic_planner.report.priorities import priority_blocks
+from cpic_planner.report.priorities import known_blocks, priority_blocks, sensitivity_blocks
 from cpic_planner.report.words import method_credits, terms
 
 
@@ -30,6 +30,8 @@ class PlanReport:
         Image panels by ``BandConfirmation.image``.
     sensitivity : SensitivityResult, optional
         How the ranking depends on assumptions.
+    known : KnownResult, optional
+        Known planets of the first stars, and when the dark hole covers them.
     top_rows : int
         Rows of the ranking to print.
     """
@@ -39,6 +41,7 @@ class PlanReport:
     figures: Mapping[str, Picture]
     images: Mapping[str, Picture]
     sensitivity: results.SensitivityResult | None = None
+    known: results.KnownResult | None = None
     top_rows: int = 50
 
     @property
@@ -173,39 +176,14 @@ def _request(report: PlanReport) -> Iterator[doc.Block]:
 @doc.section_of(PLAN_SECTIONS, "priorities", "Priorities")
 def _priorities(report: PlanReport) -> Iterator[doc.Block]:
     yield from priority_blocks(report.rank, report.rows)
+    if report.known is not None:
+        yield from known_blocks(report.known)
 
 
 @doc.section_of(PLAN_SECTIONS, "sensitivity", "What the ranking depends on")
 def _sensitivity(report: PlanReport) -> Iterator[doc.Block]:
-    sensitivity = report.sensitivity
-    if sensitivity is None:
-        return
-
-    def counted(row: results.SensitivityRow) -> doc.Inline:
-        badge = doc.badge("unreachable", "decides") if row.assumption in sensitivity.decides else ""
-        return doc.lines(count_text(row.n_ok), badge)
-
-    def fall(row: results.SensitivityRow) -> str:
-        ranks = row.largest_fall_ranks
-        return f"{pretty_name(row.largest_fall)}, {ranks}" if ranks > 0 else MISSING
-
-    columns = doc.row_columns(
-        results.SensitivityRow,
-        "text:row,text n_ok kendall_tau_b n_compared kept largest_fall best",
-        n_ok=counted,
-        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {sensitivity.top}"),
-        largest_fall=fall,
-        best=lambda row: pretty_name(row.best),
-    )
-    caption = (
-        f"The same {count_text(sensitivity.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
-        f"{count_text(sensitivity.n_ok)} reference planets are detected. Tau: {words.tau_text(sensitivity.top)}. An "
-        "assumption decides the ranking if it changes the number of detected reference planets by "
-        f"{100 * sensitivity.deciding_share:g} % or more, or if tau is below {sensitivity.deciding_tau:g}. "
-        f"Kept: how many of the nominal first {sensitivity.top} stay there."
-    )
-    yield doc.Paragraph(sensitivity.statement, "lead" if sensitivity.decides else "")
-    yield doc.table("Sensitivity of the ranking", caption, columns, sensitivity.rows)
+    if report.sensitivity is not None:
+        yield from sensitivity_blocks(report.sensitivity)
 
 
 @doc.section_of(PLAN_SECTIONS, "figures", "Figures")
@@ -390,7 +368,8 @@ def _glossary(report: PlanReport) -> Iterator[doc.Block]:
 
 @doc.section_of(PLAN_SECTIONS, "reproduce", "Reproducing this")
 def _reproduce(report: PlanReport) -> Iterator[doc.Block]:
-    more = "" if report.sensitivity is None else " and `sensitivity.json`"
+    beside = {"sensitivity.json": report.sensitivity, "known.json": report.known}
+    more = "".join(f", `{name}`" for name, result in beside.items() if result is not None)
     note = doc.marked(f"Numbers in full: `plan.json`{more}; {image_figures.MEASURED_NOTE}")
     return iter(doc.reproduced_blocks(report.plan, note, [("Ranking configuration", report.rank.config_hash)]))
 

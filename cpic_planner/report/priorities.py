@@ -9,7 +9,14 @@ from cpic_planner import results
 from cpic_planner.report import document as doc, words
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.drawing import Picture, literal, new_figure, save, style
-from cpic_planner.report.numbers import MISSING, count_text, duration_text, pretty_name, significant
+from cpic_planner.report.numbers import (
+    MISSING,
+    contrast_text,
+    count_text,
+    duration_text,
+    pretty_name,
+    significant,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +30,7 @@ TIERS = {
     4: "none of these",
 }
 """Tiers of priority, in words."""
-N_BARS, N_STARS = 12, 25
+N_BARS, N_STARS, N_WINDOWS = 12, 25, 3
 _LOW, _HIGH, _INK = "#4477aa", "#cc6677", "#222222"
 
 
@@ -60,6 +67,106 @@ def priority_blocks(rank: results.RankResult, rows: Sequence[results.RankedTarge
     yield doc.table("Priorities", caption, columns, rows)
     if ensemble is not None:
         yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what decides", "ensemble")
+
+
+def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.Block]:
+    """Yield how the ranking depends on assumptions.
+
+    Parameters
+    ----------
+    sensitivity : SensitivityResult
+    """
+
+    def counted(row: results.SensitivityRow) -> doc.Inline:
+        badge = doc.badge("unreachable", "decides") if row.assumption in sensitivity.decides else ""
+        return doc.lines(count_text(row.n_ok), badge)
+
+    def fall(row: results.SensitivityRow) -> str:
+        ranks = row.largest_fall_ranks
+        return f"{pretty_name(row.largest_fall)}, {ranks}" if ranks > 0 else MISSING
+
+    columns = doc.row_columns(
+        results.SensitivityRow,
+        "text:row,text n_ok kendall_tau_b n_compared kept largest_fall best",
+        n_ok=counted,
+        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {sensitivity.top}"),
+        largest_fall=fall,
+        best=lambda row: pretty_name(row.best),
+    )
+    caption = (
+        f"The same {count_text(sensitivity.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
+        f"{count_text(sensitivity.n_ok)} reference planets are detected. Tau: {words.tau_text(sensitivity.top)}. An "
+        "assumption decides the ranking if it changes the number of detected reference planets by "
+        f"{100 * sensitivity.deciding_share:g} % or more, or if tau is below {sensitivity.deciding_tau:g}. "
+        f"Kept: how many of the nominal first {sensitivity.top} stay there."
+    )
+    yield doc.Paragraph(sensitivity.statement, "lead" if sensitivity.decides else "")
+    yield doc.table("Sensitivity of the ranking", caption, columns, sensitivity.rows)
+
+
+def known_blocks(known: results.KnownResult) -> Iterator[doc.Block]:
+    """Yield the known planets of the first stars with the next days on which the dark hole covers them.
+
+    Parameters
+    ----------
+    known : KnownResult
+        With windows.
+    """
+    columns = doc.row_columns(
+        results.KnownPlanetRow,
+        "planet:row,text status semi_major_axis_au separation_arcsec contrast window best",
+        planet=known_planet_name,
+        semi_major_axis_au=lambda row: significant(row.semi_major_axis_au.median, 3),
+        separation_arcsec=Cells("", _separation, label="separation at the date (arcsec)", right=True),
+        contrast=Cells("", lambda row: contrast_text(_best_band(row).contrast.median), label="contrast", right=True),
+        window=Cells("", _windows, label="next in the dark hole"),
+        best=Cells("", _best_day, label="best day", right=True),
+    )
+    rows = [row for row in known.planets if row.counted]
+    never = [known_planet_name(row) for row in rows if not row.windows]
+    caption = (
+        f"Known planets of these stars: the days of {known.years:g} years from {known.date_utc[:10]} on which a planet "
+        "is more likely than not between the corners of the dark hole, in the band that covers it best; at a given "
+        "roll the position angle decides as well. Best day: the one on which it is there most likely. Separation: "
+        "median, and half of the width that holds 68 % of the draws of the published orbits."
+    )
+    yield doc.table("Known planets and their next windows", caption, columns, [row for row in rows if row.windows])
+    if never:
+        yield doc.Paragraph(f"In no dark hole more likely than not in that time: {', '.join(never)}.", "note")
+
+
+def known_planet_name(row: results.KnownPlanetRow) -> str:
+    """Name of the star as people write it, and the letter of the planet."""
+    return f"{pretty_name(row.star)} {row.planet.rpartition(' ')[2]}"
+
+
+def _separation(row: results.KnownPlanetRow) -> str:
+    place = row.separation_arcsec
+    return f"{place.median:.3f} ± {0.5 * (place.high - place.low):.3f}"
+
+
+def _best_window(row: results.KnownPlanetRow) -> results.KnownWindow:
+    """The window with the day on which a dark hole covers the planet most likely; the earliest of equals."""
+    return min(row.windows, key=lambda window: (-window.best_share, window.best_utc))
+
+
+def _best_band(row: results.KnownPlanetRow) -> results.KnownBand:
+    name = _best_window(row).band
+    return next(item for item in row.bands if item.band == name)
+
+
+def _windows(row: results.KnownPlanetRow) -> doc.Inline:
+    """The next windows of the band of the best one."""
+    band = _best_band(row).band
+    own = [window for window in row.windows if window.band == band]
+    spans = [f"{window.start_utc} to {window.end_utc}" for window in own[:N_WINDOWS]]
+    more = f"and {len(own) - N_WINDOWS} more" if len(own) > N_WINDOWS else ""
+    return doc.lines(f"{band}: {', '.join(spans)}", doc.small(more) if more else "")
+
+
+def _best_day(row: results.KnownPlanetRow) -> str:
+    window = _best_window(row)
+    return f"{window.best_utc}: {100.0 * window.best_share:.0f} %"
 
 
 def _time(seconds: float | None) -> str:

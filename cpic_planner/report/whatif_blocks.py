@@ -69,6 +69,7 @@ _DIFFERENCES: tuple[doc.Column[Pair], ...] = (
     doc.Column("Planets found", lambda pair: pair.cell("planets", 3)),
     doc.Column("New planets", lambda pair: pair.cell("new_planets", 3)),
     doc.Column("Characterised", lambda pair: pair.cell("characterised_planets", 3)),
+    doc.Column("Orbits known", lambda pair: pair.cell("orbits_known", 3)),
     doc.Column("Telescope time", lambda pair: pair.cell("hours", 0), "h"),
     doc.Column("Correlation", lambda pair: pair.correlation, "planets"),
     doc.Column("Verdict", lambda pair: pair.verdict, look="left"),

@@ -18,6 +18,7 @@ from cpic_planner.report.whatif_blocks import (
     source_table,
     strategy_blocks,
 )
+from cpic_planner.report.whatif_doubt import doubt_blocks
 from cpic_planner.report.whatif_maps import shown_rows
 from cpic_planner.report.words import method_credits, reading, terms, whatif_terms
 from cpic_planner.results import RankChange, StrategyOutcome, WhatIfResult
@@ -111,6 +112,7 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("New planets", counted("new_planets_unconditional"), "nothing excluded"),
         doc.Column("Known planets", counted("known_planets")),
         doc.Column("Characterised", counted("characterised_planets")),
+        doc.Column("Orbits known", counted("orbits_known")),
         doc.Column("Chance of any", lambda item: share_text(item.any_planet), "%"),
         doc.Column("Chance of a new one", lambda item: share_text(item.any_new_planet), "%"),
         doc.Column("Telescope time", lambda item: decimals(item.hours.mean, 0), "h"),
@@ -145,6 +147,16 @@ def _facts(report: WhatIfReport) -> Iterator[doc.Block]:
         return
     yield doc.Paragraph(facts.statement)
     yield from fact_tables(report.named, report.result.strategies, facts)
+
+
+@doc.section_of(WHATIF_SECTIONS, "doubt", "Planned for one value, played under another")
+def _doubt(report: WhatIfReport) -> Iterator[doc.Block]:
+    found = report.result.doubt
+    if found is None:
+        return
+    yield doc.Paragraph(found.statement)
+    yield from report.drawn("doubt")
+    yield from doubt_blocks(found)
 
 
 def _hourly(item: StrategyOutcome) -> str:
@@ -283,9 +295,9 @@ def _reproduce(report: WhatIfReport) -> Iterator[doc.Block]:
     result = report.result
     note = (
         "Numbers in full: `whatif.json`; stars of all strategies: `targets.csv`; their calendars, one line a visit: "
-        "`visits.csv`, `visits.ecsv`, `visits.json`; every universe, star and detection: "
-        "`universes.parquet`, `stars.parquet`, `detections.parquet`. Times, host and package versions of the run: "
-        "`run.json`."
+        "`visits.csv`, `visits.ecsv`, `visits.json`; every universe, star, detection and orbit: "
+        "`universes.parquet`, `stars.parquet`, `detections.parquet`, `orbits.parquet`. Times, host and package "
+        "versions of the run: `run.json`."
     )
     yield from doc.reproduced_blocks(result, doc.marked(note), seed=result.universe["seed"])
     shipped = bool(result.known_planets) and split_source(str(result.universe["known_planets"]))[0] != "none"

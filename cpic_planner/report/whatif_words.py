@@ -129,6 +129,8 @@ def lead_sentences(result: WhatIfResult) -> list[str]:
     sentences = [result.statement]
     if new := _new_text(result):
         sentences.append(new)
+    if result.doubt is not None:
+        sentences.append(result.doubt.statement)
     empty = [text for item in result.strategies if (text := empty_text(item))]
     sentences += empty[:_MOST_EMPTY]
     if len(empty) > _MOST_EMPTY:

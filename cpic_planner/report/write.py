@@ -20,7 +20,7 @@ from cpic_planner.report.numbers import pretty_name
 from cpic_planner.report.panels import Mark, MarkKind, Panels
 from cpic_planner.report.plan_sections import PlanReport, plan_document
 from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
-from cpic_planner.results import ConfirmResult, PlanResult, RankResult, SensitivityResult, WhatIfResult
+from cpic_planner.results import ConfirmResult, KnownResult, PlanResult, RankResult, SensitivityResult, WhatIfResult
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation import FittedAlbedo, albedo_fits, decode_arrays
 from simulator.config import ParametricAlbedo, Scene
@@ -35,6 +35,7 @@ def plan_html(
     limits: Sequence[LimitCurve] = (),
     holes: Sequence[HoleEdges] = (),
     sensitivity: SensitivityResult | None = None,
+    known: KnownResult | None = None,
     top_rows: int = 50,
 ) -> str:
     """Draw the figures of a plan and render its report.
@@ -51,6 +52,8 @@ def plan_html(
         Corners of each band's dark hole on the diagonal.
     sensitivity : SensitivityResult, optional
         How the ranking depends on assumptions; shown on the first page.
+    known : KnownResult, optional
+        Known planets of the first stars, and when the dark hole covers them.
     top_rows : int
         Rows of the ranking to print.
 
@@ -62,7 +65,7 @@ def plan_html(
     from cpic_planner.report.figures import panel_pictures, plan_figures
 
     figures, images = plan_figures(plan, rank, limits=limits, holes=holes), panel_pictures(plan, panels)
-    return page_html(plan_document(PlanReport(plan, rank, figures, images, sensitivity, top_rows)))
+    return page_html(plan_document(PlanReport(plan, rank, figures, images, sensitivity, known, top_rows)))
 
 
 def page_html(document: Document) -> str:
@@ -176,17 +179,20 @@ def write_report(
     bodies: Mapping[tuple[str, str], Mapping[str, Any]],
     targets: Targets,
     sensitivity: SensitivityResult | None = None,
+    known: KnownResult | None = None,
 ) -> None:
     """Write ``ranking.csv``, ``ranking.ecsv``, ``measurements.csv`` and ``report.html``, each whole.
 
-    `targets` are the ranked stars, `sensitivity` how their order depends on assumptions.
+    `targets` are the ranked stars, `sensitivity` how their order depends on assumptions, `known` the known planets of
+    the first of them.
     """
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     folder.write("measurements.csv", measurements_csv(plan))
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
     limits = limit_curves(plan, model, targets)
-    page = plan_html(plan, rank, panels=panels, limits=limits, holes=hole_edges(model), sensitivity=sensitivity)
+    beside: dict[str, Any] = {"sensitivity": sensitivity, "known": known}
+    page = plan_html(plan, rank, panels=panels, limits=limits, holes=hole_edges(model), **beside)
     folder.write("report.html", page)
 
 

@@ -23,11 +23,23 @@ from cpic_planner.results.base import (
     column_of as column_of,
     columns_of as columns_of,
 )
+from cpic_planner.results.doubted import (
+    DoubtCell as DoubtCell,
+    DoubtChoice as DoubtChoice,
+    DoubtDecision as DoubtDecision,
+    DoubtRecord as DoubtRecord,
+    DoubtValue as DoubtValue,
+)
 from cpic_planner.results.ensemble import (
     EnsembleBar as EnsembleBar,
     EnsembleRecord as EnsembleRecord,
     SensitivityResult as SensitivityResult,
     SensitivityRow as SensitivityRow,
+)
+from cpic_planner.results.estimates import (
+    ChangeRecord as ChangeRecord,
+    CurvePoint as CurvePoint,
+    EstimateRecord as EstimateRecord,
 )
 from cpic_planner.results.known import (
     KnownBand as KnownBand,
@@ -91,10 +103,7 @@ from cpic_planner.results.runs import (
 )
 from cpic_planner.results.surveyed import (
     AssumedInstrument as AssumedInstrument,
-    ChangeRecord as ChangeRecord,
-    CurvePoint as CurvePoint,
     DifferenceRecord as DifferenceRecord,
-    EstimateRecord as EstimateRecord,
     FactRow as FactRow,
     FactsRecord as FactsRecord,
     ImageSample as ImageSample,

@@ -5,35 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from cpic_planner.results.base import Result, Row, column, optional
-
-
-class EstimateRecord(Result):
-    """Mean over universes."""
-
-    mean: float
-    error: float = Field(description="standard error of the mean, of the number of universes")
-    low: float = Field(description="lower end of the 90 % interval of the mean")
-    high: float = Field(description="upper end of it")
-    survey_low: float = Field(description="5 % of the surveys find fewer")
-    survey_high: float = Field(description="5 % of the surveys find more")
-
-
-class CurvePoint(Result):
-    """One point of a curve with its band."""
-
-    x: float = Field(description="telescope time used in hours, or number of universes")
-    mean: float
-    low: float
-    high: float
-
-
-class ChangeRecord(Result):
-    """Mean of a paired difference over universes."""
-
-    mean: float
-    error: float = Field(description="standard error of the mean, of the number of universes")
-    low: float = Field(description="lower end of the 90 % interval of the mean")
-    high: float = Field(description="upper end of it")
+from cpic_planner.results.doubted import DoubtRecord
+from cpic_planner.results.estimates import ChangeRecord, CurvePoint, EstimateRecord
 
 
 class OccurrenceRange(Result):
@@ -98,6 +71,11 @@ class SurveyTarget(Row):
         "the same with planets that are excluded, in the same visits", label="new planets, nothing excluded"
     )
     known_seen: float = column(label="known planets")
+    orbits_known: float = column("planets whose orbit is known from the images alone, mean over universes")
+    orbit_epochs: float | None = optional("positions of a planet that is shown at least twice, median; null: none is")
+    orbit_arc_periods: float | None = optional("their arc in periods of the planet, median")
+    orbit_axis_error: float | None = optional("relative error of the semi-major axis, median")
+    orbit_place_error_lambda_d: float | None = optional("error of the place in the star's next window, median")
     planets_per_100h: float = column(
         "planets found in 100 hours of telescope time", label="planets per 100 h", short="per 100 h", format=".2g"
     )
@@ -250,6 +228,9 @@ class StrategyOutcome(Row):
     known_planets: EstimateRecord
     stars_with_planet: EstimateRecord
     characterised_planets: EstimateRecord
+    orbits_known: EstimateRecord = Field(
+        description="planets found whose semi-major axis and next place are known well enough from the images alone"
+    )
     noise_alarms: EstimateRecord
     background_alarms: EstimateRecord
     hours: EstimateRecord = Field(description="telescope time used")
@@ -278,7 +259,7 @@ class DifferenceRecord(Row):
 
     first: str
     second: str
-    quantity: Literal["planets", "new_planets", "characterised_planets", "hours"]
+    quantity: Literal["planets", "new_planets", "characterised_planets", "orbits_known", "hours"]
     mean: float = Field(description="first minus second")
     error: float
     low: float = Field(description="lower end of the 90 % interval of the mean")
@@ -362,6 +343,7 @@ class WhatIfResult(Result):
     differences: list[DifferenceRecord]
     rank_changes: list[RankChange]
     facts: FactsRecord | None = optional("null where the comparison was not asked for")
+    doubt: DoubtRecord | None = optional("null where no number is in doubt")
     statement: str = Field(description="the outcome in words")
     sources: list[SettingSource] = Field(default_factory=list, description="empty: no setting states one")
     not_modelled: list[str]

@@ -3,6 +3,7 @@ from cpic_planner.survey.prepare import known_table as known_table
 from cpic_planner.survey.strategy_file import (
     StrategiesConfig as StrategiesConfig,
     load_strategies as load_strategies,
+    with_doubt as with_doubt,
     with_universe as with_universe,
 )
 from cpic_planner.survey.sweeps import variation_lines as variation_lines, varied as varied

@@ -13,6 +13,7 @@ import numpy as np
 
 from cpic_core import BoolArray, FloatArray, IntArray, NDArray
 from cpic_planner.results import Row, column, columns_of
+from cpic_planner.survey.orbits import FoundOrbits, found_orbits
 from cpic_planner.survey.schedule import PlannedVisit
 from cpic_planner.survey.store import Table
 from cpic_planner.survey.universe import NEW, PlanetSample
@@ -36,6 +37,7 @@ class UniverseRow(Row):
     known_planets: int = column("known planets seen")
     stars_with_planet: int = column("stars with a planet found")
     characterised_planets: int = column("planets found and seen in every band of the follow-up")
+    orbits_known: int = column("planets found whose orbit is known from the images of the survey alone")
     noise_alarms: int = column("noise taken for a planet")
     background_alarms: int = column("background stars taken for a planet")
     visits: int = column("visits made")
@@ -85,15 +87,37 @@ class StarRow(Row):
     new_planets: int = column("planets found that nobody knew, sum")
     new_planets_unconditional: int = column("the same with the planets that are excluded, sum")
     known_planets: int = column("known planets seen, sum")
+    orbits_known: int = column("planets whose orbit is known, sum")
+
+
+class OrbitRow(Row):
+    """The orbit of one planet that a strategy finds and shows at least twice in one universe; errors are 1 sigma."""
+
+    strategy: str = column("name of the strategy")
+    universe: int = column("number of the universe")
+    star: str = column("name in the catalogue")
+    planet: int = column("number of the planet around its star, known ones first")
+    epochs: int = column("positions: visits of search and follow-up that show it")
+    arc_periods: float = column("from the first position to the last, in periods of the planet")
+    axis_error: float = column("of the semi-major axis, relative")
+    period_error: float = column("relative")
+    eccentricity_error: float = column("of the eccentricity")
+    inclination_error_deg: float = column("of the inclination")
+    next_day: float = column("next window of the star, since the start of the survey", unit="d")
+    place_error_arcsec: float = column("of the predicted place then, rms distance")
+    place_error_lambda_d: float = column("the same, in lambda/D of the last band that showed it")
+    orbit_known: bool = column("whether both errors are within the rule of the strategy")
 
 
 TABLES = (
     Table("universes", columns_of(UniverseRow), key=("strategy", "universe")),
     Table("detections", columns_of(DetectionRow), key=("strategy", "universe", "star", "planet")),
     Table("stars", columns_of(StarRow), key=("strategy", "star", "block")),
+    Table("orbits", columns_of(OrbitRow), key=("strategy", "universe", "star", "planet")),
 )
 _DTYPES = {item.name: "int64" if item.dtype == "string" else item.dtype for item in columns_of(DetectionRow)}
 """Types of the columns of detections while they are counted, where a star is its position."""
+_ORBIT_DTYPES = {item.name: object if item.dtype == "string" else item.dtype for item in columns_of(OrbitRow)}
 
 
 @dataclass(eq=False)
@@ -138,11 +162,12 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class SurveyTables:
-    """What happened in ``n`` universes; ``universes``, ``detections`` and ``stars`` are columns of tables."""
+    """What happened in ``n`` universes; each field holds the columns of the table of its name."""
 
     universes: dict[str, NDArray[Any]]
     detections: dict[str, NDArray[Any]]
     stars: dict[str, NDArray[Any]]
+    orbits: dict[str, NDArray[Any]]
 
 
 class Events:
@@ -210,7 +235,7 @@ class Events:
         return joined
 
     def outcome(self, survey: Survey, stars: Mapping[int, StarHistory], clock: Clock, block: int) -> SurveyTables:
-        """Return the columns of the three tables.
+        """Return the columns of the tables.
 
         Parameters
         ----------
@@ -222,13 +247,14 @@ class Events:
             Number of the block of universes.
         """
         n = len(clock.left)
-        rows = []
+        rows, orbits = [], []
         counted = (
             "new_planets",
             "new_planets_unconditional",
             "known_planets",
             "stars_with_planet",
             "characterised_planets",
+            "orbits_known",
         )
         universes: dict[str, NDArray[Any]] = {name: np.zeros(n, np.int64) for name in counted}
         for i, star in sorted(stars.items()):
@@ -236,6 +262,9 @@ class Events:
             shown = star.counts >= survey.strategy.detection.visits_needed
             found = {"new_planets": star.found & fresh, "new_planets_unconditional": shown & fresh}
             found["known_planets"] = star.found & ~fresh
+            own = found_orbits(survey, i, star, star.found)
+            orbits.append(_orbit_columns(own, star.planets, str(survey.targets.name[i])))
+            found["orbits_known"] = np.isin(np.arange(len(star.planets)), own.planet[own.known])
             numbers = [int(some.sum()) for some in found.values()]
             rows.append((str(survey.targets.name[i]), block, n, star.visits, star.hours, star.follow_h, *numbers))
             if survey.strategy.follow_up.wanted:
@@ -249,7 +278,17 @@ class Events:
             item.name: np.array([row[k] for row in rows], object if item.dtype == "string" else item.dtype)
             for k, item in enumerate(columns_of(StarRow)[1:])
         }
-        return SurveyTables(universes, self.columns(survey), per_star)
+        nothing = {item.name: np.zeros(0, _ORBIT_DTYPES[item.name]) for item in columns_of(OrbitRow)[1:]}
+        joined = {name: np.concatenate([empty, *(own[name] for own in orbits)]) for name, empty in nothing.items()}
+        return SurveyTables(universes, self.columns(survey), per_star, joined)
+
+
+def _orbit_columns(orbits: FoundOrbits, planets: PlanetSample, star: str) -> dict[str, NDArray[Any]]:
+    """Columns of the table of orbits for one star."""
+    mine = planets.select(orbits.planet)
+    given = vars(orbits.quality) | vars(orbits) | {"universe": mine.universe, "planet": mine.number}
+    given |= {"star": np.full(len(mine), star, object), "orbit_known": orbits.known}
+    return {item.name: given[item.name] for item in columns_of(OrbitRow)[1:]}
 
 
 def rows_of(tables: SurveyTables, strategy: str, first_universe: int) -> dict[str, Mapping[str, NDArray[Any]]]:
@@ -260,8 +299,9 @@ def rows_of(tables: SurveyTables, strategy: str, first_universe: int) -> dict[st
         "universes": tables.universes | {"universe": first_universe + np.arange(n)},
         "detections": tables.detections | {"universe": first_universe + found},
         "stars": tables.stars,
+        "orbits": tables.orbits | {"universe": first_universe + tables.orbits["universe"]},
     }
-    lengths = n, len(found), len(tables.stars["star"])
+    lengths = n, len(found), len(tables.stars["star"]), len(tables.orbits["star"])
     return {
         name: own | {"strategy": np.full(length, strategy, object)}
         for (name, own), length in zip(columns.items(), lengths, strict=True)

@@ -28,7 +28,16 @@ _MOST_PAIRS = 6
 _N_CHANGES = 8
 _SAME = 1e-9
 _LEAST_SEEN = 2e-3
-_MEANS = ("visits", "search_h", "follow_up_h", "new_planets", "new_planets_unconditional", "known_planets")
+_MEANS = (
+    "visits",
+    "search_h",
+    "follow_up_h",
+    "new_planets",
+    "new_planets_unconditional",
+    "known_planets",
+    "orbits_known",
+)
+_ORBIT_MEDIANS = ("epochs", "arc_periods", "axis_error", "place_error_lambda_d")
 VISIT_FILES = ("visits.csv", "visits.ecsv", "visits.json")
 _PLACE = ("star", "slot", "ordinal")
 _MINUTE_S, _HOUR_S = 60.0, 3600.0
@@ -53,7 +62,7 @@ def outcome(
     strategy, instrument = survey.strategy, survey.model.instrument
     new, known = (universes[name].astype(float) for name in ("new_planets", "known_planets"))
     hours = universes["search_h"] + universes["follow_up_h"]
-    counted = [name for name in universes if name.endswith(("planet", "planets", "unconditional", "alarms"))]
+    counted = [name for name in universes if name.endswith(("planet", "planets", "unconditional", "alarms", "known"))]
     counts: dict[str, Any] = {name: estimate_record(universes[name].astype(float)) for name in counted}
     planned = [visit for visit in survey.schedule.visits if not visit.reserve]
     return results.StrategyOutcome.of(
@@ -82,7 +91,7 @@ def outcome(
         curve=_curve(detections, len(new), float(hours.max())),
         convergence=[_point(float(item.n), item) for item in convergence(new + known)],
         quantiles={q: np.quantile(detections[q], _LEVELS).tolist() for q in _QUANTITIES if len(detections[q])},
-        targets=_targets(survey, tables["stars"], first_utc),
+        targets=_targets(survey, tables["stars"], tables["orbits"], first_utc),
         images=images,
     )
 
@@ -175,7 +184,7 @@ def _curve(detections: Columns, n: int, most_h: float) -> list[results.CurvePoin
     return points
 
 
-def _targets(survey: Survey, stars: Columns, first_utc: Sequence[str]) -> list[results.SurveyTarget]:
+def _targets(survey: Survey, stars: Columns, orbits: Columns, first_utc: Sequence[str]) -> list[results.SurveyTarget]:
     rows = []
     for i, name in enumerate(survey.targets.name):
         own = _planned(survey, i)
@@ -201,11 +210,16 @@ def _targets(survey: Survey, stars: Columns, first_utc: Sequence[str]) -> list[r
                 first_utc=first_utc[i],
                 **mean,
                 known_seen=known_seen,
+                **{f"orbit_{key}": _median(orbits[key][orbits["star"] == name]) for key in _ORBIT_MEDIANS},
                 planets_per_100h=100.0 * (mean["new_planets"] + known_seen) / hours if hours > 0 else 0.0,
             )
         )
     rows.sort(key=lambda row: (-row.planets_per_100h, row.name))
     return [row.model_copy(update={"rank": rank}) for rank, row in enumerate(rows, 1)]
+
+
+def _median(values: FloatArray) -> float | None:
+    return float(np.median(values)) if len(values) else None
 
 
 def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[results.DifferenceRecord]:
@@ -228,7 +242,7 @@ def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[resu
     return [
         _difference(names[b], names[a], quantity, *(_quantity(universes[k], quantity) for k in (b, a)))
         for b, a in pairs
-        for quantity in ("planets", "new_planets", "characterised_planets", "hours")
+        for quantity in ("planets", "new_planets", "characterised_planets", "orbits_known", "hours")
     ]
 
 

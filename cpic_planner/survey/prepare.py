@@ -313,27 +313,52 @@ def _survey(
     rows = np.array([star.index for star in found], np.int64)
     targets = item.targets.select(rows)
 
-    def background(i: int, option: Setting) -> float:
-        """Background stars that a visit of a star takes for planets."""
-        if universe.background == "off":
-            return 0.0
-        return background_alarms(model, targets.select([i]), option, strategy.detection)
-
+    options = tuple(star.options for star in found)
+    noise, background = alarms(universe, strategy, model, targets, options)
     return Survey(
         strategy=strategy,
         model=model,
         targets=targets,
         calendar=calendar.select(np.searchsorted(item.rows, rows)),
-        options=tuple(star.options for star in found),
+        options=options,
         follow=_follow_ups(strategy, model, targets),
         schedule=make_schedule(Problem(strategy, tuple(found), calendar.slot_h)),
         known=known,
         known_rows=tuple(star.known_rows for star in found),
         limits=StarLimits.of(targets.name.tolist(), universe.exclusions, known),
-        noise_alarms=tuple(tuple(noise_alarms(model, way.band) for way in star.options) for star in found),
-        background_alarms=tuple(tuple(background(i, way) for way in star.options) for i, star in enumerate(found)),
+        noise_alarms=noise,
+        background_alarms=background,
         log=log,
     )
+
+
+_Options = tuple[tuple[Setting, ...], ...]
+_Rates = tuple[tuple[float, ...], ...]
+
+
+def alarms(
+    universe: UniverseConfig, strategy: SurveyStrategy, model: EtcModel, targets: Targets, options: _Options
+) -> tuple[_Rates, _Rates]:
+    """Return the expected false alarms of a visit by star and option: of noise, and of background stars.
+
+    Parameters
+    ----------
+    universe : UniverseConfig
+        Says whether background stars make any.
+    strategy : SurveyStrategy
+    model : EtcModel
+    targets : Targets
+    options : tuple of tuple of Setting
+        Ways to visit each star.
+    """
+
+    def background(i: int, way: Setting) -> float:
+        if universe.background == "off":
+            return 0.0
+        return background_alarms(model, targets.select([i]), way, strategy.detection)
+
+    noise = tuple(tuple(noise_alarms(model, way.band) for way in ways) for ways in options)
+    return noise, tuple(tuple(background(i, way) for way in ways) for i, ways in enumerate(options))
 
 
 def _follow_ups(strategy: SurveyStrategy, model: EtcModel, targets: Targets) -> tuple[tuple[Setting, ...], ...]:

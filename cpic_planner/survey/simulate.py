@@ -13,6 +13,7 @@ from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import ExpectedSignals, Setting, detection_chance, expected_signals, reach_au
 from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
+from cpic_planner.survey.orbits import Epoch, found_orbits
 from cpic_planner.survey.planning import albedos_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
@@ -87,6 +88,7 @@ class StarHistory:
     hits: dict[int, BoolArray] = field(default_factory=dict)
     seen: dict[int, dict[str, FloatArray]] = field(default_factory=dict)
     alarms: dict[int, tuple[IntArray, IntArray]] = field(default_factory=dict)
+    epochs: list[Epoch] = field(default_factory=list)
     visits: int = 0
     hours: float = 0.0
     follow_h: float = 0.0
@@ -251,16 +253,21 @@ class _Simulation:
         star.hours += cost * float(go.sum())
         hit = star.hits[k] & go[star.planets.universe]
         star.counts[hit] += 1
+        day = float(self.survey.calendar.day[visit.star, visit.slot])
+        band = self.survey.options[visit.star][visit.option].band
+        star.epochs.append(Epoch(day, band, star.seen[k]["snr"], hit.copy()))
         hit &= star.allowed
         new = hit & (star.counts >= strategy.detection.visits_needed) & ~star.found
         star.found |= new
         if new.any():
-            day = self.survey.calendar.day[visit.star, visit.slot]
             self.log.detections(star.planets, new, visit, star.seen[k], day, clock.used)
             np.add.at(self.planets_found, star.planets.universe[new], 1)
         self.log.alarms(go, *star.alarms[k])
         star.empty[go & ~star.universes_of(hit)] += 1
         ends = star.universes_of(new & stop.after_detection)
+        if stop.after_orbit and (again := hit & star.found & ~star.stopped[star.planets.universe]).any():
+            orbits = found_orbits(self.survey, visit.star, star, again)
+            ends[star.planets.universe[orbits.planet[orbits.known]]] = True
         if stop.after_empty is not None:
             ends |= (star.empty >= stop.after_empty) & ~star.universes_of(star.allowed & (star.counts > 0))
         ends &= ~star.stopped
@@ -280,7 +287,10 @@ class _Simulation:
             clock.spend(go, cost, clock.follow)
             star.follow_h += cost * float(go.sum())
             star.tried[f, go] += 1
-            _, odds, _ = self._visited(i, setting, planets, np.array([[slot], [slot]]), np.ones(len(planets), bool))
+            when = np.array([[slot], [slot]])
+            seen, odds, _ = self._visited(i, setting, planets, when, np.ones(len(planets), bool))
             visit = f"follow {setting.band} {slot}"
             luck = uniform_draws(planets, self.seed, str(survey.targets.name[i]), self.block, visit, self.n)
-            star.shown[f] |= lacking & go[planets.universe] & (luck < odds[0])
+            shown = star.found & go[planets.universe] & (luck < odds[0])
+            star.shown[f] |= shown
+            star.epochs.append(Epoch(float(survey.calendar.day[i, slot]), setting.band, seen.snr[0], shown))

@@ -6,7 +6,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from cpic_core import InputError, Provenance
 from cpic_planner.etc import DetectionLaw
-from cpic_planner.planets import PopulationConfig, load_population
+from cpic_planner.planets import FLOOR_MAS, STAR_MASS_ERROR, PopulationConfig, load_population
 from cpic_planner.queries import Strategy as Reduction, read_value
 from cpic_planner.results import VariedSetting
 from simulator.config import FrozenModel, Real
@@ -148,12 +148,36 @@ class StopRule(FrozenModel):
     """When a star, or the survey, is left alone.
 
     ``after_detection``: no more search visits of a star once it has shown a planet; ``after_empty``: nor after that
-    many without; ``after_planets``: the survey ends with that many planets found.
+    many without; ``after_planets``: the survey ends with that many planets found. ``after_orbit``, in place of
+    ``after_detection``: no more search visits of a star once the orbit of a planet that it has shown is known.
     """
 
     after_detection: bool = True
     after_empty: Annotated[int, Field(ge=1, le=1000)] | None = None
     after_planets: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    after_orbit: bool = False
+
+    @model_validator(mode="after")
+    def _one_end(self) -> "StopRule":
+        if self.after_orbit and self.after_detection:
+            hint = "a star that is left after its first detection never has an orbit"
+            raise InputError("after_orbit", True, allowed="true with after_detection: false", hint=hint)
+        return self
+
+
+class OrbitRule(FrozenModel):
+    """When the orbit of a planet that a survey finds counts as known, from its own images alone.
+
+    The relative error of the semi-major axis is at most ``axis_error``, and the planet will stand within
+    ``place_error_lambda_d`` (rms, in lambda/D of the last band that showed it) of its predicted place in the next
+    window of its star. An arc of a period or longer needs four positions besides. ``floor_mas`` is the error of a
+    position, on each axis, that no light removes; ``star_mass_error`` the relative error of the star's mass.
+    """
+
+    axis_error: Annotated[Real, Field(gt=0, le=10)] = 0.2
+    place_error_lambda_d: Annotated[Real, Field(gt=0, le=100)] = 0.3
+    floor_mas: Annotated[Real, Field(ge=0, le=1000)] = FLOOR_MAS
+    star_mass_error: Annotated[Real, Field(gt=0, le=10)] = STAR_MASS_ERROR
 
 
 class SchedulerRule(FrozenModel):
@@ -166,7 +190,7 @@ class SchedulerRule(FrozenModel):
     universes in which stop rules free some.
     """
 
-    method: Literal["greedy", "milp"] = "greedy"
+    method: Literal["auto", "greedy", "exact"] = "auto"
     min_gain: Annotated[Real, Field(ge=0, le=1)] = 1e-3
     look_ahead: Annotated[int, Field(ge=1, le=5)] = 2
     gap: Annotated[Real, Field(gt=0, le=1)] = 0.01
@@ -208,6 +232,7 @@ class SurveyStrategy(FrozenModel):
     detection: DetectionRule = DetectionRule()
     assumptions: Assumptions = Assumptions()
     stop: StopRule = StopRule()
+    orbit: OrbitRule = OrbitRule()
     scheduler: SchedulerRule = SchedulerRule()
     value_known: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
     value_new: Annotated[Real, Field(ge=0, le=1e6)] = 1.0

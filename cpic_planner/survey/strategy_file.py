@@ -20,7 +20,7 @@ FILES = ("instrument", "visibility", "catalog", "known_planets", "observed")
 """What a survey names by preset or file."""
 _RENAMED = {"share": "slot_share"}
 """Former names of keys of a strategy."""
-_OF_SURVEY = ("kind", "universe", "defaults", "strategies")
+_OF_SURVEY = ("kind", "universe", "doubt", "defaults", "strategies")
 
 
 class UniverseConfig(FrozenModel):
@@ -87,12 +87,66 @@ class UniverseConfig(FrozenModel):
         return self
 
 
+def _written(value: Any) -> str:
+    """A value as people write it."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+class DoubtRule(FrozenModel):
+    """A number that nobody knows before launch: strategies are planned for each of its values, and played under each.
+
+    Attributes
+    ----------
+    key : str
+        What is assumed of the instrument or of the planets, dotted or short: drift, throughput, exozodi, contrast,
+        population.
+    values : tuple of str
+        What it may be, as ``--vary`` takes them: with a unit, or with an x.
+    weights : tuple of float, optional
+        How likely each of them is, in any unit; not given: by the law of the default ensemble, if it has one of the
+        number, else all the same.
+    quantity : {"planets", "new_planets"}
+        What the choice is made by.
+    """
+
+    key: Annotated[str, Field(min_length=1)]
+    values: Annotated[
+        tuple[
+            Annotated[str, BeforeValidator(lambda value: f"{value:g}" if isinstance(value, float) else str(value))], ...
+        ],
+        Field(min_length=2),
+    ]
+    weights: tuple[Annotated[Real, Field(ge=0)], ...] | None = None
+    quantity: Literal["planets", "new_planets"] = "planets"
+
+    @classmethod
+    def of(cls, text: str) -> "DoubtRule":
+        """Return the rule of ``KEY=VALUE,VALUE...``."""
+        key, _, listed = text.partition("=")
+        values = [item.strip() for item in listed.split(",")]
+        if not key.strip() or len(values) < 2 or not all(values):
+            raise InputError("--doubt", text, allowed="KEY=VALUE,VALUE..., as drift=0.02nm,0.1nm")
+        return cls(key=key.strip(), values=tuple(values))
+
+    @property
+    def text(self) -> str:
+        """The rule as ``--doubt`` takes it."""
+        return f"{self.key}={','.join(self.values)}"
+
+    @model_validator(mode="after")
+    def _weighed(self) -> "DoubtRule":
+        if self.weights is not None and (len(self.weights) != len(self.values) or not sum(self.weights) > 0.0):
+            raise InputError("doubt.weights", list(self.weights), allowed=f"{len(self.values)} numbers, one above 0")
+        return self
+
+
 class StrategiesConfig(FrozenModel):
     """Strategies to compare; the first one is what the others are compared with."""
 
     name: str = ""
     description: str = ""
     universe: UniverseConfig = UniverseConfig()
+    doubt: DoubtRule | None = None
     strategies: Annotated[tuple[SurveyStrategy, ...], Field(min_length=1, max_length=MAX_STRATEGIES)]
 
     @model_validator(mode="after")
@@ -110,7 +164,8 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     Parameters
     ----------
     source : mapping, str or Path
-        Preset name, YAML path, or mapping with ``universe``, ``defaults`` and ``strategies``, or one strategy alone.
+        Preset name, YAML path, or mapping with ``universe``, ``doubt``, ``defaults`` and ``strategies``, or one
+        strategy alone.
         What a strategy leaves out is that of ``defaults``, and what these leave out that of the preset ``default``.
 
     Returns
@@ -135,7 +190,7 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     values, _ = split_sourced(tree)
     kind = values.pop("kind", "strategies")
     if kind == "strategy" or "strategies" not in values:
-        shared = {key: values.pop(key) for key in ("universe", "defaults") if key in values}
+        shared = {key: values.pop(key) for key in ("universe", "doubt", "defaults") if key in values}
         values = {"name": values.get("name", "")} | shared | {"strategies": [values]}
     path = preset_path("strategy", "default", package=PACKAGE)
     assert path is not None
@@ -223,6 +278,17 @@ def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> Strateg
     kept = {key: item for key, item in old.provenance.items() if getattr(universe, key) == getattr(old, key)}
     universe._provenance.update(kept)
     return config.model_copy(update={"universe": universe})
+
+
+def with_doubt(config: StrategiesConfig, text: str | None) -> StrategiesConfig:
+    """The same strategies with a number that is not known, ``KEY=VALUE,VALUE...``; unchanged without one.
+
+    Raises
+    ------
+    InputError
+        For anything else.
+    """
+    return config if text is None else config.model_copy(update={"doubt": DoubtRule.of(text)})
 
 
 def sources_of(config: StrategiesConfig) -> list[SettingSource]:

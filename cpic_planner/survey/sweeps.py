@@ -33,8 +33,9 @@ _UNITS = {_DRIFT: "nm", _THROUGHPUT: "", _EXOZODI: "zodi"}
 
 @dataclass(frozen=True)
 class _Sweep:
-    """One ``--vary``: the key, its name as it was written, and its values."""
+    """One ``--vary``: the option, the key, its name as it was written, and its values."""
 
+    option: str
     key: str
     name: str
     values: tuple[Written, ...]
@@ -42,14 +43,16 @@ class _Sweep:
     @property
     def where(self) -> str:
         """The key in refusals."""
-        return f"--vary {self.name}"
+        return f"{self.option} {self.name}"
 
     def setting(self, text: str, value: Any, unit: str, meaning: str) -> VariedSetting:
         """One of its values as results tell it."""
         return VariedSetting(name=self.name, key=self.key, text=text, value=value, unit=unit, meaning=meaning)
 
 
-def varied(config: StrategiesConfig, sweeps: Sequence[str], *, facts: bool = False) -> StrategiesConfig:
+def varied(
+    config: StrategiesConfig, sweeps: Sequence[str], *, facts: bool = False, option: str = "--vary"
+) -> StrategiesConfig:
     """Return every strategy with every combination of values of some keys.
 
     Parameters
@@ -64,6 +67,8 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str], *, facts: bool = Fal
         same ratio.
     facts : bool
         Whether every variant is also compared without each fact that is known, which takes several times as long.
+    option : str
+        What refusals call the values.
 
     Returns
     -------
@@ -75,11 +80,11 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str], *, facts: bool = Fal
     InputError
         For an unknown key, a value that it cannot have, and a number that could be a value or a factor.
     """
-    parsed = [_sweep(text, config) for text in sweeps]
+    parsed = [_sweep(text, config, option) for text in sweeps]
     keys = [item.key for item in parsed]
     for item in parsed:
         if keys.count(item.key) > 1:
-            raise InputError("--vary", item.key, allowed="each key once")
+            raise InputError(option, item.key, allowed="each key once")
     instrument = load_instrument(config.universe.instrument) if set(keys) & set(_UNITS) else None
     made = []
     for strategy in config.strategies:
@@ -95,11 +100,11 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str], *, facts: bool = Fal
             label = " ".join(setting.label for setting in given)
             about = f"{strategy.description}; here with {label}" if strategy.description else ""
             named = {"name": f"{strategy.name} {label}", "description": about}
-            made.append(validate(SurveyStrategy, own | named, where="--vary"))
+            made.append(validate(SurveyStrategy, own | named, where=option))
             made[-1]._provenance.update({key: item for key, item in strategy.provenance.items() if key not in keys})
             made[-1]._varied = (*strategy.varied, *given)
     if len(made) > MAX_STRATEGIES:
-        raise InputError("--vary", f"{len(made)} strategies", allowed=f"at most {MAX_STRATEGIES} in all")
+        raise InputError(option, f"{len(made)} strategies", allowed=f"at most {MAX_STRATEGIES} in all")
     universe = config.universe.model_copy(update={"facts": facts})
     return config.model_copy(update={"strategies": tuple(made), "universe": universe})
 
@@ -113,29 +118,29 @@ def variation_lines(config: StrategiesConfig) -> list[str]:
     ]
 
 
-def _sweep(text: str, config: StrategiesConfig) -> _Sweep:
+def _sweep(text: str, config: StrategiesConfig, option: str) -> _Sweep:
     name, sign, listed = text.partition("=")
     name = name.strip()
     if not sign or not name or not listed.strip():
-        raise InputError("--vary", text, allowed="KEY=VALUE,VALUE..., as contrast=1e-8,3e-9 or drift=x0.5,x2")
+        raise InputError(option, text, allowed="KEY=VALUE,VALUE..., as contrast=1e-8,3e-9 or drift=x0.5,x2")
     texts = [item.strip() for item in re.split(r",(?![^\[{]*[\]}])", listed)]
     if not all(texts):
-        raise InputError("--vary", text, allowed="a value between commas; null for none")
+        raise InputError(option, text, allowed="a value between commas; null for none")
     if name == "share":
         days = config.universe.duration_days
         hint = (
             f"slot_share is the most of any slot of {config.universe.slot_days:g} days that the coronagraph may take; "
             f"budget_h is all its telescope time in the {days:g} days, {0.24 * days:.0f} h for 1 % of them"
         )
-        raise InputError("--vary", name, allowed="slot_share or budget_h", hint=hint)
+        raise InputError(option, name, allowed="slot_share or budget_h", hint=hint)
     key = SHORT_NAMES.get(name, name)
     known = tuple(key for key in keys_of(SurveyStrategy) if key not in ("name", "description"))
     if key not in known:
         drift = "drift=0.1nm sets the offset of a visit" if key.startswith("drift.") else ""
         hint = drift or nearest(name, (*SHORT_NAMES, *known)) or f"short names: {', '.join(SHORT_NAMES)}"
-        raise InputError("--vary", name, allowed="a key of a strategy", hint=hint)
+        raise InputError(option, name, allowed="a key of a strategy", hint=hint)
     unit = _UNITS.get(key, unit_of(key))
-    return _Sweep(key, name, tuple(read_value(f"--vary {name}", item, unit) for item in texts))
+    return _Sweep(option, key, name, tuple(read_value(f"{option} {name}", item, unit) for item in texts))
 
 
 def _setting(

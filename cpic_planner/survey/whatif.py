@@ -11,7 +11,8 @@ import numpy as np
 from cpic_core import NDArray, announce
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, Unkept, run
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
-from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult
+from cpic_planner.results import DoubtRecord, ImageSample, StrategyOutcome, WhatIfResult
+from cpic_planner.survey.doubt import doubt_record, doubted, plays_of, told_steps
 from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.facts import Counts, count_block, counts_of, facts_record, taken_back
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
@@ -27,7 +28,7 @@ from simulator.config import content_hash
 from simulator.products import mjd_of
 
 _START_S, _PREPARE_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.9, 5.0, 0.0015, 2.2
-RESULT_VERSION = 3
+RESULT_VERSION = 4
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
     "planets of one star are independent of each other; beside known planets and companion stars they are left out "
@@ -60,10 +61,13 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     holes = [(item.assumptions.contrast, band) for item in config.strategies for band in item.visit.bands]
     assumed = {(contrast, band) for contrast, band in holes if contrast is not None}
     counts = {"n_strategies": n, "n_universes": universes, "n_blocks": blocks, "n_images": n * n_images}
+    doubtful = 0 if config.doubt is None else len(config.doubt.values)
+    plays = times * n + plays_of(config.doubt, n)
+    steps = times * (n + blocks) + told_steps(config.doubt, n, blocks // n) + n * n_images
     return Cost(
-        counts=counts | {"n_steps": times * (n + blocks) + n * n_images},
-        times_s=[(times * _PLAY_S * n * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
-        start_s=_START_S + _PREPARE_S * bands + _AGAIN_S * n * (times - 1) + _OPTICS_S * len(assumed),
+        counts=counts | {"n_steps": steps},
+        times_s=[(_PLAY_S * plays * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
+        start_s=_START_S + _PREPARE_S * bands * (1 + doubtful) + _AGAIN_S * n * (times - 1) + _OPTICS_S * len(assumed),
         memory_mb=400.0,
         worker_mb=120.0,
         disk_mb=0.5 + 0.00035 * n * universes,
@@ -89,6 +93,8 @@ def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = Tru
     pages : bool
         Whether to write the report for people; its figures take as long as a small survey.
     """
+    if config.doubt is not None:
+        doubted(config)  # what cannot be is refused before anything is made
     states = taken_back(config)
 
     @functools.cache
@@ -107,7 +113,8 @@ def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = Tru
         store.merge(list(blocks))
         tables = {table.name: store.read(table.name) for table in TABLES}
         images = _images(ready, tables["detections"], runner, n_images)
-        return assemble(ready, tables, images, without, runner.digest)
+        doubt = doubt_record(config, runner, runner.advance)
+        return assemble(ready, tables, images, without, runner.digest, doubt)
 
     def write(folder: RunFolder, result: WhatIfResult, bodies: Mapping[str, Any]) -> None:
         ready = planned[0]
@@ -220,6 +227,7 @@ def assemble(
     images: Sequence[ImageSample | None],
     without: Mapping[str, Sequence[Counts]],
     digest: str,
+    doubt: DoubtRecord | None = None,
 ) -> WhatIfResult:
     """The result from its tables."""
     config, ground, universe = prepared.config, prepared.ground, prepared.config.universe
@@ -246,6 +254,7 @@ def assemble(
         facts=facts_record(taken_back(config), outcomes, [counts_of([own]) for own in universes], without)
         if config.universe.facts
         else None,
+        doubt=doubt,
         statement=statement(outcomes),
         sources=sources_of(config),
         not_modelled=list(NOT_MODELLED),

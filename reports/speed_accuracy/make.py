@@ -1,6 +1,7 @@
 """Regenerate this report: ``python reports/speed_accuracy/make.py`` (about a quarter of an hour on two quiet cores).
 
-``--only`` and ``--scene`` measure some rows again and keep the others, as ``cpic tradeoff`` does.
+``--only`` and ``--scene`` measure some rows again and keep the others, as ``cpic tradeoff`` does; ``--write`` measures
+nothing and writes the report. The section on decisions is measured by ``decisions.py``.
 """
 
 from __future__ import annotations
@@ -9,6 +10,10 @@ import argparse
 import sys
 import time
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import decisions
 
 from cpic_core import dump_json, write_bytes, write_text
 from cpic_planner.jobs import run
@@ -83,7 +88,7 @@ is written by it, and [results.csv](results.csv) holds every row.
 {table}
 
 "Met" allows two standard errors of the measurement.
-"""
+{decisions.text()}"""
 
 
 def main() -> int:
@@ -91,7 +96,11 @@ def main() -> int:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--scene", action="append", default=[])
     options.add_argument("--only", action="append", default=[])
+    options.add_argument("--write", action="store_true")
     given = options.parse_args()
+    earlier = read_result(HERE) if given.write or given.scene or given.only else None
+    if given.write and earlier is not None:
+        return write(earlier)
     work = chosen(given.scene, given.only)
     began, done, total = time.monotonic(), 0, n_rows(work)
 
@@ -100,8 +109,12 @@ def main() -> int:
         done += steps
         print(f"{done}/{total} {text} ({time.monotonic() - began:.0f} s)", flush=True)
 
-    earlier = read_result(HERE) if given.scene or given.only else None
     result = run(tradeoff_job(work, earlier=earlier, at_once=WORKERS), SCRATCH, advance=advance).result
+    return write(result)
+
+
+def write(result: TradeoffResult) -> int:
+    """Write the files and say what was met."""
     write_text(HERE / RESULT, dump_json(result.model_dump(mode="json")))
     for name, content in products_of(result, head=head(result)).items():
         write_bytes(HERE / name, content)

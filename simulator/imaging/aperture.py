@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray
+from cpic_core import ArrayLike, FloatArray, IntArray
 from simulator.imaging.geometry import BandGeometry
 
 STRIPS = 256
@@ -117,28 +117,39 @@ def core_from_table(
         Positions relative to the star.
     """
     x, y = np.broadcast_arrays(np.asarray(x_arcsec, dtype=np.float64), np.asarray(y_arcsec, dtype=np.float64))
-    scale = (len(table) - 1) / (2 * half_side_arcsec)
-    last = len(table) - 1
+    size = len(table)
+    scale, last = (size - 1) / (2 * half_side_arcsec), size - 1
+    right, top, cells = table[:, last], table[last], table.ravel()
 
-    def index(offset: FloatArray) -> FloatArray:
-        return np.clip((offset + half_side_arcsec) * scale, 0.0, last)
+    def at(offset: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Cell of an offset, and how far into it."""
+        place = np.clip((offset + half_side_arcsec) * scale, 0.0, last)
+        cell = np.minimum(place.astype(np.int64), last - 1)
+        return cell, place - cell
 
-    def below(row: FloatArray, column: FloatArray) -> FloatArray:
-        i, j = np.minimum(row.astype(int), last - 1), np.minimum(column.astype(int), last - 1)
-        p, q = row - i, column - j
-        lower = table[i, j] * (1 - q) + table[i, j + 1] * q
-        upper = table[i + 1, j] * (1 - q) + table[i + 1, j + 1] * q
-        answer: FloatArray = lower * (1 - p) + upper * p
-        return answer
+    def along(edge: FloatArray, place: tuple[IntArray, FloatArray]) -> FloatArray:
+        """Sums up to an edge of the table."""
+        i, p = place
+        sums: FloatArray = edge[i] * (1 - p) + edge[i + 1] * p
+        return sums
 
-    full = np.full(x.shape, float(last))
-    x_low, x_high = index(-bar_arcsec - x), index(bar_arcsec - x)
-    y_low, y_high = index(-bar_arcsec - y), index(bar_arcsec - y)
+    def below(row: tuple[IntArray, FloatArray], column: tuple[IntArray, FloatArray]) -> FloatArray:
+        (i, p), (j, q) = row, column
+        corner = i * size + j
+        lower = cells[corner] * (1 - q) + cells[corner + 1] * q
+        upper = cells[corner + size] * (1 - q) + cells[corner + size + 1] * q
+        sums: FloatArray = lower * (1 - p) + upper * p
+        return sums
 
-    def open_columns(row: FloatArray) -> FloatArray:
-        return below(row, full) - below(row, x_high) + below(row, x_low)
+    x_low, x_high = at(-bar_arcsec - x), at(bar_arcsec - x)
+    y_low, y_high = at(-bar_arcsec - y), at(bar_arcsec - y)
 
-    return np.maximum(open_columns(full) - open_columns(y_high) + open_columns(y_low), 0.0)
+    def open_columns(row: tuple[IntArray, FloatArray]) -> FloatArray:
+        return along(right, row) - below(row, x_high) + below(row, x_low)
+
+    every_row = table[last, last] - along(top, x_high) + along(top, x_low)
+    core: FloatArray = np.maximum(every_row - open_columns(y_high) + open_columns(y_low), 0.0)
+    return core
 
 
 def core_cells(pixel_arcsec: float, radius_arcsec: float) -> tuple[FloatArray, float]:

@@ -122,7 +122,7 @@ def test_plan_from_another_folder(installed, tmp_path):
     assert (
         sorted(p.name for p in (tmp_path / "here").iterdir() if p.is_file())
         == """
-        cpic-run.jsonl measurements.csv plan.json ranking.csv ranking.ecsv report.html run.json run.lock
+        cpic-run.jsonl known.json measurements.csv plan.json ranking.csv ranking.ecsv report.html run.json run.lock
         sensitivity.json
     """.split()
     )

@@ -39,7 +39,7 @@ def test_a_comparison_in_words_and_files(call, done, mine, tmp_path):
     assert {path.name for path in out_dir.iterdir()} >= set(
         """
         whatif.json run.json report.html targets.csv universes.parquet detections.parquet stars.parquet
-        visits.csv visits.ecsv visits.json
+        orbits.parquet visits.csv visits.ecsv visits.json
     """.split()
     )
     result = WhatIfResult.model_validate_json((out_dir / "whatif.json").read_text())

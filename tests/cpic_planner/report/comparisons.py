@@ -69,6 +69,7 @@ def _target(rank: int, name: str, ra_deg: float, slots: list[int], planets: floa
         new_planets=planets,
         new_planets_unconditional=2.0 * planets,
         known_seen=0.5 * len(hosts),
+        orbits_known=0.1 * planets,
         planets_per_100h=10.0 * planets,
     )
 
@@ -92,6 +93,7 @@ def _strategy(i: int, name: str, settings: dict[str, Any], n: int, empty: bool, 
         known_planets=_estimate(0.7 * mean),
         stars_with_planet=_estimate(mean),
         characterised_planets=_estimate(0.0),
+        orbits_known=_estimate(0.1 * mean),
         noise_alarms=_estimate(0.004),
         background_alarms=_estimate(0.0),
         hours=_estimate(hours),
@@ -162,7 +164,7 @@ def comparer(hostile: str) -> Callable[..., WhatIfResult]:
             differences=[
                 _difference(one, strategies[0], key)
                 for one in strategies[1:]
-                for key in ("planets", "new_planets", "characterised_planets", "hours")
+                for key in ("planets", "new_planets", "characterised_planets", "orbits_known", "hours")
             ],
             rank_changes=[] if empty else changes,
             statement=f"{names[-1]} finds most planets",

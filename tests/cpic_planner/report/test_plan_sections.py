@@ -4,6 +4,9 @@ from dataclasses import replace
 
 import pytest
 
+from cpic_planner.etc import build_model
+from cpic_planner.ranking import KnownChoice
+from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.registry import LIBRARIES, SCORES, Library
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.plan_sections import PlanReport, plan_document
@@ -11,6 +14,8 @@ from cpic_planner.report.summary import calibration_sentence, summary_sentences
 from cpic_planner.report.words import dec_text, ra_text
 from cpic_planner.report.write import page_html, plan_html
 from cpic_planner.results import LeftOutRow, NotImagedRow, PeriodRecord, PlanResult, ScheduleImages
+from cpic_planner.targets import find_target
+from simulator.config import albedo_spec, load_instrument
 
 HOSTILE = "<script>alert('x')</script>"
 
@@ -300,3 +305,24 @@ def test_the_page_says_where_the_targets_come_from(plan, rank):
     assert "No images of row 2 (&lt;script&gt;" in page
     assert "First and confirmed is" in page or "Highest ranked" not in page
     assert "30 deg" in page
+
+
+def test_known_planets_come_with_their_next_windows(plan, rank, read):
+    """The windows of the band that covers the planet best; planets without one, and those not counted, are named so."""
+    targets = find_target("eps Eri")[0]
+    instrument = load_instrument()
+    choice = KnownChoice.at("snapshot", "2028-01-01", albedo_spec("jupiter"), instrument, n_draws=200, seed=1)
+    model = build_model(instrument, ["F520", "F850"])
+    known = known_answer(model, targets, choice, years=10.0)
+    (row,) = (row for row in known.planets if row.counted)
+    assert row.windows
+    best = max(row.windows, key=lambda window: window.best_share)
+    page = page_html(plan_document(PlanReport(plan, rank, {}, {}, known=known)))
+    text = " ".join(read(page).text)
+    assert f"{best.best_utc}: {100 * best.best_share:.0f} %" in text
+    for window in [item for item in row.windows if item.band == best.band][:3]:
+        assert f"{window.start_utc} to {window.end_utc}" in text
+    assert "known.json" in text
+    never = known.model_copy(update={"planets": [row.model_copy(update={"windows": []})]})
+    text = " ".join(read(page_html(plan_document(PlanReport(plan, rank, {}, {}, known=never)))).text)
+    assert "In no dark hole more likely than not in that time: ε Eri b." in text

@@ -30,7 +30,7 @@ def test_values_and_bounds_hold_the_optimum_between_them(problems, seed, needed,
     problem = problems.random_problem(seed, needed=needed, **limits)
     best = problems.optimum(problem)
     values = {}
-    for method in ("greedy", "milp"):
+    for method in ("greedy", "auto"):
         rules = problem.strategy
         rules = rules.model_copy(update={"scheduler": rules.scheduler.model_copy(update={"method": method})})
         schedule = make_schedule(replace(problem, strategy=rules))
@@ -41,12 +41,12 @@ def test_values_and_bounds_hold_the_optimum_between_them(problems, seed, needed,
         assert schedule.bound >= best - 1e-6
         assert schedule.bound >= schedule.value
         values[method] = schedule
-    assert values["milp"].value >= values["greedy"].value - 1e-9
-    assert values["milp"].bound <= values["greedy"].bound + 1e-6
+    assert values["auto"].value >= values["greedy"].value - 1e-9
+    assert values["auto"].bound <= values["greedy"].bound + 1e-6
     if needed == 1:
         # Single detections: the programme comes as near to the optimum as it says, or as asked.
-        assert values["milp"].value >= best * (1.0 - max(0.011, values["milp"].distance)) - 1e-9
-        assert values["milp"].distance <= 0.011 + 1e-9
+        assert values["auto"].value >= best * (1.0 - max(0.011, values["auto"].distance)) - 1e-9
+        assert values["auto"].distance <= 0.011 + 1e-9
 
 
 @pytest.mark.parametrize(("needed", "seeds", "most_lost"), [(2, 20, 0.02), (3, 40, 0.001)])
@@ -67,7 +67,7 @@ def test_several_visits_for_a_detection_are_planned_nearly_as_well_as_possible(p
 @given(seed=st.integers(0, 300))
 @settings(max_examples=1)
 def test_larger_problems_end_within_their_gap(problems, seed):
-    problem = problems.random_problem(seed, stars=6, slots=8, options=2, budget_h=30.0, method="milp", gap=0.02)
+    problem = problems.random_problem(seed, stars=6, slots=8, options=2, budget_h=30.0, method="auto", gap=0.02)
     schedule = make_schedule(problem)
     assert problems.allowed(problem, visits_of(schedule))
     assert schedule.distance <= 0.021
@@ -85,12 +85,12 @@ def test_a_problem_that_the_programme_solves_better(problems):
         method: make_schedule(
             Problem(problems.strategy(budget_h=10.0, share=1.0, method=method), stars, np.full(2, 100.0))
         )
-        for method in ("greedy", "milp")
+        for method in ("greedy", "auto")
     }
     assert found["greedy"].value == pytest.approx(0.7, rel=1e-6)
-    assert found["milp"].value == pytest.approx(1.0, rel=1e-6)
-    assert found["milp"].method == "milp"
-    assert found["milp"].distance < 0.01
+    assert found["auto"].value == pytest.approx(1.0, rel=1e-6)
+    assert found["auto"].method == "plans of stars"
+    assert found["auto"].distance < 0.01
     assert found["greedy"].bound >= 1.0
 
 
@@ -98,7 +98,7 @@ def test_a_problem_that_the_programme_solves_better(problems):
 @given(seed=st.integers(0, 10_000), needed=st.integers(1, 2), least=st.sampled_from([0.02, 0.1, 0.3]))
 def test_bounds_hold_where_visits_have_to_be_worth_something(problems, seed, needed, least):
     """Visits of less worth are never made, and what is made is within the bound."""
-    for method in ("greedy", "milp"):
+    for method in ("greedy", "auto"):
         problem = problems.random_problem(seed, stars=3, needed=needed, budget_h=12.0, min_gain=least, method=method)
         schedule = make_schedule(problem)
         visits = visits_of(schedule)
@@ -107,7 +107,7 @@ def test_bounds_hold_where_visits_have_to_be_worth_something(problems, seed, nee
         assert schedule.value == pytest.approx(value, abs=1e-9)
         assert schedule.bound >= value - 1e-9
         # Where one detection is enough, visits of the programme are worth as much alone, not together.
-        assert value >= least * len(visits) - 1e-9 or (method == "milp" and needed == 1)
+        assert value >= least * len(visits) - 1e-9 or (method == "auto" and needed == 1)
         for star, visit in visits if needed == 1 else ():
             assert problems.outcomes(problem.stars[star], 1, [visit]) >= least - 1e-9
 
@@ -116,7 +116,7 @@ def test_bounds_hold_where_visits_have_to_be_worth_something(problems, seed, nee
 @given(seed=st.integers(0, 10_000), budget_h=st.floats(4.0, 12.0))
 def test_stars_that_come_first_are_served_as_well_as_they_can_be(problems, seed, budget_h):
     """The first star gets the best of all its schedules, whatever that costs the other one."""
-    problem = problems.random_problem(seed, first="first", budget_h=budget_h, method="milp")
+    problem = problems.random_problem(seed, first="first", budget_h=budget_h, method="auto")
     known, other = problem.stars
     problem = replace(problem, stars=(other, replace(known, known_rows=(0,), weight=known.weight * 1e-3)))
     schedule = make_schedule(problem)
@@ -136,7 +136,7 @@ def test_stars_that_come_first_are_served_as_well_as_they_can_be(problems, seed,
     assert schedule.value - found >= left * (1.0 - 0.011) - 1e-9
 
 
-@pytest.mark.parametrize("method", ["greedy", "milp"])
+@pytest.mark.parametrize("method", ["greedy", "auto"])
 def test_reserve_visits_come_on_top(problems, method):
     without = make_schedule(problems.random_problem(5, stars=4, slots=6, budget_h=8.0, method=method))
     problem = problems.random_problem(5, stars=4, slots=6, budget_h=8.0, method=method, reserve=1.0)
@@ -152,7 +152,7 @@ def test_reserve_visits_come_on_top(problems, method):
 
 def test_nothing_to_do(problems):
     for stars in ((), (replace(problems.candidate(np.random.default_rng(1)), cost_h=np.full((1, 4), np.inf)),)):
-        for method in ("greedy", "milp"):
+        for method in ("greedy", "auto"):
             schedule = make_schedule(Problem(problems.strategy(method=method), stars, np.full(4, 100.0)))
             assert schedule.visits == ()
             assert (schedule.value, schedule.bound, schedule.distance) == (0.0, 0.0, 0.0)
@@ -168,7 +168,7 @@ def test_what_the_solver_prints_is_not_on_the_standard_output(problems, monkeypa
 
     monkeypatch.setattr(scipy.optimize, "milp", talking)
     print("before")
-    make_schedule(problems.random_problem(3, method="milp"))
+    make_schedule(problems.random_problem(3, method="auto"))
     print("after")
     out, err = capfd.readouterr()
     assert out == "before\nafter\n"

@@ -122,7 +122,7 @@ def test_quantiles_are_those_of_detections(played, outcomes):
 def test_paired_differences(played):
     names, tables = [survey.strategy.name for survey, _ in played], [item["universes"] for _, item in played]
     found = {item.quantity: item for item in differences(names, tables)}
-    assert set(found) == {"planets", "new_planets", "characterised_planets", "hours"}
+    assert set(found) == {"planets", "new_planets", "characterised_planets", "orbits_known", "hours"}
     one = tables[1]["new_planets"] + tables[1]["known_planets"] - tables[0]["new_planets"] - tables[0]["known_planets"]
     item = found["planets"]
     assert (item.first, item.second) == ("shy", "plain")
@@ -182,7 +182,8 @@ def test_nothing_found(played):
         else values
         for name, values in tables["stars"].items()
     }
-    found = outcome(survey, {"universes": u, "detections": d, "stars": s}, [""] * 3, None)
+    o = {name: values[:0] for name, values in tables["orbits"].items()}
+    found = outcome(survey, {"universes": u, "detections": d, "stars": s, "orbits": o}, [""] * 3, None)
     assert found.planets.mean == found.any_planet == 0.0
     assert found.quantiles == {}
     assert found.planets.high > 0.0  # not met is not impossible

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import binom
 
-from cpic_planner.survey.schedule import Problem, Room, Schedule, StarValue, greedy, in_order
+from cpic_planner.survey.greedy import greedy
+from cpic_planner.survey.schedule import Problem, Room, Schedule, StarValue, in_order
 
 LIMITS = st.fixed_dictionaries(
     {

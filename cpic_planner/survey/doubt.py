@@ -1,0 +1,347 @@
+"""Decisions under doubt: every strategy planned for each value of a number that is not known, and played under each.
+
+A plan is a calendar with its frames. Where the number turns out to be another, the same visits are made with the same
+frames in the same universes, and what they show is that of the other instrument. A team would know the number after
+the first visits and could change the rest: that is left out, so that losses are those of a plan that is kept.
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cpic_core import Advance, FloatArray, InputError
+from cpic_planner.jobs import Runner, Task
+from cpic_planner.queries import get, load_ensemble
+from cpic_planner.results import (
+    ChangeRecord,
+    DoubtCell,
+    DoubtChoice,
+    DoubtDecision,
+    DoubtRecord,
+    DoubtValue,
+    VariedSetting,
+)
+from cpic_planner.survey.decision import Choice, decide, law_weights, quantiles
+from cpic_planner.survey.estimates import difference_interval
+from cpic_planner.survey.outcome import change_record, estimate_record
+from cpic_planner.survey.prepare import alarms, prepare
+from cpic_planner.survey.simulate import Survey, simulate_survey
+from cpic_planner.survey.strategy_file import DoubtRule, StrategiesConfig, UniverseConfig
+from cpic_planner.survey.sweeps import varied
+from cpic_planner.survey.universe import BLOCK
+
+_OF_NATURE = ("assumptions", "population")
+"""Sections of a strategy that are no choice: what the instrument is, and which planets there are."""
+_LAWS = {
+    "assumptions.drift": "drift",
+    "assumptions.throughput": "bands.*.t_opt",
+    "assumptions.exozodi": "sky.exozodi_zodis",
+}
+"""Numbers of the ensemble that are those of a strategy."""
+_PLANETS = ("new_planets", "known_planets")
+_COUNTED = (*_PLANETS, "visits", "hours")
+
+
+def doubted(config: StrategiesConfig) -> StrategiesConfig:
+    """Return every strategy with every value of the number that is not known, the values of one strategy together.
+
+    Parameters
+    ----------
+    config : StrategiesConfig
+        With a `DoubtRule`.
+
+    Raises
+    ------
+    InputError
+        For a key that is a choice of the strategy, one that it varies already, or a value that the key cannot have.
+    """
+    rule = config.doubt
+    assert rule is not None
+    found = varied(config, [rule.text], option="--doubt").model_copy(update={"doubt": None})
+    key = _setting(found, 0).key
+    if key.partition(".")[0] not in _OF_NATURE:
+        allowed = "drift, throughput, exozodi, contrast or population: everything else of a strategy is a choice"
+        raise InputError("--doubt", rule.key, allowed=allowed, hint="--vary compares choices")
+    if any(item.key == key for strategy in config.strategies for item in strategy.varied):
+        raise InputError("--doubt", rule.key, allowed="a key that is not varied as well")
+    return found
+
+
+def _setting(config: StrategiesConfig, at: int) -> VariedSetting:
+    """The doubtful number as one of the strategies of `doubted` has it."""
+    return config.strategies[at].varied[-1]
+
+
+def played(plan: Survey, truth: Survey, universe: UniverseConfig) -> Survey:
+    """Return a plan as it is played where the instrument, or the planets, are those of another one.
+
+    Parameters
+    ----------
+    plan : Survey
+        Whose stars, visits, frames and costs are kept.
+    truth : Survey
+        The same strategy planned for what turns out to be true: its model and its planets count.
+    universe : UniverseConfig
+    """
+    given = {name: getattr(truth.strategy, name) for name in _OF_NATURE}
+    strategy = plan.strategy.model_copy(update=given)
+    noise, background = alarms(universe, strategy, truth.model, plan.targets, plan.options)
+    return replace(plan, strategy=strategy, model=truth.model, noise_alarms=noise, background_alarms=background)
+
+
+def play_block(
+    surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
+) -> dict[str, list[int] | list[float]]:
+    """One task: planets found, visits made and hours used in each universe of one block.
+
+    Parameters
+    ----------
+    surveys : tuple of Survey
+    which : int
+        Position of the one that is played.
+    block, n, seed : int
+        As of `cpic_planner.survey.simulate.simulate_survey`.
+    """
+    universes = simulate_survey(surveys[which], block=block, n=n, seed=seed).universes
+    universes["hours"] = universes["search_h"] + universes["follow_up_h"]
+    return {name: universes[name].tolist() for name in _COUNTED}
+
+
+def plays_of(rule: DoubtRule | None, n_strategies: int) -> int:
+    """Return how many surveys are played: every plan under every value."""
+    return 0 if rule is None else n_strategies * len(rule.values) ** 2
+
+
+def doubt_record(config: StrategiesConfig, runner: Runner, advance: Advance) -> DoubtRecord | None:
+    """Plan every strategy for each value, play every plan under each, and say what to take; None without a rule.
+
+    Parameters
+    ----------
+    config : StrategiesConfig
+    runner : Runner
+    advance : Advance
+        Told about every finished step.
+    """
+    rule, universe = config.doubt, config.universe
+    if rule is None:
+        return None
+    every = doubted(config)
+    n, values = len(config.strategies), len(rule.values)
+    plans = prepare(every, advance=advance).surveys
+    order = list(itertools.product(range(n), range(values), range(values)))
+    surveys = tuple(played(plans[s * values + p], plans[s * values + t], universe) for s, p, t in order)
+    tasks: list[list[Task]] = []
+    for which, (s, p, t) in enumerate(order):
+        name = f"doubt: {plans[s * values + p].strategy.name}, played with {rule.values[t]}"
+        tasks.append(
+            [
+                Task(f"{name} {block:06d}", (which, block, min(BLOCK, universe.universes - first), universe.seed))
+                for block, first in enumerate(range(0, universe.universes, BLOCK))
+            ]
+        )
+    bodies = runner.finish(play_block, itertools.chain(*tasks), common=(surveys,))
+    shape = n, values, values, universe.universes
+    counts = {
+        name: np.array([[x for task in own for x in bodies[task.key][name]] for own in tasks], float).reshape(shape)
+        for name in _COUNTED
+    }
+    return record_of(config, every, counts)
+
+
+def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping[str, FloatArray]) -> DoubtRecord:
+    """Return the table of all plans under all values, and the decisions.
+
+    Parameters
+    ----------
+    config, every : StrategiesConfig
+        As of `doubted`: before and after.
+    counts : mapping of str to ndarray
+        New planets, known planets, visits and hours, shape (strategies, planned for, played under, universes).
+    """
+    rule = config.doubt
+    assert rule is not None
+    n, k = len(config.strategies), len(rule.values)
+    settings = [_setting(every, t) for t in range(k)]
+    texts = [item.text for item in settings]
+    weights, source = weights_of(config, every)
+    new, known = (counts[name] for name in _PLANETS)
+    found = new if rule.quantity == "new_planets" else new + known
+    plans = [(item.name, text) for item in config.strategies for text in texts]
+    worth = found.reshape(n * k, k, -1)
+    choice = decide(worth, weights)
+    cells = []
+    for s, strategy in enumerate(config.strategies):
+        value = strategy.value_new * new[s] + strategy.value_known * known[s]
+        net = value - strategy.scheduler.min_gain * counts["visits"][s]
+        for p, t in itertools.product(range(k), range(k)):
+            o = s * k + p
+            cells.append(
+                DoubtCell(
+                    strategy=strategy.name,
+                    planned_for=texts[p],
+                    played_under=texts[t],
+                    planets=estimate_record(worth[o, t]),
+                    visits=float(counts["visits"][s, p, t].mean()),
+                    hours=float(counts["hours"][s, p, t].mean()),
+                    loss=_more(worth[choice.best[t], t], worth[o, t]),
+                    regret=_more(net[t, t], net[p, t]),
+                    regret_of_planets=_more(value[t, t], value[p, t]),
+                )
+            )
+    own = [decide(found[s], weights) for s in range(n)]
+    named = {s: [(item.name, text) for text in texts] for s, item in enumerate(config.strategies)}
+    decision = _decision("", choice, worth, weights, plans, texts)
+    return DoubtRecord(
+        key=settings[0].name,
+        quantity=rule.quantity,
+        values=[
+            DoubtValue(text=item.text, meaning=item.meaning, weight=float(weight))
+            for item, weight in zip(settings, weights, strict=True)
+        ],
+        weights_from=source,
+        cells=cells,
+        choices=[_choice(o, choice, worth, weights, plans, texts) for o in range(n * k)],
+        decision=decision,
+        of_strategies=[
+            _decision(item.name, own[s], found[s], weights, named[s], texts) for s, item in enumerate(config.strategies)
+        ],
+        statement=statement(settings[0].name, rule.quantity, decision, choice, plans, texts),
+    )
+
+
+def _more(one: FloatArray, other: FloatArray) -> ChangeRecord:
+    """One plan less another in the same universes; exactly nothing of what is equal in each of them."""
+    if np.array_equal(one, other):
+        return ChangeRecord(mean=0.0, error=0.0, low=0.0, high=0.0)
+    return change_record(difference_interval(one - other))
+
+
+def _choice(
+    o: int,
+    choice: Choice,
+    worth: FloatArray,
+    weights: FloatArray,
+    plans: Sequence[tuple[str, str]],
+    texts: Sequence[str],
+) -> DoubtChoice:
+    strategy, planned_for = plans[o]
+    own, n = worth[o], worth.shape[2]
+    mixed = weights @ own
+    low, high = quantiles(choice.mean[o], weights)
+    survey_low, survey_high = quantiles(own.ravel(), np.repeat(weights / n, n))
+    worst = int(choice.loss[o].argmax())
+    return DoubtChoice(
+        strategy=strategy,
+        planned_for=planned_for,
+        planets=float(mixed.mean()),
+        error=float(mixed.std(ddof=1) / np.sqrt(n)),
+        low=low,
+        high=high,
+        survey_low=survey_low,
+        survey_high=survey_high,
+        largest_loss=float(choice.loss[o, worst]),
+        largest_loss_under=texts[worst],
+    )
+
+
+def _decision(
+    strategy: str,
+    choice: Choice,
+    worth: FloatArray,
+    weights: FloatArray,
+    plans: Sequence[tuple[str, str]],
+    texts: Sequence[str],
+) -> DoubtDecision:
+    cautious, expected = (_choice(o, choice, worth, weights, plans, texts) for o in (choice.cautious, choice.expected))
+    knowing = _more(choice.knowing, np.zeros_like(choice.knowing))
+    return DoubtDecision(strategy=strategy, cautious=cautious, expected=expected, value_of_knowing=knowing)
+
+
+def weights_of(config: StrategiesConfig, every: StrategiesConfig) -> tuple[FloatArray, str]:
+    """Return how likely each value is, and where that is from.
+
+    Parameters
+    ----------
+    config, every : StrategiesConfig
+        As of `doubted`: before and after.
+    """
+    rule = config.doubt
+    assert rule is not None
+    k = len(rule.values)
+    if rule.weights is not None:
+        return np.array(rule.weights) / sum(rule.weights), "given"
+    key = _setting(every, 0).key
+    number = load_ensemble().numbers.get(_LAWS.get(key, ""))
+    drawn = [get(item.model_dump(mode="python"), key) for item in every.strategies[:k]]
+    if number is None or None in drawn:
+        return np.full(k, 1.0 / k), "all the same"
+    found = law_weights(number.law, np.array(drawn, float))
+    return found, f"the law of {number.label} in the default ensemble"
+
+
+def statement(
+    key: str,
+    quantity: str,
+    decision: DoubtDecision,
+    choice: Choice,
+    plans: Sequence[tuple[str, str]],
+    texts: Sequence[str],
+) -> str:
+    """Return the decision in words.
+
+    Parameters
+    ----------
+    key : str
+        The number that is not known.
+    quantity : {"planets", "new_planets"}
+    decision : DoubtDecision
+        Among the plans.
+    choice : Choice
+        The same in numbers.
+    plans : sequence of (str, str)
+        Strategy and value that it is planned for.
+    texts : sequence of str
+        Values that the number may have.
+    """
+    what = quantity.replace("_", " ")
+
+    def called(item: DoubtChoice) -> str:
+        return f"{item.strategy} planned for {key} {item.planned_for}"
+
+    safe, most, knowing = decision.cautious, decision.expected, decision.value_of_knowing
+    if choice.mean.max() <= 0.0:
+        return f"No plan finds any {what}, whatever {key} is."
+    worst = texts.index(safe.largest_loss_under)
+    best = " planned for ".join(plans[int(choice.best[worst])])
+    if safe.largest_loss > 0.0:
+        text = (
+            f"it loses at most {safe.largest_loss:.3f} {what} a survey, where {key} is really "
+            f"{safe.largest_loss_under} and {best} finds most"
+        )
+    else:
+        text = f"no other plan finds more, whatever {key} is"
+    same = (safe.strategy, safe.planned_for) == (most.strategy, most.planned_for)
+    who = "it" if same else called(most)
+    return (
+        f"A cautious team takes {called(safe)}: {text}. By the weights of the values {who} finds most, "
+        f"{most.planets:.2f} {what} a survey ({most.low:.2f} to {most.high:.2f} over the values). To know {key} before "
+        f"the choice is worth {knowing.mean:.3f} {what} a survey (90 % interval {knowing.low:.3f} to "
+        f"{knowing.high:.3f})."
+    )
+
+
+def told_steps(rule: DoubtRule | None, n_strategies: int, n_blocks: int) -> int:
+    """Return how many steps are told: every plan, and every block that is played.
+
+    Parameters
+    ----------
+    rule : DoubtRule or None
+    n_strategies : int
+    n_blocks : int
+        Blocks of universes of one survey.
+    """
+    if rule is None:
+        return 0
+    return n_strategies * len(rule.values) + plays_of(rule, n_strategies) * n_blocks
