@@ -164,9 +164,8 @@ def expected_signals(
             turned = angles[begin : begin + _ROLLS]
             rolls = replace(star.select(np.zeros(turned.size, np.int64)), roll_deg=turned % 360.0)
             # One row a roll, as long as the longest; what is behind its last planet is that planet again.
-            row = which[here] - begin
-            order = here[np.argsort(row, kind="stable")]
-            count = np.bincount(row, minlength=turned.size)
+            order = here[np.argsort(which[here], kind="stable")]
+            count = np.bincount(which[here] - begin, minlength=turned.size)
             column = np.minimum(np.arange(count.max()), count[:, None] - 1)
             every = order[(np.cumsum(count) - count)[:, None] + column]
             real = np.arange(count.max()) < count[:, None]
@@ -175,27 +174,15 @@ def expected_signals(
             rates = aperture_rates(model, rolls, band, x[at], y[at], light[every])
             noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
             elements = metrics.resolution_elements(separation[at])
-            shares = tail_share(model, setting, separation[at], noise)
             moving = SearchMotion.of(model, rolls, band, separation[at])
             margin[put] = (noise.significance / threshold_array(elements, model.strategy.sigma))[real]
-            tails[put] = shares[real]
+            tails[put] = tail_share(model, setting, separation[at], noise)[real]
             inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[real]
             visits[put] = np.broadcast_to(effective_of(made, rates.speckle), real.shape)[real]
             motion[put] = np.broadcast_to(moving.factor(made, _visit_s(model, setting)), real.shape)[real]
-    return ExpectedSignals(
-        margin,
-        tails,
-        inward,
-        snr,
-        contrast,
-        separation,
-        pa_deg,
-        places.distance_au,
-        places.phase_deg,
-        visits,
-        motion,
-    )
+    others = places.distance_au, places.phase_deg, visits, motion
+    return ExpectedSignals(margin, tails, inward, snr, contrast, separation, pa_deg, *others)
 
 
 def _at_two_rolls(
