@@ -166,6 +166,8 @@ def decision_part(found: Table, n_universes: int) -> list[str]:
     hours = ", ".join(
         f"{found.cell(safe.strategy, safe.planned_for, text).hours:.0f} h at {text}" for text in found.texts
     )
+    missing = [item.name for item in load_strategies().strategies if item.name not in found.strategies]
+    without = f" Not played here: {', '.join(missing)}." if missing else ""
     at_least = []
     for first in range(1, len(found.texts) - 1):
         left = found.texts[first:]
@@ -181,7 +183,7 @@ def decision_part(found: Table, n_universes: int) -> list[str]:
         "calendar with its frames, made for one drift; a column plays it under one drift, in the same universes. Bold: "
         "the best plan of the column; in brackets what a plan loses against that, with its paired standard error. "
         f"Weights of the drifts: {weights}, {record.weights_from}. Drift is the offset of a visit; the walk within it "
-        "changes in the same ratio.",
+        f"changes in the same ratio.{without}",
         table(head, rows),
         "![what each plan finds and loses under each drift](losses.svg)",
     ]
