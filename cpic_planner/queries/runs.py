@@ -126,6 +126,13 @@ class WhatIfQuestion(RunQuestion):
         "velocities, stability, known giants, companion stars), and say which fact moved which number.",
         unset="as the file says; not with values that vary",
     )
+    share_of_time: float | None = asked(
+        None,
+        "Telescope time of every strategy as a fraction of the length of the survey: 0.05 is 5 % of it.",
+        gt=0,
+        le=1,
+        unset="the hours or the share of the file",
+    )
     images: int = asked(6, "Detections of each strategy that are simulated as images.", ge=0)
     workers: int = asked(
         2, "Local worker processes; results do not depend on their number.", ge=1, le=256, physics=False

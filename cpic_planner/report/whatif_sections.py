@@ -9,7 +9,15 @@ from cpic_core import Registry
 from cpic_planner.report import document as doc, whatif_words as words
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import WHATIF_FIGURES
-from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, share_text, significant
+from cpic_planner.report.numbers import (
+    MISSING,
+    count_text,
+    decimals,
+    percent_text,
+    pretty_name,
+    share_text,
+    significant,
+)
 from cpic_planner.report.whatif_blocks import (
     difference_table,
     fact_tables,
@@ -160,6 +168,10 @@ def _alarms(item: StrategyOutcome) -> str:
     return f"{words.planets_text(item.noise_alarms.mean)}; {words.planets_text(item.background_alarms.mean)}"
 
 
+def _budget(item: StrategyOutcome) -> doc.Inline:
+    return doc.lines(decimals(item.time_use.budget_h, 0), doc.small(f"({percent_text(item.time_use.budget_share)})"))
+
+
 def _visits(item: StrategyOutcome) -> str:
     reserve = item.schedule.reserve_visits
     return count_text(item.schedule.visits) + (f" + {count_text(reserve)}" if reserve else "")
@@ -170,7 +182,7 @@ def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
     columns: tuple[doc.Column[StrategyOutcome], ...] = (
         doc.Column("Strategy", report.named, look="row left star"),
         doc.Column("Telescope time", _hours, "h"),
-        doc.Column("Budget", lambda item: decimals(item.settings["time_budget_h"], 0), "h"),
+        doc.Column("Budget", _budget, "h; of the survey"),
         doc.Column("Planets", _hourly, "per 100 h"),
         doc.Column("Stars visited", lambda item: str(sum(star.planned_visits > 0 for star in item.targets))),
         doc.Column("Visits planned", _visits, "and in reserve"),

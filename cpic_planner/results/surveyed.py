@@ -58,6 +58,8 @@ class TimeUse(Result):
     settling_h: float = Field(description="search: slews and settling")
     follow_up_h: float
     unused_h: float = Field(description="of the budget")
+    budget_h: float = Field(description="telescope time that the strategy may use")
+    budget_share: float = Field(description="the budget over the length of the survey")
 
 
 class ScheduleRecord(Result):

@@ -148,12 +148,15 @@ def _time_use(survey: Survey, universes: Columns, stars: Columns) -> results.Tim
             exposing += visits * float(np.mean([survey.options[i][visit.option].time_s for visit in own])) / 3600.0
             settling += visits * settle_h
     search, follow = (float(universes[name].mean()) for name in ("search_h", "follow_up_h"))
+    budget_h = survey.strategy.time_budget_h
     return results.TimeUse(
         exposing_h=exposing,
         occulted_h=max(0.0, search - exposing - settling),
         settling_h=settling,
         follow_up_h=follow,
-        unused_h=max(0.0, survey.strategy.time_budget_h - search - follow),
+        unused_h=max(0.0, budget_h - search - follow),
+        budget_h=budget_h,
+        budget_share=budget_h / float(survey.calendar.slot_h.sum()),
     )
 
 

@@ -185,12 +185,15 @@ class SurveyStrategy(FrozenModel):
     name, description : str
     time_budget_h : float
         Telescope time, slews, settling and occultations included.
+    share_of_time : float, optional
+        The same as a fraction of the length of the survey, which gives the hours where strategies are loaded
+        (`cpic_planner.survey.strategy_file`).
     reduction : Strategy
         How an observation is made and reduced. It is a programme of ``reduction.visits`` visits, one unless given, all
         in one slot of the calendar, each with its own settlings; what survey words call a visit is all of it.
     slot_share : float
-        Largest fraction of any slot of the calendar that the coronagraph may take; ``share`` in files is the same. It
-        is no share of the mission: that is ``time_budget_h`` over the length of the survey.
+        Largest fraction of any slot of the calendar that the coronagraph may take; of the whole survey it is
+        ``share_of_time``.
     value_known, value_new : float
         What the detection of a known planet, and of a new one, is worth to the scheduler.
     """
@@ -198,6 +201,7 @@ class SurveyStrategy(FrozenModel):
     name: Annotated[str, Field(min_length=1, max_length=120)]
     description: str = ""
     time_budget_h: Annotated[Real, Field(gt=0, le=1e6)] = 1000.0
+    share_of_time: Annotated[Real, Field(gt=0, le=1)] | None = None
     slot_share: Annotated[Real, Field(gt=0, le=1)] = 0.25
     targets: TargetCuts = TargetCuts()
     population: Annotated[PopulationConfig | None, BeforeValidator(_population)] = None

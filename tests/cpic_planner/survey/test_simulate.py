@@ -136,7 +136,7 @@ def test_time_never_exceeds_budget_or_slot(plain, small, monkeypatch, follow, st
     config = small(
         {
             "time_budget_h": 40,
-            "share": 0.01,
+            "slot_share": 0.01,
             "stop": stop,
             "revisits": {"max_visits": 12},
             "follow_up": {"bands": list(follow), "attempts": 3},
