@@ -189,11 +189,13 @@ def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("Visits made", lambda item: decimals(sum(star.visits for star in item.targets), 1), "mean"),
         doc.Column("From the bound", lambda item: decimals(100 * item.schedule.distance, 1), "%"),
         doc.Column("False alarms", _alarms, "noise; background"),
+        doc.Column("Spent on false alarms", lambda item: decimals(item.time_use.alarm_h, 1), "h"),
     )
     caption = (
         "Telescope time holds slews, settling and occultations; in brackets the range of single surveys, 5 to 95 %. "
         "From the bound: how far the planned calendar is below what no calendar of such visits can pass. False alarms: "
-        "noise and background stars that a survey takes for planets."
+        "noise and background stars that a survey takes for planets. Spent on them: visits that only false alarms "
+        "asked for, where candidates are looked at again."
     )
     yield doc.table("Time and cost", caption, columns, report.result.strategies)
     yield from report.drawn("curves", "time")

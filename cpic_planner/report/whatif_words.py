@@ -226,6 +226,7 @@ def shared_facts(settings: Mapping[str, Any], used: AssumedInstrument | None = N
         ("Visit", _visit(settings["visit"])),
         ("Revisits", _revisits(settings["revisits"])),
         ("Follow-up", _follow_up(settings["follow_up"])),
+        ("Candidates", _candidates(settings)),
         ("Reference frames", LIBRARIES[settings["reduction"]["library"]].meaning),
         ("Detection", _detection(settings["detection"])),
         ("Changes to the instrument", _assumed(settings["assumptions"], used)),
@@ -277,6 +278,19 @@ def _follow_up(rule: Mapping[str, Any]) -> str:
         return "none"
     bands, time = ", ".join(rule["bands"]), duration_text(rule["time_s"])
     return f"of planets found, in {bands}: {time} each, up to {rule['attempts']} attempts"
+
+
+def _candidates(settings: Mapping[str, Any]) -> str:
+    """What is done with a candidate that may be a false alarm."""
+    rule, needed = settings["alarms"], settings["detection"]["visits_needed"]
+    if needed > 1:
+        return f"planets and false alarms are told apart by the {needed} visits that a detection takes"
+    if not (bool(settings["follow_up"]["bands"]) if rule["check"] is None else rule["check"]):
+        return "taken for planets after one visit; false alarms cost no telescope time"
+    return (
+        f"looked at again after {rule['gap_days']:g} days or more, by a planned visit or one of their own; what is "
+        f"seen again is a planet, what is not, after {rule['attempts']} such visits, is left"
+    )
 
 
 def _detection(rule: Mapping[str, Any]) -> str:

@@ -56,7 +56,8 @@ class TimeUse(Result):
     exposing_h: float = Field(description="search: science and reference frames with readouts")
     occulted_h: float = Field(description="search: behind the Earth, in the South Atlantic Anomaly, windows not filled")
     settling_h: float = Field(description="search: slews and settling")
-    follow_up_h: float
+    follow_up_h: float = Field(description="second visits of candidates that are planets included")
+    alarm_h: float = Field(description="visits that only false alarms asked for")
     unused_h: float = Field(description="of the budget")
     budget_h: float = Field(description="telescope time that the strategy may use")
     budget_share: float = Field(description="the budget over the length of the survey")
@@ -95,6 +96,9 @@ class SurveyTarget(Row):
     visits: float = column("made, mean over universes", label="visits made", short="visits", format=".1f")
     search_h: float = column(label="search", format=".1f")
     follow_up_h: float = column(label="follow-up", format=".1f")
+    alarm_h: float = column(
+        "visits that only false alarms asked for, mean over universes", label="false alarms", format=".1f"
+    )
     new_planets: float = column("found, mean over universes")
     new_planets_unconditional: float = column(
         "the same with planets that are excluded, in the same visits", label="new planets, nothing excluded"
@@ -252,6 +256,9 @@ class StrategyOutcome(Row):
     known_planets: EstimateRecord
     stars_with_planet: EstimateRecord
     characterised_planets: EstimateRecord
+    confirmed_planets: EstimateRecord = Field(
+        description="planets found that another visit of the search, or a second look, has shown again"
+    )
     noise_alarms: EstimateRecord
     background_alarms: EstimateRecord
     hours: EstimateRecord = Field(description="telescope time used")

@@ -11,7 +11,7 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.planets import StarLimits
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import ExpectedSignals, Setting, detection_chance, expected_signals, reach_au
-from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
+from cpic_planner.survey.events import HOURS, ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.planning import albedos_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
@@ -76,8 +76,9 @@ class Survey:
 class StarHistory:
     """One star in all universes of a block: what each visit would show, and what visits have shown so far.
 
-    ``allowed`` tells which planets are there. The others are excluded by what is known of the star: nothing stops or
-    follows because of them, but ``counts`` has what the same visits would show of them, too.
+    ``last_slot`` is that of its last planned visit. ``allowed`` tells which planets are there. The others are excluded
+    by what is known of the star: nothing stops or follows because of them, but ``counts`` has what the same visits
+    would show of them, too.
     """
 
     planets: PlanetSample
@@ -87,9 +88,8 @@ class StarHistory:
     hits: dict[int, BoolArray] = field(default_factory=dict)
     seen: dict[int, dict[str, FloatArray]] = field(default_factory=dict)
     alarms: dict[int, tuple[IntArray, IntArray]] = field(default_factory=dict)
+    last_slot: int = -1
     visits: int = 0
-    hours: float = 0.0
-    follow_h: float = 0.0
 
     def __post_init__(self, shape: tuple[int, int]) -> None:
         bands, n = shape
@@ -99,6 +99,11 @@ class StarHistory:
         self.tried = np.zeros(shape, np.int64)
         self.stopped = np.zeros(n, bool)
         self.empty = np.zeros(n, np.int64)
+        self.hours = np.zeros(len(HOURS))
+        # What candidates wait for: planets to be seen again, false alarms to be refuted, and how the last was seen.
+        self.confirmed = np.zeros(len(self.planets), bool)
+        self.doubts, self.checks, self.option = np.zeros((3, n), np.int64)
+        self.shown_day = np.zeros(n)
 
     def universes_of(self, some: BoolArray) -> BoolArray:
         """Universes that have at least one of some planets."""
@@ -125,20 +130,22 @@ def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyT
 
     Notes
     -----
-    Slot after slot, follow-up comes first, then the planned visits in their order, then reserve ones as far as they
-    take nothing from planned ones to come. A visit is made where star and survey have not stopped and slot and budget
-    hold it. Whether it detects a planet was decided by the numbers of that star, block and visit, so that another
-    strategy that makes the same visit sees the same.
+    Slot after slot, second looks at candidates and follow-up come first, then the planned visits in their order, then
+    reserve ones as far as they take nothing from planned ones to come. A visit is made where star and survey have not
+    stopped and slot and budget hold it. Whether it detects a planet was decided by the numbers of that star, block and
+    visit, so that another strategy that makes the same visit sees the same.
     """
     run = _Simulation(survey, block, n, seed)
     by_slot: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
         by_slot.setdefault(visit.slot, []).append((k, visit))
-    follows = survey.strategy.follow_up.wanted
-    for slot in range(survey.calendar.n_slots) if follows else sorted(by_slot):
+    checks, follows = survey.strategy.checks_candidates, survey.strategy.follow_up.wanted
+    for slot in range(survey.calendar.n_slots) if checks or follows else sorted(by_slot):
         run.clock.slot[:] = survey.strategy.slot_share * survey.calendar.slot_h[slot]
-        for i, star in run.stars.items() if follows else ():
-            if star.found.any():
+        for i, star in run.stars.items():
+            if checks:
+                run.check(i, star, slot)
+            if follows and star.found.any():
                 run.follow(i, star, slot)
         for k, visit in by_slot.get(slot, ()):
             run.search(k, visit)
@@ -200,7 +207,8 @@ class _Simulation:
         probability = allowed_probability(planets, survey.limits, i)
         allowed = uniform_draws(planets, seed, name, block, "allowed", n) < probability
         left_h = sum(visit.cost_h for _, visit in visits if not visit.reserve)
-        star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h)
+        last = max((visit.slot for _, visit in visits if not visit.reserve), default=-1)
+        star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h, last_slot=last)
         placed = at_known_place(planets, survey.known)
         for option in sorted({visit.option for _, visit in visits}):
             own = [(k, visit) for k, visit in visits if visit.option == option]
@@ -246,12 +254,12 @@ class _Simulation:
         else:
             clock.promised[~star.stopped] -= cost
             star.left_h -= cost
-        clock.spend(go, cost, clock.search)
+        self._spend(star, go, cost, clock.search)
         star.visits += int(go.sum())
-        star.hours += cost * float(go.sum())
         hit = star.hits[k] & go[star.planets.universe]
         star.counts[hit] += 1
         hit &= star.allowed
+        star.confirmed |= hit & star.found
         new = hit & (star.counts >= strategy.detection.visits_needed) & ~star.found
         star.found |= new
         if new.any():
@@ -259,6 +267,8 @@ class _Simulation:
             self.log.detections(star.planets, new, visit, star.seen[k], day, clock.used)
             np.add.at(self.planets_found, star.planets.universe[new], 1)
         self.log.alarms(go, *star.alarms[k])
+        if strategy.checks_candidates:
+            self._doubt(k, visit, star, go, star.universes_of(new))
         star.empty[go & ~star.universes_of(hit)] += 1
         ends = star.universes_of(new & stop.after_detection)
         if stop.after_empty is not None:
@@ -267,20 +277,66 @@ class _Simulation:
         clock.promised[ends] -= star.left_h
         star.stopped |= ends
 
+    def _spend(self, star: StarHistory, go: BoolArray, cost_h: float, on: FloatArray) -> None:
+        """Time of one visit of a star in the universes ``go``, for one account of the clock."""
+        self.clock.spend(go, cost_h, on)
+        accounts = (self.clock.search, self.clock.follow, self.clock.alarm)
+        star.hours[[account is on for account in accounts]] += cost_h * float(go.sum())
+
+    def _doubt(self, k: int, visit: PlannedVisit, star: StarHistory, go: BoolArray, new: BoolArray) -> None:
+        """Candidates of a search visit, which refutes earlier false ones where the gap is long enough."""
+        day = self.survey.calendar.day[visit.star, visit.slot]
+        star.doubts[go & (day >= star.shown_day + self.survey.strategy.alarms.gap_days)] = 0
+        false = np.where(go, sum(star.alarms[k]), 0)
+        star.doubts += false
+        shows = new | (false > 0)
+        star.shown_day[shows], star.option[shows], star.checks[shows] = day, visit.option, 0
+
+    def check(self, i: int, star: StarHistory, slot: int) -> None:
+        """Second look at the candidates of a star in one slot, unless a planned search visit is still to come."""
+        survey, clock, rule = self.survey, self.clock, self.survey.strategy.alarms
+        true = star.found & ~star.confirmed
+        waiting = (star.universes_of(true) | (star.doubts > 0)) & (star.checks < rule.attempts)
+        waiting &= star.stopped | (slot > star.last_slot)
+        waiting &= survey.calendar.day[i, slot] >= star.shown_day + rule.gap_days
+        for option in np.unique(star.option[waiting]).tolist():
+            setting = survey.options[i][option]
+            cost = self._cost_h(i, setting, slot)
+            go = waiting & (star.option == option) & clock.affords(cost)
+            if not go.any():
+                continue
+            looked = star.universes_of(true) & go
+            self._spend(star, looked, cost, clock.follow)
+            self._spend(star, go & ~looked, cost, clock.alarm)
+            star.checks[go] += 1
+            star.doubts[go] = 0
+            star.confirmed[self._shows(i, star, true & go[star.planets.universe], setting, slot, "check")] = True
+
+    def _cost_h(self, i: int, setting: Setting, slot: int) -> float:
+        """Telescope time of one more visit of a star; infinite where it is not possible."""
+        survey = self.survey
+        return float(survey.calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)[slot])
+
+    def _shows(self, i: int, star: StarHistory, some: BoolArray, setting: Setting, slot: int, stage: str) -> IntArray:
+        """Which of some planets another visit of a star shows, at their known place."""
+        mine = np.flatnonzero(some)
+        planets = star.planets.select(mine)
+        _, odds, _ = self._visited(i, setting, planets, np.array([[slot], [slot]]), np.ones(len(mine), bool))
+        visit = f"{stage} {setting.band} {slot}"
+        luck = uniform_draws(planets, self.seed, str(self.survey.targets.name[i]), self.block, visit, self.n)
+        return np.asarray(mine[luck < odds[0]])
+
     def follow(self, i: int, star: StarHistory, slot: int) -> None:
-        """Follow-up of one star in one slot: every band that a found planet still lacks."""
-        survey, clock, planets = self.survey, self.clock, star.planets
+        """Follow-up of one star in one slot: every band that a found planet still lacks, once it is confirmed."""
+        survey, clock = self.survey, self.clock
+        ready = star.found & (star.confirmed | (not survey.strategy.checks_candidates))
         for f, setting in enumerate(survey.follow[i]):
-            cost = float(survey.calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)[slot])
-            lacking = star.found & ~star.shown[f]
+            cost = self._cost_h(i, setting, slot)
+            lacking = ready & ~star.shown[f]
             go = star.universes_of(lacking) & (star.tried[f] < survey.strategy.follow_up.attempts)
             go &= clock.affords(cost)
             if not go.any():
                 continue
-            clock.spend(go, cost, clock.follow)
-            star.follow_h += cost * float(go.sum())
+            self._spend(star, go, cost, clock.follow)
             star.tried[f, go] += 1
-            _, odds, _ = self._visited(i, setting, planets, np.array([[slot], [slot]]), np.ones(len(planets), bool))
-            visit = f"follow {setting.band} {slot}"
-            luck = uniform_draws(planets, self.seed, str(survey.targets.name[i]), self.block, visit, self.n)
-            star.shown[f] |= lacking & go[planets.universe] & (luck < odds[0])
+            star.shown[f, self._shows(i, star, lacking & go[star.planets.universe], setting, slot, "follow")] = True

@@ -102,6 +102,23 @@ class FollowUp(FrozenModel):
         return bool(self.bands)
 
 
+class AlarmRule(FrozenModel):
+    """What a candidate asks for that one visit has shown: a planet, or a false alarm that nobody can tell from one.
+
+    With ``check`` a candidate is looked at again, by a visit of the same frames at least ``gap_days`` later: a search
+    visit of that star that is planned anyway, or else one of its own, which costs telescope time. A false alarm is
+    refuted there: noise does not come again at the same place (probability of `sigma` per resolution element), and a
+    background star has moved against the star, by one resolution element (54 mas in F520) in 60 days where proper
+    motion and parallax are 0.33 arcsec a year together. A planet that the visit does not show again is looked at anew,
+    up to ``attempts`` times. Where ``check`` is not given, it is on with follow-up and a
+    detection of one visit, and else off.
+    """
+
+    check: bool | None = None
+    gap_days: Annotated[Real, Field(ge=0, le=36525)] = 60.0
+    attempts: Annotated[int, Field(ge=1, le=100)] = 2
+
+
 class DetectionRule(DetectionLaw):
     """What counts as a detection.
 
@@ -210,6 +227,7 @@ class SurveyStrategy(FrozenModel):
     follow_up: FollowUp = FollowUp()
     reduction: Reduction = Reduction()
     detection: DetectionRule = DetectionRule()
+    alarms: AlarmRule = AlarmRule()
     assumptions: Assumptions = Assumptions()
     stop: StopRule = StopRule()
     scheduler: SchedulerRule = SchedulerRule()
@@ -228,12 +246,22 @@ class SurveyStrategy(FrozenModel):
         """Values that ``--vary`` gave the strategy, in the order of its name."""
         return self._varied
 
+    @property
+    def checks_candidates(self) -> bool:
+        """Whether a candidate of one visit is looked at again."""
+        if self.alarms.check is None:
+            return self.follow_up.wanted and self.detection.visits_needed == 1
+        return self.alarms.check
+
     @model_validator(mode="after")
     def _consistent(self) -> "SurveyStrategy":
         needed, most = self.detection.visits_needed, self.revisits.max_visits
         if needed > most:
             hint = "detection.visits_needed asks for that many"
             raise InputError("revisits.max_visits", most, allowed=f"at least {needed}", hint=hint)
+        if self.alarms.check and needed > 1:
+            hint = f"detection.visits_needed is {needed}: those visits tell planets from false alarms"
+            raise InputError("alarms.check", True, allowed="false, where a detection takes several visits", hint=hint)
         if self.reduction.sigma not in (self.detection.sigma, Reduction().sigma):
             raise InputError("reduction.sigma", self.reduction.sigma, allowed="nothing here: give detection.sigma")
         if self.reduction.mode != "analogue":
