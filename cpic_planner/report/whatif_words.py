@@ -277,7 +277,10 @@ def _follow_up(rule: Mapping[str, Any]) -> str:
     if not rule["bands"]:
         return "none"
     bands, time = ", ".join(rule["bands"]), duration_text(rule["time_s"])
-    return f"of planets found, in {bands}: {time} each, up to {rule['attempts']} attempts"
+    text = f"of planets found, in {bands}: {time} each, up to {rule['attempts']} attempts"
+    if rule["snr"] is None:
+        return text
+    return f"{text}, in slots in which they reach a photometric SNR of {rule['snr']:g} together, the orbit known"
 
 
 def _candidates(settings: Mapping[str, Any]) -> str:

@@ -10,7 +10,14 @@ from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc import EtcModel
 from cpic_planner.planets import StarLimits
 from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.detection import ExpectedSignals, Setting, detection_chance, expected_signals, reach_au
+from cpic_planner.survey.detection import (
+    ExpectedSignals,
+    Setting,
+    detection_chance,
+    expected_signals,
+    on_detector,
+    reach_au,
+)
 from cpic_planner.survey.events import HOURS, ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.planning import albedos_of
@@ -96,6 +103,7 @@ class StarHistory:
         self.counts = np.zeros(len(self.planets), np.int64)
         self.found = np.zeros(len(self.planets), bool)
         self.shown = np.zeros((bands, len(self.planets)), bool)
+        self.reached = np.zeros((bands, len(self.planets)))
         self.tried = np.zeros(shape, np.int64)
         self.stopped = np.zeros(n, bool)
         self.empty = np.zeros(n, np.int64)
@@ -104,8 +112,9 @@ class StarHistory:
         self.confirmed = np.zeros(len(self.planets), bool)
         self.doubts, self.checks, self.option = np.zeros((3, n), np.int64)
         self.shown_day = np.zeros(n)
+        self.place = np.zeros((2, len(self.planets)))
 
-    def universes_of(self, some: BoolArray) -> BoolArray:
+    def universes_of(self, some: BoolArray | IntArray) -> BoolArray:
         """Universes that have at least one of some planets."""
         found = np.zeros(len(self.stopped), bool)
         found[self.planets.universe[some]] = True
@@ -265,6 +274,7 @@ class _Simulation:
         if new.any():
             day = self.survey.calendar.day[visit.star, visit.slot]
             self.log.detections(star.planets, new, visit, star.seen[k], day, clock.used)
+            star.place[:, new] = [star.seen[k][name][new] for name in ("separation_arcsec", "pa_deg")]
             np.add.at(self.planets_found, star.planets.universe[new], 1)
         self.log.alarms(go, *star.alarms[k])
         if strategy.checks_candidates:
@@ -296,47 +306,68 @@ class _Simulation:
         """Second look at the candidates of a star in one slot, unless a planned search visit is still to come."""
         survey, clock, rule = self.survey, self.clock, self.survey.strategy.alarms
         true = star.found & ~star.confirmed
-        waiting = (star.universes_of(true) | (star.doubts > 0)) & (star.checks < rule.attempts)
-        waiting &= star.stopped | (slot > star.last_slot)
-        waiting &= survey.calendar.day[i, slot] >= star.shown_day + rule.gap_days
-        for option in np.unique(star.option[waiting]).tolist():
+        wanted = (star.universes_of(true) | (star.doubts > 0)) & (star.checks < rule.attempts)
+        wanted &= star.stopped | (slot > star.last_slot)
+        wanted &= survey.calendar.day[i, slot] >= star.shown_day + rule.gap_days
+        for option in np.unique(star.option[wanted]).tolist():
             setting = survey.options[i][option]
             cost = self._cost_h(i, setting, slot)
-            go = waiting & (star.option == option) & clock.affords(cost)
+            go = wanted & (star.option == option) & clock.affords(cost)
             if not go.any():
                 continue
-            looked = star.universes_of(true) & go
+            separation, pa_deg = star.place
+            roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
+            inside = on_detector(survey.model, setting.band, separation, pa_deg - roll)[2]
+            looked = star.universes_of(true & inside) & go
+            false = go & ~star.universes_of(true)
             self._spend(star, looked, cost, clock.follow)
-            self._spend(star, go & ~looked, cost, clock.alarm)
-            star.checks[go] += 1
-            star.doubts[go] = 0
-            star.confirmed[self._shows(i, star, true & go[star.planets.universe], setting, slot, "check")] = True
+            self._spend(star, false, cost, clock.alarm)
+            star.checks[looked | false] += 1
+            star.doubts[looked | false] = 0
+            mine = np.flatnonzero(true & looked[star.planets.universe])
+            odds, _ = self._followed(i, star, mine, setting, [slot])
+            luck = self._luck(i, star, mine, f"check {slot}")
+            star.confirmed[mine[luck < odds[0]]] = True
 
     def _cost_h(self, i: int, setting: Setting, slot: int) -> float:
         """Telescope time of one more visit of a star; infinite where it is not possible."""
         survey = self.survey
         return float(survey.calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)[slot])
 
-    def _shows(self, i: int, star: StarHistory, some: BoolArray, setting: Setting, slot: int, stage: str) -> IntArray:
-        """Which of some planets another visit of a star shows, at their known place."""
-        mine = np.flatnonzero(some)
-        planets = star.planets.select(mine)
-        _, odds, _ = self._visited(i, setting, planets, np.array([[slot], [slot]]), np.ones(len(mine), bool))
-        visit = f"{stage} {setting.band} {slot}"
-        luck = uniform_draws(planets, self.seed, str(self.survey.targets.name[i]), self.block, visit, self.n)
-        return np.asarray(mine[luck < odds[0]])
+    def _followed(
+        self, i: int, star: StarHistory, some: IntArray, setting: Setting, slots: Sequence[int]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Odds that visits in slots detect some planets of a star at their known place, and the SNR of each there."""
+        planets, when = star.planets.select(some), np.array([slots, slots])
+        found, odds, _ = self._visited(i, setting, planets, when, np.ones(len(some), bool))
+        return odds, found.snr * self.calibration[planets.universe]
+
+    def _luck(self, i: int, star: StarHistory, some: IntArray, visit: str) -> FloatArray:
+        """Uniform numbers of some planets of a star in a visit of that name."""
+        name = str(self.survey.targets.name[i])
+        return uniform_draws(star.planets.select(some), self.seed, name, self.block, visit, self.n)
 
     def follow(self, i: int, star: StarHistory, slot: int) -> None:
         """Follow-up of one star in one slot: every band that a found planet still lacks, once it is confirmed."""
-        survey, clock = self.survey, self.clock
+        survey, clock, rule = self.survey, self.clock, self.survey.strategy.follow_up
         ready = star.found & (star.confirmed | (not survey.strategy.checks_candidates))
         for f, setting in enumerate(survey.follow[i]):
             cost = self._cost_h(i, setting, slot)
             lacking = ready & ~star.shown[f]
-            go = star.universes_of(lacking) & (star.tried[f] < survey.strategy.follow_up.attempts)
-            go &= clock.affords(cost)
-            if not go.any():
+            go = star.universes_of(lacking) & (star.tried[f] < rule.attempts) & clock.affords(cost)
+            mine = np.flatnonzero(lacking & go[star.planets.universe])
+            if not mine.size:
                 continue
+            odds, snr = (values[0] for values in self._followed(i, star, mine, setting, [slot]))
+            if rule.snr is not None:
+                left = rule.attempts - star.tried[f, star.planets.universe[mine]]
+                go = star.universes_of(mine[np.hypot(star.reached[f, mine], np.sqrt(left) * snr) >= rule.snr])
+            made = go[star.planets.universe[mine]]
             self._spend(star, go, cost, clock.follow)
             star.tried[f, go] += 1
-            star.shown[f, self._shows(i, star, lacking & go[star.planets.universe], setting, slot, "follow")] = True
+            star.reached[f, mine] = np.hypot(star.reached[f, mine], snr * made)
+            if rule.snr is None:
+                shows = self._luck(i, star, mine, f"follow {setting.band} {slot}") < odds
+            else:
+                shows = star.reached[f, mine] >= rule.snr
+            star.shown[f, mine[made & shows]] = True

@@ -89,9 +89,14 @@ class Revisits(FrozenModel):
 class FollowUp(FrozenModel):
     """Visits in other bands once a planet has been found; none by default.
 
-    A band counts for a planet whose significance reaches the threshold there, at its known place.
+    With ``snr`` a band counts for a planet whose photometric SNR reaches it there, follow-up visits in that band
+    added in quadrature. A visit is made only in slots in which as many visits as are left of ``attempts`` would reach
+    it: the orbit is taken as known, as two epochs tell for some months ahead where the planet stands. Without ``snr``
+    the next slots are taken as they come, and a band counts for a planet whose significance reaches the threshold
+    there in one visit, at its known place.
     """
 
+    snr: Annotated[Real, Field(gt=0, le=1e6)] | None = None
     bands: Names = ()
     time_s: Annotated[Real, Field(gt=0, le=1e8)] = 36000.0
     attempts: Annotated[int, Field(ge=1, le=100)] = 2
@@ -108,14 +113,16 @@ class AlarmRule(FrozenModel):
     With ``check`` a candidate is looked at again, by a visit of the same frames at least ``gap_days`` later: a search
     visit of that star that is planned anyway, or else one of its own, which costs telescope time. A false alarm is
     refuted there: noise does not come again at the same place (probability of `sigma` per resolution element), and a
-    background star has moved against the star, by one resolution element (54 mas in F520) in 60 days where proper
-    motion and parallax are 0.33 arcsec a year together. A planet that the visit does not show again is looked at anew,
+    background star has moved against the star, by one resolution element (54 mas in F520) in 30 days where proper
+    motion and parallax are 0.65 arcsec a year together. The visit waits for a slot in whose roll the place where the
+    candidate was seen lies in the dark hole; false alarms have no place here and are looked at in the first slot. A
+    planet that the visit does not show again is looked at anew,
     up to ``attempts`` times. Where ``check`` is not given, it is on with follow-up and a
     detection of one visit, and else off.
     """
 
     check: bool | None = None
-    gap_days: Annotated[Real, Field(ge=0, le=36525)] = 60.0
+    gap_days: Annotated[Real, Field(ge=0, le=36525)] = 30.0
     attempts: Annotated[int, Field(ge=1, le=100)] = 2
 
 

@@ -5,9 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cpic_planner.ranking import inside_zone
 from cpic_planner.survey.detection import expected_signals
+from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.universe import draw_planet_sample, star_mass_msun
+from simulator.config import deep_merge
+from simulator.target import sky_to_detector
 
 STAR, GAP = "eps Eri", 60.0
 
@@ -85,27 +89,28 @@ def test_nothing_is_spent_without_checks(checked, change):
     assert not (universes["alarm_h"] + universes["follow_up_h"]).any()
 
 
+def sky(survey, n, days, way):
+    """Planets of the only star of a survey, and what visits on some days expect of them, north up."""
+    (number,) = {visit.star for visit in survey.schedule.visits}
+    star, population = survey.targets.select([number]), survey.strategy.population
+    who = STAR, float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0])
+    bodies = draw_planet_sample(*who, population, epoch_mjd=survey.calendar.start_mjd, n=n, seed=6, block=0)
+    albedos = tuple(kind.albedo for kind in population.mixture)
+    places = bodies.places(days)
+    return bodies, expected_signals(survey.model, star, way, bodies, albedos, places, np.zeros(len(days)))
+
+
 def test_a_planet_is_confirmed_where_a_later_slot_shows_it(checked):
     """Without chance a planet is seen again where its significance reaches the threshold in one of two later slots."""
     survey = with_planets(with_rates(checked(0), 0.0, 0.0), 2.0)
     (visit,) = survey.schedule.visits
-    star, way = survey.targets.select([visit.star]), survey.options[visit.star][visit.option]
     n, (slots, cost) = 1500, looks(survey)
     played = simulate_survey(survey, block=0, n=n, seed=6)
-    bodies = draw_planet_sample(
-        STAR,
-        float(star_mass_msun(star)[0]),
-        float(star.luminosity_lsun[0]),
-        survey.strategy.population,
-        epoch_mjd=survey.calendar.start_mjd,
-        n=n,
-        seed=6,
-        block=0,
-    )
     days = survey.calendar.day[visit.star, [visit.slot, *slots[:2]]]
-    kinds = tuple(kind.albedo for kind in survey.strategy.population.mixture)
-    seen = expected_signals(survey.model, star, way, bodies, kinds, bodies.places(days), np.zeros(3)).margin >= 1.0
+    bodies, signals = sky(survey, n, days, survey.options[visit.star][visit.option])
+    seen = signals.margin >= 1.0
     first, again = seen[0], seen[1] | seen[2]
+    # North is up in every visit: where a planet was seen stays in the dark hole.
     confirmed = np.bincount(bodies.universe[first & again], minlength=n)
     np.testing.assert_array_equal(played.universes["new_planets"], np.bincount(bodies.universe[first], minlength=n))
     np.testing.assert_array_equal(played.universes["confirmed_planets"], confirmed)
@@ -114,6 +119,69 @@ def test_a_planet_is_confirmed_where_a_later_slot_shows_it(checked):
     spent = sum(cost[slot] * some for slot, some in zip(slots[:2], hosts, strict=True))
     np.testing.assert_allclose(played.universes["follow_up_h"], spent, rtol=1e-12)
     assert not played.universes["alarm_h"].any()
+
+
+def test_a_second_look_waits_for_a_roll_that_shows_the_place(checked, change):
+    """With the roll of the Sun the dark quadrants turn by a degree a day: no look where they left the place."""
+    survey = change(with_planets(with_rates(checked(0), 0.0, 0.0), 2.0), revisits={"roll": "sun"})
+    (visit,), n = survey.schedule.visits, 1500
+    slots, cost = looks(survey)
+    played = simulate_survey(survey, block=0, n=n, seed=6)
+    found = played.detections
+    way, turns = survey.options[visit.star][visit.option], survey.calendar.sun_pa_deg[visit.star, slots]
+    metrics, parity = survey.model.metrics[way.band], survey.model.instrument.detector.parity
+    spent = played.universes["follow_up_h"]
+    alone = np.flatnonzero(np.bincount(found["universe"], minlength=n)[found["universe"]] == 1)
+    waited = 0
+    for row in alone:
+        x, y = sky_to_detector(found["separation_arcsec"][row], found["pa_deg"][row] - turns, parity=parity)
+        open_slots = slots[inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)]
+        waited += len(open_slots) < len(slots)
+        ways = np.concatenate([[0.0], np.cumsum(cost[open_slots[:2]])])
+        assert np.abs(ways[1:] - spent[found["universe"][row]]).min(initial=np.inf) < 1e-9 or not len(open_slots)
+    assert waited > 10
+
+
+@pytest.fixture(scope="module")
+def followed(small, sharp_tree, only_visits):
+    """One visit of a star, and follow-up in the same band to an SNR, its number calibrated to 1."""
+    law = {"calibration": 1.0, "calibration_error": 0.0}
+    rules = deep_merge(sharp_tree, {"detection": law, "alarms": {"check": False}, "revisits": {"max_visits": 1}})
+    rules |= {"follow_up": {"bands": ["F520"], "time_s": 18000, "attempts": 3, "snr": 9.0}}
+    rules["targets"] = {"names": [STAR]}
+    survey = prepare(small(rules, universe={"known_planets": "off"})).surveys[0]
+    return with_planets(only_visits(survey, lambda visit: visit.ordinal == 0), 1.0)
+
+
+@pytest.mark.parametrize("goal", [6.0, 9.0, 14.0])
+def test_follow_up_to_an_snr_adds_in_quadrature(followed, change, goal):
+    """Slot after slot by hand: a visit where the SNR can still be reached, until the root of squares is there."""
+    survey, n = change(followed, follow_up={"snr": goal}), 800
+    (visit,), ((way,),) = survey.schedule.visits, survey.follow
+    played = simulate_survey(survey, block=0, n=n, seed=6)
+    searched = survey.options[visit.star][visit.option]
+    bodies, first = sky(survey, n, survey.calendar.day[visit.star, [visit.slot]], searched)
+    margin = first.margin[0]
+    snr = sky(survey, n, survey.calendar.day[visit.star], way)[1].snr
+    cost = survey.calendar.cost_h(survey.model, visit.star, way, survey.strategy.visit.settlings)
+    hours, characterised, several = np.zeros(n), np.zeros(n), 0
+    for universe in range(n):
+        reached = dict.fromkeys(np.flatnonzero((margin >= 1.0) & (bodies.universe == universe)), 0.0)
+        left, found = 3, set()
+        for slot in range(visit.slot + 1, survey.calendar.n_slots):
+            lacking = [planet for planet in reached if planet not in found]
+            can = any(np.sqrt(reached[p] ** 2 + left * snr[slot, p] ** 2) >= goal for p in lacking)
+            if left and can and np.isfinite(cost[slot]):
+                left -= 1
+                hours[universe] += cost[slot]
+                for planet in lacking:
+                    reached[planet] = np.sqrt(reached[planet] ** 2 + snr[slot, planet] ** 2)
+                    found |= {planet} if reached[planet] >= goal else set()
+        characterised[universe], several = len(found), several + (left < 2 and bool(found))
+    np.testing.assert_array_equal(played.universes["characterised_planets"], characterised)
+    np.testing.assert_allclose(played.universes["follow_up_h"], hours, rtol=1e-9)
+    assert 0 < characterised.sum() < np.count_nonzero(margin >= 1.0)
+    assert several  # of more than one visit
 
 
 def test_a_visit_for_a_planet_is_no_cost_of_the_alarm_beside_it(checked):
