@@ -183,7 +183,7 @@ def _runner_up(result: WhatIfResult, best: StrategyOutcome, other: StrategyOutco
 
 
 _FACTORS = ("assumptions.drift", "assumptions.throughput")
-_UNITS = {"assumptions.exozodi": "zodi"}
+_UNITS = {f"assumptions.exozodi{part}": "zodi" for part in ("", ".median", ".p95")}
 """Units of keys that do not end in them."""
 _GOALS = {
     "time": "as long as it pays, at most",
@@ -331,8 +331,11 @@ def _assumed(assumed: Mapping[str, Any], used: AssumedInstrument | None) -> str:
         )
         by_band = f" ({throughputs})" if throughputs else ""
         parts.append(f"throughput of the optics × {assumed['throughput']:g}{by_band}")
-    if assumed["exozodi"] is not None:
-        parts.append(f"dust of {assumed['exozodi']:g} solar systems (zodi)")
+    if isinstance(dust := assumed["exozodi"], Mapping):
+        law = f"lognormal with median {dust['median']:g} and 95 % below {dust['p95']:g} solar systems (zodi)"
+        parts.append(f"dust drawn for each star, {law}")
+    elif dust is not None:
+        parts.append(f"dust of {dust:g} solar systems (zodi)")
     return ", ".join(parts) or "none"
 
 

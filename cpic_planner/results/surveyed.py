@@ -231,7 +231,7 @@ class AssumedInstrument(Result):
 
     visit_drift_nm: float = Field(description="offset of the wavefront of a visit, rms")
     walk_nm_per_sqrt_hour: float = Field(description="walk of the wavefront within a visit, rms")
-    exozodi_zodis: float
+    exozodi_zodis: float = Field(description="dust around every star; the median where each star has its own")
     throughput: dict[str, float] = Field(description="of the optics, by band of the search")
 
 
@@ -257,7 +257,7 @@ class StrategyOutcome(Row):
     stars_with_planet: EstimateRecord
     characterised_planets: EstimateRecord
     confirmed_planets: EstimateRecord = Field(
-        description="planets found that another visit of the search, or a second look, has shown again"
+        description="planets found where a published orbit has them, or seen again in another visit"
     )
     noise_alarms: EstimateRecord
     background_alarms: EstimateRecord

@@ -100,6 +100,7 @@ def expected_signals(
     albedos: tuple[AlbedoSpec, ...],
     places: OrbitPlaces,
     roll_deg: ArrayLike,
+    zodis: FloatArray | None = None,
 ) -> ExpectedSignals:
     """What visits at some dates expect of every planet.
 
@@ -117,6 +118,8 @@ def expected_signals(
         Where they stand at each visit, shape ``(d, n)``.
     roll_deg : array_like, shape (d,)
         Position angle of the detector's +y axis at each visit.
+    zodis : ndarray, shape (n,), optional
+        Dust around the star of each planet; by default that of the model.
 
     Returns
     -------
@@ -153,7 +156,9 @@ def expected_signals(
         for angle in np.unique(turns):
             here = turns == angle
             put = (visit[here], planet[here])
-            rates = aperture_rates(model, rolled(star, angle), band, x[put][None], y[put][None], light[here][None])
+            dust = None if zodis is None else zodis[planet[here]][None]
+            at = x[put][None], y[put][None], light[here][None]
+            rates = aperture_rates(model, rolled(star, angle), band, *at, zodis=dust)
             noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
             elements = metrics.resolution_elements(separation[put])
             margin[put] = noise.significance[0] / threshold_array(elements, model.strategy.sigma)

@@ -38,7 +38,7 @@ class UniverseRow(Row):
     known_planets: int = column("known planets seen")
     stars_with_planet: int = column("stars with a planet found")
     characterised_planets: int = column("planets found and seen in every band of the follow-up")
-    confirmed_planets: int = column("planets found that another visit of the search, or a second look, has shown again")
+    confirmed_planets: int = column("planets found where a published orbit has them, or seen again in another visit")
     noise_alarms: int = column("noise taken for a planet")
     background_alarms: int = column("background stars taken for a planet")
     visits: int = column("visits made")
@@ -74,6 +74,7 @@ class DetectionRow(Row):
     roll_deg: float = column("position angle of the detector's +y axis")
     distance_au: float = column("true distance from the star")
     phase_deg: float = column("star-planet-observer")
+    exozodi_zodis: float = column("dust around the star, in solar systems")
 
 
 class StarRow(Row):

@@ -20,7 +20,7 @@ from cpic_planner.survey.detection import (
 )
 from cpic_planner.survey.events import HOURS, ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
-from cpic_planner.survey.planning import albedos_of
+from cpic_planner.survey.planning import albedos_of, dust_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import (
@@ -208,9 +208,8 @@ class _Simulation:
         if survey.log is not None and (done := survey.log.of(name)):
             albedos = albedos_of(strategy.population)
             placed = at_known_place(planets, survey.known)
-            left = missed(
-                survey.model, target, planets, albedos, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed
-            )
+            who, dust = (survey.model, target, planets, albedos), self._dust(i, planets)
+            left = missed(*who, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed, zodis=dust)
             planets = resampled(planets, left, uniform_draws(planets, seed, name, block, "log", n))
         planets = planets.select(planets.within(*reach_au(survey.model, float(target.distance_pc[0]))))
         probability = allowed_probability(planets, survey.limits, i)
@@ -219,6 +218,9 @@ class _Simulation:
         last = max((visit.slot for _, visit in visits if not visit.reserve), default=-1)
         star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h, last_slot=last)
         placed = at_known_place(planets, survey.known)
+        star.confirmed |= placed
+        dust = self._dust(i, planets)
+        zodis = np.full(len(planets), survey.model.instrument.sky.exozodi_zodis) if dust is None else dust
         for option in sorted({visit.option for _, visit in visits}):
             own = [(k, visit) for k, visit in visits if visit.option == option]
             when = np.array([(visit.slot, visit.ordinal) for _, visit in own]).T
@@ -227,6 +229,7 @@ class _Simulation:
                 star.hits[k] = uniform_draws(planets, seed, name, block, visit.ordinal, n) < odds[row]
                 star.seen[k] = {key: values[row] for key, values in vars(found).items()}
                 star.seen[k] |= {"chance": odds[row], "roll_deg": np.full(len(planets), roll[row])}
+                star.seen[k]["exozodi_zodis"] = zodis
                 drawn = chance(seed, "alarm", name, block, visit.ordinal, shape=(2, n))
                 rates = survey.noise_alarms[i][option], survey.background_alarms[i][option]
                 star.alarms[k] = poisson_quantile(rates[0], drawn[0]), poisson_quantile(rates[1], drawn[1])
@@ -243,9 +246,16 @@ class _Simulation:
         roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
         places = planets.places(survey.calendar.day[i, when[0]])
         albedos = albedos_of(strategy.population)
-        found = expected_signals(survey.model, survey.targets.select([i]), setting, planets, albedos, places, roll)
+        dust = self._dust(i, planets)
+        found = expected_signals(
+            survey.model, survey.targets.select([i]), setting, planets, albedos, places, roll, dust
+        )
         shift, calibration = self.shift[planets.universe], self.calibration[planets.universe]
         return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll
+
+    def _dust(self, i: int, planets: PlanetSample) -> FloatArray | None:
+        """Dust around a star in the universe of each planet."""
+        return dust_of(self.survey.strategy, planets, self.seed, str(self.survey.targets.name[i]), self.block)
 
     def search(self, k: int, visit: PlannedVisit) -> None:
         """One planned visit in all universes."""

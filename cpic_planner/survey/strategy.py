@@ -1,15 +1,17 @@
 """What a survey does: targets, visits, revisits, detection and stop rules as frozen configuration."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+import numpy as np
+from pydantic import BeforeValidator, Field, PrivateAttr, WrapValidator, model_validator
 
-from cpic_core import InputError, Provenance
+from cpic_core import FloatArray, InputError, Provenance
 from cpic_planner.etc import DetectionLaw
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import Strategy as Reduction, read_value
 from cpic_planner.results import VariedSetting
-from simulator.config import FrozenModel, Real
+from simulator.config import FrozenModel, Real, validate
 
 
 def _listed(value: Any) -> Any:
@@ -111,14 +113,15 @@ class AlarmRule(FrozenModel):
     """What a candidate asks for that one visit has shown: a planet, or a false alarm that nobody can tell from one.
 
     With ``check`` a candidate is looked at again, by a visit of the same frames at least ``gap_days`` later: a search
-    visit of that star that is planned anyway, or else one of its own, which costs telescope time. A false alarm is
-    refuted there: noise does not come again at the same place (probability of `sigma` per resolution element), and a
+    visit of that star that is planned anyway, or else one of its own, which costs telescope time. It is refuted there:
+    noise does not come again at the same place (the probability of ``detection.sigma`` in a resolution element), and a
     background star has moved against the star, by one resolution element (54 mas in F520) in 30 days where proper
-    motion and parallax are 0.65 arcsec a year together. The visit waits for a slot in whose roll the place where the
-    candidate was seen lies in the dark hole; false alarms have no place here and are looked at in the first slot. A
-    planet that the visit does not show again is looked at anew,
-    up to ``attempts`` times. Where ``check`` is not given, it is on with follow-up and a
-    detection of one visit, and else off.
+    motion and parallax make 0.65 arcsec a year. A visit of its own waits for a slot in whose roll the place where the
+    candidate was seen lies in the dark hole; false alarms have no place here, and are looked at in the first slot. A
+    planet that is not seen again is looked at ``attempts`` times in all, and still counts as found. A known planet
+    where its published orbit has it needs no second look.
+
+    Where ``check`` is not given, it is on with follow-up and a detection of one visit, and off else.
     """
 
     check: bool | None = None
@@ -152,6 +155,41 @@ class DetectionRule(DetectionLaw):
     sigma: Annotated[Real, Field(ge=1, le=20)] = 5.0
 
 
+class DustLaw(FrozenModel):
+    """Dust around stars, drawn for each star and universe: lognormal, by its median and 95th percentile (zodi).
+
+    The HOSTS survey has a best-fit median of 3 zodi for Sun-like stars, below 27 zodi at 95 % confidence, and a fifth
+    of the stars much dustier (Ertel et al. 2020, AJ 159, 177). The 27 zodi are a limit on the median, not a percentile
+    of stars: ``{median: 3, p95: 27}`` is an assumption about the scatter.
+    """
+
+    median: Annotated[Real, Field(gt=0, le=1e4)]
+    p95: Annotated[Real, Field(gt=0, le=1e4)]
+
+    def _check_values(self) -> None:
+        if self.p95 < self.median:
+            raise InputError("p95", self.p95, unit="zodi", allowed=f"at least the median, {self.median:g}")
+
+    def zodis(self, share: FloatArray) -> FloatArray:
+        """Return the dust at given shares of the law, in [0, 1)."""
+        from scipy.special import ndtri
+
+        return np.asarray(self.median * (self.p95 / self.median) ** (ndtri(share) / ndtri(0.95)))
+
+
+class _OneLevel(FrozenModel):
+    """The same dust around all stars."""
+
+    exozodi: Annotated[Real, Field(ge=0, le=1e4)]
+
+
+def _dust(value: Any, _: Any) -> DustLaw | float | None:
+    """A law of dust, or one level."""
+    if value is None or isinstance(value, DustLaw):
+        return value
+    return validate(DustLaw, value) if isinstance(value, Mapping) else validate(_OneLevel, {"exozodi": value}).exozodi
+
+
 class Assumptions(FrozenModel):
     """What is taken of the instrument instead of what its file says.
 
@@ -159,13 +197,18 @@ class Assumptions(FrozenModel):
     actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`).
     ``drift`` and ``throughput`` are factors on the instrument's numbers (2 or ``x2``: twice): drift on the offset of a
     visit and on the walk within it, throughput on the optics' of every band. ``exozodi`` is an amount of dust in solar
-    systems (zodi).
+    systems (zodi), one for all stars or a `DustLaw` by which each star has its own; frames are chosen for its median.
     """
 
     contrast: Annotated[Real, Field(ge=0, le=1e-3)] | None = None
     drift: Annotated[Real, Field(ge=0, le=1000), BeforeValidator(_factor)] = 1.0
     throughput: Annotated[Real, Field(gt=0, le=10), BeforeValidator(_factor)] = 1.0
-    exozodi: Annotated[Real, Field(ge=0, le=1e4)] | None = None
+    exozodi: Annotated[DustLaw | float | None, WrapValidator(_dust)] = None
+
+    @property
+    def dust(self) -> DustLaw | None:
+        """The law of dust, where each star has its own."""
+        return self.exozodi if isinstance(self.exozodi, DustLaw) else None
 
 
 class StopRule(FrozenModel):
