@@ -104,7 +104,7 @@ class StarHistory:
         self.found = np.zeros(len(self.planets), bool)
         self.shown = np.zeros((bands, len(self.planets)), bool)
         self.reached = np.zeros((bands, len(self.planets)))
-        self.tried = np.zeros(shape, np.int64)
+        self.tried = np.zeros((bands, len(self.planets)), np.int64)
         self.stopped = np.zeros(n, bool)
         self.empty = np.zeros(n, np.int64)
         self.hours = np.zeros(len(HOURS))
@@ -364,17 +364,17 @@ class _Simulation:
         for f, setting in enumerate(survey.follow[i]):
             cost = self._cost_h(i, setting, slot)
             lacking = ready & ~star.shown[f]
-            go = star.universes_of(lacking) & (star.tried[f] < rule.attempts) & clock.affords(cost)
+            go = star.universes_of(lacking & (star.tried[f] < rule.attempts)) & clock.affords(cost)
             mine = np.flatnonzero(lacking & go[star.planets.universe])
             if not mine.size:
                 continue
             odds, snr = (values[0] for values in self._followed(i, star, mine, setting, [slot]))
             if rule.snr is not None:
-                left = rule.attempts - star.tried[f, star.planets.universe[mine]]
+                left = np.maximum(rule.attempts - star.tried[f, mine], 0)
                 go = star.universes_of(mine[np.hypot(star.reached[f, mine], np.sqrt(left) * snr) >= rule.snr])
             made = go[star.planets.universe[mine]]
             self._spend(star, go, cost, clock.follow)
-            star.tried[f, go] += 1
+            star.tried[f, mine[made]] += 1
             star.reached[f, mine] = np.hypot(star.reached[f, mine], snr * made)
             if rule.snr is None:
                 shows = self._luck(i, star, mine, f"follow {setting.band} {slot}") < odds

@@ -91,6 +91,7 @@ class Revisits(FrozenModel):
 class FollowUp(FrozenModel):
     """Visits in other bands once a planet has been found; none by default.
 
+    A visit is for all planets of the star that lack the band; each of them has ``attempts`` visits of its own.
     With ``snr`` a band counts for a planet whose photometric SNR reaches it there, follow-up visits in that band
     added in quadrature. A visit is made only in slots in which as many visits as are left of ``attempts`` would reach
     it: the orbit is taken as known, as two epochs tell for some months ahead where the planet stands. Without ``snr``

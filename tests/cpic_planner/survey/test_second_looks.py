@@ -1,6 +1,7 @@
 """Second looks at candidates: what they cost and confirm, against closed forms and a calculation of their own."""
 
 from dataclasses import replace
+from math import factorial
 
 import numpy as np
 import pytest
@@ -143,45 +144,68 @@ def test_a_second_look_waits_for_a_roll_that_shows_the_place(checked, change):
 
 
 @pytest.fixture(scope="module")
-def followed(small, sharp_tree, only_visits):
-    """One visit of a star, and follow-up in the same band to an SNR, its number calibrated to 1."""
+def followed(small, sharp_tree):
+    """Some visits of a star with several planets, and follow-up in the same band to an SNR, calibrated to 1."""
     law = {"calibration": 1.0, "calibration_error": 0.0}
-    rules = deep_merge(sharp_tree, {"detection": law, "alarms": {"check": False}, "revisits": {"max_visits": 1}})
+    rules = deep_merge(sharp_tree, {"detection": law, "alarms": {"check": False}, "revisits": {"max_visits": 4}})
     rules |= {"follow_up": {"bands": ["F520"], "time_s": 18000, "attempts": 3, "snr": 9.0}}
     rules["targets"] = {"names": [STAR]}
-    survey = prepare(small(rules, universe={"known_planets": "off"})).surveys[0]
-    return with_planets(only_visits(survey, lambda visit: visit.ordinal == 0), 1.0)
+    return with_planets(prepare(small(rules, universe={"known_planets": "off"})).surveys[0], 1.5)
 
 
-@pytest.mark.parametrize("goal", [6.0, 9.0, 14.0])
-def test_follow_up_to_an_snr_adds_in_quadrature(followed, change, goal):
-    """Slot after slot by hand: a visit where the SNR can still be reached, until the root of squares is there."""
-    survey, n = change(followed, follow_up={"snr": goal}), 800
-    (visit,), ((way,),) = survey.schedule.visits, survey.follow
+@pytest.mark.parametrize(("goal", "visits"), [(6.0, 4), (9.0, 1), (14.0, 4)])
+def test_follow_up_to_an_snr_adds_in_quadrature(followed, change, only_visits, goal, visits):
+    """Slot after slot by hand: a visit where the SNR can still be reached, until the root of squares is there.
+
+    Planets share visits, but not their number: one that is found late has as many as the first.
+    """
+    survey = change(only_visits(followed, lambda visit: visit.ordinal < visits), follow_up={"snr": goal})
+    n, ((way,),) = 500, survey.follow
     played = simulate_survey(survey, block=0, n=n, seed=6)
-    searched = survey.options[visit.star][visit.option]
-    bodies, first = sky(survey, n, survey.calendar.day[visit.star, [visit.slot]], searched)
-    margin = first.margin[0]
-    snr = sky(survey, n, survey.calendar.day[visit.star], way)[1].snr
-    cost = survey.calendar.cost_h(survey.model, visit.star, way, survey.strategy.visit.settlings)
-    hours, characterised, several = np.zeros(n), np.zeros(n), 0
+    slots = [visit.slot for visit in survey.schedule.visits]
+    assert len(slots) == visits
+    bodies, search = sky(survey, n, survey.calendar.day[0, slots], survey.options[0][survey.schedule.visits[0].option])
+    snr = sky(survey, n, survey.calendar.day[0], way)[1].snr
+    cost = survey.calendar.cost_h(survey.model, 0, way, survey.strategy.visit.settlings)
+    hours, characterised, stacked, late = np.zeros(n), np.zeros(n), 0, 0
+    shown = search.margin >= 1.0
     for universe in range(n):
-        reached = dict.fromkeys(np.flatnonzero((margin >= 1.0) & (bodies.universe == universe)), 0.0)
-        left, found = 3, set()
-        for slot in range(visit.slot + 1, survey.calendar.n_slots):
-            lacking = [planet for planet in reached if planet not in found]
-            can = any(np.sqrt(reached[p] ** 2 + left * snr[slot, p] ** 2) >= goal for p in lacking)
-            if left and can and np.isfinite(cost[slot]):
-                left -= 1
+        mine = np.flatnonzero(shown.any(axis=0) & (bodies.universe == universe))
+        since = {planet: slots[int(np.argmax(shown[:, planet]))] for planet in mine}
+        reached, left, done = dict.fromkeys(mine, 0.0), dict.fromkeys(mine, 3), set()
+        for slot in np.flatnonzero(np.isfinite(cost)):
+            lacking = [planet for planet in mine if planet not in done and since[planet] < slot]
+            if any(left[p] > 0 and np.sqrt(reached[p] ** 2 + left[p] * snr[slot, p] ** 2) >= goal for p in lacking):
                 hours[universe] += cost[slot]
                 for planet in lacking:
+                    left[planet] -= 1
                     reached[planet] = np.sqrt(reached[planet] ** 2 + snr[slot, planet] ** 2)
-                    found |= {planet} if reached[planet] >= goal else set()
-        characterised[universe], several = len(found), several + (left < 2 and bool(found))
+                    done |= {planet} if reached[planet] >= goal else set()
+        characterised[universe] = len(done)
+        stacked += any(left[planet] < 2 for planet in done)
+        late += len({since[planet] for planet in done}) > 1
     np.testing.assert_array_equal(played.universes["characterised_planets"], characterised)
     np.testing.assert_allclose(played.universes["follow_up_h"], hours, rtol=1e-9)
-    assert 0 < characterised.sum() < np.count_nonzero(margin >= 1.0)
-    assert several  # of more than one visit
+    assert 0 < characterised.sum() < np.count_nonzero(shown.any(axis=0))
+    assert stacked  # several visits of one planet
+    assert late or goal > 6.0
+
+
+def test_several_planets_of_a_star_are_found_each_for_itself(sharp, change, only_visits):
+    """Thinned Poisson numbers stay Poisson: the share of stars with none, one and more follows from the mean alone."""
+    number = list(sharp.surveys[0].targets.name).index(STAR)
+    survey = with_planets(only_visits(sharp.surveys[0], lambda visit: visit.star == number), 3.0)
+    n = 4000
+    found = simulate_survey(survey, block=0, n=n, seed=2).universes["new_planets"]
+    mean = found.mean()
+    assert mean > 0.5
+    for count, share in enumerate(mean**k * np.exp(-mean) / factorial(k) for k in range(4)):
+        assert abs(np.mean(found == count) - share) < 4.0 * np.sqrt(share * (1.0 - share) / n)
+    # The rule that leaves a star once it has shown a planet takes only what later visits would have added.
+    stopped = simulate_survey(change(survey, stop={"after_detection": True}), block=0, n=n, seed=2).universes
+    np.testing.assert_array_equal(stopped["new_planets"] > 0, found > 0)
+    assert 0 < np.count_nonzero(stopped["new_planets"] > 1) < np.count_nonzero(found > 1)
+    assert np.all(stopped["new_planets"] <= found)
 
 
 def test_a_visit_for_a_planet_is_no_cost_of_the_alarm_beside_it(checked):
