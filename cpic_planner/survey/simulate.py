@@ -24,6 +24,7 @@ from cpic_planner.survey.planning import albedos_of, dust_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import (
+    NEW,
     PlanetSample,
     allowed_probability,
     at_known_place,
@@ -325,10 +326,7 @@ class _Simulation:
             go = wanted & (star.option == option) & clock.affords(cost)
             if not go.any():
                 continue
-            separation, pa_deg = star.place
-            roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
-            inside = on_detector(survey.model, setting.band, separation, pa_deg - roll)[2]
-            looked = star.universes_of(true & inside) & go
+            looked = star.universes_of(true & self._inside(i, star, setting.band, slot)) & go
             false = go & ~star.universes_of(true)
             self._spend(star, looked, cost, clock.follow)
             self._spend(star, false, cost, clock.alarm)
@@ -338,6 +336,16 @@ class _Simulation:
             odds, _ = self._followed(i, star, mine, setting, [slot])
             luck = self._luck(i, star, mine, f"check {slot}")
             star.confirmed[mine[luck < odds[0]]] = True
+
+    def _inside(self, i: int, star: StarHistory, band: str, slot: int) -> BoolArray:
+        """Planets of a star that a team expects in the dark hole: known ones by their orbit, others where they were."""
+        survey, planets = self.survey, star.planets
+        now = planets.places(survey.calendar.day[i, [slot]])
+        here = np.hypot(now.east_au, now.north_au)[0] / float(survey.targets.distance_pc[i])
+        by_orbit = here, np.rad2deg(np.arctan2(now.east_au, now.north_au))[0]
+        separation, pa_deg = np.where(planets.known != NEW, by_orbit, star.place)
+        roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
+        return on_detector(survey.model, band, separation, pa_deg - roll)[2]
 
     def _cost_h(self, i: int, setting: Setting, slot: int) -> float:
         """Telescope time of one more visit of a star; infinite where it is not possible."""

@@ -118,9 +118,9 @@ class AlarmRule(FrozenModel):
     noise does not come again at the same place (the probability of ``detection.sigma`` in a resolution element), and a
     background star has moved against the star, by one resolution element (54 mas in F520) in 30 days where proper
     motion and parallax make 0.65 arcsec a year. A visit of its own waits for a slot in whose roll the place where the
-    candidate was seen lies in the dark hole; false alarms have no place here, and are looked at in the first slot. A
-    planet that is not seen again is looked at ``attempts`` times in all, and still counts as found. A known planet
-    where its published orbit has it needs no second look.
+    candidate was seen, of a known planet where its orbit has it by then, lies in the dark hole; false alarms have no
+    place here, and are looked at in the first slot. A planet that is not seen again is looked at ``attempts`` times in
+    all, and still counts as found. A known planet whose published orbit gives its place needs no second look.
 
     Where ``check`` is not given, it is on with follow-up and a detection of one visit, and off else.
     """

@@ -6,11 +6,12 @@ from math import factorial
 import numpy as np
 import pytest
 
+import cpic_planner.survey.simulate as module
 from cpic_planner.ranking import inside_zone
 from cpic_planner.survey.detection import expected_signals
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
-from cpic_planner.survey.universe import draw_planet_sample, star_mass_msun
+from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
 from simulator.config import deep_merge
 from simulator.target import sky_to_detector
 
@@ -141,6 +142,24 @@ def test_a_second_look_waits_for_a_roll_that_shows_the_place(checked, change):
         ways = np.concatenate([[0.0], np.cumsum(cost[open_slots[:2]])])
         assert np.abs(ways[1:] - spent[found["universe"][row]]).min(initial=np.inf) < 1e-9 or not len(open_slots)
     assert waited > 10
+
+
+def test_a_known_planet_is_looked_at_where_its_orbit_has_it(plain):
+    """Its aperture lies in the dark hole where a visit expects anything of it; that of a new one where it was seen."""
+    survey = plain.surveys[0]
+    run = module._Simulation(survey, block=0, n=100, seed=1)
+    number = list(survey.targets.name).index(STAR)
+    star, band = run.stars[number], survey.options[number][0].band
+    known = star.planets.known != NEW
+    star.place[0] = 9.0  # arcsec: far outside
+    answers = set()
+    for slot in np.flatnonzero(survey.calendar.fraction[number] > 0):
+        found, _, _ = run._visited(number, survey.options[number][0], star.planets, np.array([[slot], [slot]]), known)
+        inside = run._inside(number, star, band, int(slot))
+        np.testing.assert_array_equal(inside[known], found.contrast[0, known] > 0.0)
+        assert not inside[~known].any()
+        answers |= set(inside[known].tolist())
+    assert answers == {True, False}
 
 
 @pytest.fixture(scope="module")
