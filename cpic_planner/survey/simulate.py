@@ -96,6 +96,7 @@ class StarHistory:
     hits: dict[int, BoolArray] = field(default_factory=dict)
     seen: dict[int, dict[str, FloatArray]] = field(default_factory=dict)
     alarms: dict[int, tuple[IntArray, IntArray]] = field(default_factory=dict)
+    ahead: dict[int, FloatArray] = field(default_factory=dict)
     last_slot: int = -1
     visits: int = 0
 
@@ -180,7 +181,7 @@ class _Simulation:
         by_star: dict[int, list[tuple[int, PlannedVisit]]] = {}
         for k, visit in enumerate(survey.schedule.visits):
             by_star.setdefault(visit.star, []).append((k, visit))
-        mass = star_mass_msun(survey.targets)
+        mass, self.albedos = star_mass_msun(survey.targets), albedos_of(survey.strategy.population)
         self.stars = {i: self._star(i, visits, float(mass[i])) for i, visits in sorted(by_star.items())}
         promised_h = sum(visit.cost_h for visit in survey.schedule.visits if not visit.reserve)
         self.clock = Clock.of(n, survey.strategy.time_budget_h, promised_h)
@@ -207,9 +208,8 @@ class _Simulation:
             block=block,
         )
         if survey.log is not None and (done := survey.log.of(name)):
-            albedos = albedos_of(strategy.population)
             placed = at_known_place(planets, survey.known)
-            who, dust = (survey.model, target, planets, albedos), self._dust(i, planets)
+            who, dust = (survey.model, target, planets, self.albedos), self._dust(i, planets)
             left = missed(*who, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed, zodis=dust)
             planets = resampled(planets, left, uniform_draws(planets, seed, name, block, "log", n))
         planets = planets.select(planets.within(*reach_au(survey.model, float(target.distance_pc[0]))))
@@ -246,8 +246,7 @@ class _Simulation:
         survey, strategy = self.survey, self.survey.strategy
         roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
         places = planets.places(survey.calendar.day[i, when[0]])
-        albedos = albedos_of(strategy.population)
-        dust = self._dust(i, planets)
+        albedos, dust = self.albedos, self._dust(i, planets)
         found = expected_signals(
             survey.model, survey.targets.select([i]), setting, planets, albedos, places, roll, dust
         )
@@ -360,6 +359,15 @@ class _Simulation:
         found, odds, _ = self._visited(i, setting, planets, when, np.ones(len(some), bool))
         return odds, found.snr * self.calibration[planets.universe]
 
+    def _ahead(self, i: int, star: StarHistory, some: IntArray, f: int, slot: int) -> FloatArray:
+        """Odds and SNR of planets in a slot and band of the follow-up, worked out once for all slots from then on."""
+        table = star.ahead.setdefault(f, np.full((2, self.survey.calendar.n_slots, len(star.planets)), np.nan))
+        fresh = some[np.isnan(table[0, slot, some])]
+        if fresh.size:
+            slots = slot + np.flatnonzero(self.survey.calendar.fraction[i, slot:] > 0.0)
+            table[:, slots[:, None], fresh] = self._followed(i, star, fresh, self.survey.follow[i][f], slots.tolist())
+        return np.asarray(table[:, slot, some])
+
     def _luck(self, i: int, star: StarHistory, some: IntArray, visit: str) -> FloatArray:
         """Uniform numbers of some planets of a star in a visit of that name."""
         name = str(self.survey.targets.name[i])
@@ -376,7 +384,7 @@ class _Simulation:
             mine = np.flatnonzero(lacking & go[star.planets.universe])
             if not mine.size:
                 continue
-            odds, snr = (values[0] for values in self._followed(i, star, mine, setting, [slot]))
+            odds, snr = self._ahead(i, star, mine, f, slot)
             if rule.snr is not None:
                 left = np.maximum(rule.attempts - star.tried[f, mine], 0)
                 go = star.universes_of(mine[np.hypot(star.reached[f, mine], np.sqrt(left) * snr) >= rule.snr])
