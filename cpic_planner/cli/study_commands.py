@@ -64,6 +64,8 @@ def whatif(
 
       cpic whatif survey_default --known-planets my_planets.csv
 
+      cpic whatif survey_default --days 365 --share-of-time 0.05
+
       cpic whatif survey_default --no-facts --images 0
 
       cpic whatif survey_default --exclusions none
@@ -106,7 +108,8 @@ def whatif(
         with_universe,
     )
 
-    config = with_universe(_chosen(load_strategies(question.strategies), question.strategy), question.shared())
+    chosen = _chosen(load_strategies(question.strategies), question.strategy)
+    config = with_universe(chosen, question.shared(), question.share_of_time)
     config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
     config = with_exact_calendars(config) if question.exact else config
     config = with_doubt(config, question.doubt)

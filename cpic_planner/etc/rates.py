@@ -118,7 +118,14 @@ class ApertureRates:
 
 
 def aperture_rates(
-    model: EtcModel, targets: Targets, band: str, x_arcsec: ArrayLike, y_arcsec: ArrayLike, contrast: ArrayLike
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    x_arcsec: ArrayLike,
+    y_arcsec: ArrayLike,
+    contrast: ArrayLike,
+    *,
+    zodis: ArrayLike | None = None,
 ) -> ApertureRates:
     """Return the rates for every target at the given positions.
 
@@ -132,6 +139,8 @@ def aperture_rates(
         Positions on the detector relative to the star, broadcastable to ``(n, ...)`` (conventions of the instrument).
     contrast : array_like
         Planet-to-star ratio of detected rates, same shape rule.
+    zodis : array_like, optional
+        Dust around the star at each position, at least 0, same shape rule; by default that of the instrument's sky.
 
     Returns
     -------
@@ -152,12 +161,11 @@ def aperture_rates(
     star = star.reshape(star.shape + (1,) * max(0, x.ndim - 1, ratio.ndim - 1))
     planet_total = star * ratio
     dims = max(star.ndim, x.ndim)
-    sky = aperture_sky_e_s(model, targets, band)
-    sky = sky.reshape(sky.shape + (1,) * (dims - 1))
+    sky = aperture_sky_e_s(model, targets, band).reshape(-1, *(1,) * (dims - 1))
     companion = _companions(model, targets, band, x, y)
     halo = star * metrics.halo_aperture(x, y)
     area, core = metrics.aperture_pixels, metrics.core_throughput(x, y)
-    exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis, x, y, core)
+    exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis if zodis is None else zodis, x, y, core)
     dark = np.full((1,) * dims, model.camera(band).dark_e_s * area)
     width, ratio_of_lengths = strategy.annulus_lambda_d, strategy.reference_ratio
     law = programme_law(metrics, instrument.drift, separation, width, ratio_of_lengths, model.timing)
@@ -217,8 +225,7 @@ def aperture_sky_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray
     """
     instrument, metrics = model.instrument, model.metrics[band]
     start = targets.date_utc or instrument.mission.start_utc
-    rates = sky_rates_e_s_arcsec2(instrument, band, targets.ra_deg, targets.dec_deg, start)
-    sky = sky_pixel_e_s(metrics, rates)
+    sky = sky_pixel_e_s(metrics, sky_rates_e_s_arcsec2(instrument, band, targets.ra_deg, targets.dec_deg, start))
     return np.asarray((sky + _stray_e_s_pixel(instrument, band, metrics)) * metrics.aperture_pixels)
 
 
@@ -228,10 +235,9 @@ def _stray_e_s_pixel(instrument: Instrument, band: str, metrics: PsfMetrics) -> 
     stray = stray_light_map(instrument, band, (detector.n_rows, detector.n_columns))
     if stray is None:
         return 0.0
-    hole = metrics.hole
-    rows, columns = np.nonzero(hole)
-    row = rows - hole.shape[0] // 2 + detector.star_row
-    column = columns - hole.shape[1] // 2 + detector.star_column
+    rows, columns = np.nonzero(metrics.hole)
+    row = rows - metrics.hole.shape[0] // 2 + detector.star_row
+    column = columns - metrics.hole.shape[1] // 2 + detector.star_column
     inside = (row >= 0) & (row < stray.shape[0]) & (column >= 0) & (column < stray.shape[1])
     return float(stray[row[inside], column[inside]].mean()) if inside.any() else 0.0
 
@@ -375,12 +381,7 @@ class _Smear(NamedTuple):
 
 
 def _smear(
-    model: EtcModel,
-    band: str,
-    x: FloatArray,
-    star_e_s: FloatArray,
-    companion_column_e_s: FloatArray,
-    sky_e_s: FloatArray,
+    model: EtcModel, band: str, x: FloatArray, star_e_s: FloatArray, companion_e_s: FloatArray, sky_e_s: FloatArray
 ) -> _Smear:
     """Light that smears into apertures while the frame is shifted into the store: there is no shutter.
 
@@ -394,6 +395,6 @@ def _smear(
     rows = model.instrument.detector_of(band).sections["active"][0]
     return _Smear(
         star_e=shift * star_e_s * metrics.column_aperture(x),
-        companion_e=shift * companion_column_e_s,
+        companion_e=shift * companion_e_s,
         even_e=shift * lit_rows(metrics, rows) * sky_e_s,
     )

@@ -134,6 +134,13 @@ class WhatIfQuestion(RunQuestion):
     exact: bool = asked(
         False, "Search for the best calendar of every strategy much longer: minutes each (scheduler.method exact)."
     )
+    share_of_time: float | None = asked(
+        None,
+        "Telescope time of every strategy as a fraction of the length of the survey: 0.05 is 5 % of it.",
+        gt=0,
+        le=1,
+        unset="the hours or the share of the file",
+    )
     images: int = asked(6, "Detections of each strategy that are simulated as images.", ge=0)
     workers: int = asked(
         2, "Local worker processes; results do not depend on their number.", ge=1, le=256, physics=False

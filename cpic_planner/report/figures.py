@@ -33,6 +33,7 @@ _PARTS: tuple[tuple[str, str, str, str], ...] = (
     ("occulted_h", "target out of sight", "#8C8C8C", "//"),
     ("settling_h", "slewing, settling", "#E69F00", ""),
     ("follow_up_h", "follow-up", "#009E73", "\\\\"),
+    ("alarm_h", "false alarms", "#CC79A7", "xx"),
     ("unused_h", "unused budget", "#EFEFEF", ""),
 )
 _DIFFERENCES: tuple[Literal["planets", "new_planets"], ...] = ("planets", "new_planets")

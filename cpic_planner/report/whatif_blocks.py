@@ -169,7 +169,7 @@ def _star_columns() -> list[doc.Column[SurveyTarget]]:
     return doc.row_columns(
         SurveyTarget,
         "rank name:row,star v_mag distance_pc bands visit_time_s visit_h planned_visits visits first_utc search_h "
-        "follow_up_h new_planets known_seen planets_per_100h",
+        "follow_up_h alarm_h new_planets known_seen planets_per_100h",
         name=lambda star: doc.lines(pretty_name(star.name), doc.small(", ".join(map(pretty_name, star.known_planets)))),
         distance_pc=lambda star: significant(star.distance_pc, 4),
         first_utc=lambda star: star.first_utc or MISSING,

@@ -9,7 +9,15 @@ from cpic_core import Registry
 from cpic_planner.report import document as doc, whatif_words as words
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import WHATIF_FIGURES
-from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, share_text, significant
+from cpic_planner.report.numbers import (
+    MISSING,
+    count_text,
+    decimals,
+    percent_text,
+    pretty_name,
+    share_text,
+    significant,
+)
 from cpic_planner.report.whatif_blocks import (
     difference_table,
     fact_tables,
@@ -172,6 +180,10 @@ def _alarms(item: StrategyOutcome) -> str:
     return f"{words.planets_text(item.noise_alarms.mean)}; {words.planets_text(item.background_alarms.mean)}"
 
 
+def _budget(item: StrategyOutcome) -> doc.Inline:
+    return doc.lines(decimals(item.time_use.budget_h, 0), doc.small(f"({percent_text(item.time_use.budget_share)})"))
+
+
 def _visits(item: StrategyOutcome) -> str:
     reserve = item.schedule.reserve_visits
     return count_text(item.schedule.visits) + (f" + {count_text(reserve)}" if reserve else "")
@@ -182,18 +194,20 @@ def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
     columns: tuple[doc.Column[StrategyOutcome], ...] = (
         doc.Column("Strategy", report.named, look="row left star"),
         doc.Column("Telescope time", _hours, "h"),
-        doc.Column("Budget", lambda item: decimals(item.settings["time_budget_h"], 0), "h"),
+        doc.Column("Budget", _budget, "h; of the survey"),
         doc.Column("Planets", _hourly, "per 100 h"),
         doc.Column("Stars visited", lambda item: str(sum(star.planned_visits > 0 for star in item.targets))),
         doc.Column("Visits planned", _visits, "and in reserve"),
         doc.Column("Visits made", lambda item: decimals(sum(star.visits for star in item.targets), 1), "mean"),
         doc.Column("From the bound", lambda item: decimals(100 * item.schedule.distance, 1), "%"),
         doc.Column("False alarms", _alarms, "noise; background"),
+        doc.Column("Spent on false alarms", lambda item: decimals(item.time_use.alarm_h, 1), "h"),
     )
     caption = (
         "Telescope time holds slews, settling and occultations; in brackets the range of single surveys, 5 to 95 %. "
         "From the bound: how far the planned calendar is below what no calendar of such visits can pass. False alarms: "
-        "noise and background stars that a survey takes for planets."
+        "noise and background stars that a survey takes for planets. Spent on them: visits that only false alarms "
+        "asked for, where candidates are looked at again."
     )
     yield doc.table("Time and cost", caption, columns, report.result.strategies)
     yield from report.drawn("curves", "time")

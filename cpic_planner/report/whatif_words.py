@@ -185,7 +185,7 @@ def _runner_up(result: WhatIfResult, best: StrategyOutcome, other: StrategyOutco
 
 
 _FACTORS = ("assumptions.drift", "assumptions.throughput")
-_UNITS = {"assumptions.exozodi": "zodi"}
+_UNITS = {f"assumptions.exozodi{part}": "zodi" for part in ("", ".median", ".p95")}
 """Units of keys that do not end in them."""
 _GOALS = {
     "time": "as long as it pays, at most",
@@ -232,6 +232,7 @@ def shared_facts(settings: Mapping[str, Any], used: AssumedInstrument | None = N
         ("Visit", _visit(settings["visit"])),
         ("Revisits", _revisits(settings["revisits"])),
         ("Follow-up", _follow_up(settings["follow_up"])),
+        ("Candidates", _candidates(settings)),
         ("Reference frames", LIBRARIES[settings["reduction"]["library"]].meaning),
         ("Detection", _detection(settings["detection"])),
         ("Changes to the instrument", _assumed(settings["assumptions"], used)),
@@ -282,7 +283,23 @@ def _follow_up(rule: Mapping[str, Any]) -> str:
     if not rule["bands"]:
         return "none"
     bands, time = ", ".join(rule["bands"]), duration_text(rule["time_s"])
-    return f"of planets found, in {bands}: {time} each, up to {rule['attempts']} attempts"
+    text = f"of planets found, in {bands}: {time} each, up to {rule['attempts']} attempts"
+    if rule["snr"] is None:
+        return text
+    return f"{text}, in slots in which they reach a photometric SNR of {rule['snr']:g} together, the orbit known"
+
+
+def _candidates(settings: Mapping[str, Any]) -> str:
+    """What is done with a candidate that may be a false alarm."""
+    rule, needed = settings["alarms"], settings["detection"]["visits_needed"]
+    if needed > 1:
+        return f"planets and false alarms are told apart by the {needed} visits that a detection takes"
+    if not (bool(settings["follow_up"]["bands"]) if rule["check"] is None else rule["check"]):
+        return "taken for planets after one visit; false alarms cost no telescope time"
+    return (
+        f"looked at again after {rule['gap_days']:g} days or more, by a planned visit or one of their own; what is "
+        f"seen again is a planet, what is not, after {rule['attempts']} such visits, is left"
+    )
 
 
 def _detection(rule: Mapping[str, Any]) -> str:
@@ -320,8 +337,11 @@ def _assumed(assumed: Mapping[str, Any], used: AssumedInstrument | None) -> str:
         )
         by_band = f" ({throughputs})" if throughputs else ""
         parts.append(f"throughput of the optics × {assumed['throughput']:g}{by_band}")
-    if assumed["exozodi"] is not None:
-        parts.append(f"dust of {assumed['exozodi']:g} solar systems (zodi)")
+    if isinstance(dust := assumed["exozodi"], Mapping):
+        law = f"lognormal with median {dust['median']:g} and 95 % below {dust['p95']:g} solar systems (zodi)"
+        parts.append(f"dust drawn for each star, {law}")
+    elif dust is not None:
+        parts.append(f"dust of {dust:g} solar systems (zodi)")
     return ", ".join(parts) or "none"
 
 

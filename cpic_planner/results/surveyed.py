@@ -29,8 +29,11 @@ class TimeUse(Result):
     exposing_h: float = Field(description="search: science and reference frames with readouts")
     occulted_h: float = Field(description="search: behind the Earth, in the South Atlantic Anomaly, windows not filled")
     settling_h: float = Field(description="search: slews and settling")
-    follow_up_h: float
+    follow_up_h: float = Field(description="second visits of candidates that are planets included")
+    alarm_h: float = Field(description="visits that only false alarms asked for")
     unused_h: float = Field(description="of the budget")
+    budget_h: float = Field(description="telescope time that the strategy may use")
+    budget_share: float = Field(description="the budget over the length of the survey")
 
 
 class ScheduleRecord(Result):
@@ -66,6 +69,9 @@ class SurveyTarget(Row):
     visits: float = column("made, mean over universes", label="visits made", short="visits", format=".1f")
     search_h: float = column(label="search", format=".1f")
     follow_up_h: float = column(label="follow-up", format=".1f")
+    alarm_h: float = column(
+        "visits that only false alarms asked for, mean over universes", label="false alarms", format=".1f"
+    )
     new_planets: float = column("found, mean over universes")
     new_planets_unconditional: float = column(
         "the same with planets that are excluded, in the same visits", label="new planets, nothing excluded"
@@ -203,7 +209,7 @@ class AssumedInstrument(Result):
 
     visit_drift_nm: float = Field(description="offset of the wavefront of a visit, rms")
     walk_nm_per_sqrt_hour: float = Field(description="walk of the wavefront within a visit, rms")
-    exozodi_zodis: float
+    exozodi_zodis: float = Field(description="dust around every star; the median where each star has its own")
     throughput: dict[str, float] = Field(description="of the optics, by band of the search")
 
 
@@ -230,6 +236,9 @@ class StrategyOutcome(Row):
     characterised_planets: EstimateRecord
     orbits_known: EstimateRecord = Field(
         description="planets found whose semi-major axis and next place are known well enough from the images alone"
+    )
+    confirmed_planets: EstimateRecord = Field(
+        description="planets found where a published orbit has them, or seen again in another visit"
     )
     noise_alarms: EstimateRecord
     background_alarms: EstimateRecord

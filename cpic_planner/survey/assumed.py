@@ -60,8 +60,9 @@ def _changes(assumed: Assumptions, bands: Sequence[str]) -> list[Change]:
         changes.append(Change.scaling("drift", assumed.drift))
     if assumed.throughput != 1.0:
         changes += [Change.scaling(f"bands.{band}.t_opt", assumed.throughput) for band in bands]
-    if assumed.exozodi is not None:
-        changes.append(Change(key="sky.exozodi_zodis", value=assumed.exozodi))
+    zodis = assumed.exozodi if assumed.dust is None else assumed.dust.median
+    if zodis is not None:
+        changes.append(Change(key="sky.exozodi_zodis", value=zodis))
     return changes
 
 

@@ -14,7 +14,7 @@ from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
-from cpic_planner.survey.planning import N_DRAWS, N_KNOWN, Host, Looks, PlanningSky, albedos_of
+from cpic_planner.survey.planning import N_DRAWS, N_KNOWN, Host, Looks, PlanningSky, albedos_of, dust_of
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
 from cpic_planner.survey.universe import NEW, PlanetSample, allowed_probability, at_known_place, occurrence
 from cpic_planner.targets import Targets
@@ -263,7 +263,8 @@ def candidates(
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new
         weight = np.where(new, rate / N_DRAWS, strategy.value_known / N_KNOWN)
         if done:
-            weight = weight * _left(strategy, model, host, planets, done, calendar)
+            zodis = dust_of(strategy, planets, sky.seed, str(targets.name[i]), "planning")
+            weight = weight * _left(strategy, model, host, planets, done, calendar, zodis)
         weight = (weight * allowed_probability(planets, limits, int(i)))[shown.seen]
         counts = weight > 0.0
         if counts.any():  # the others are never seen
@@ -290,12 +291,14 @@ def _left(
     planets: PlanetSample,
     done: tuple[ObservedVisit, ...],
     calendar: Calendar,
+    zodis: FloatArray | None = None,
 ) -> FloatArray:
     """What earlier visits leave of the weight of each planet: a known one is there all the same."""
     albedos = albedos_of(host.population)
     placed = at_known_place(planets, host.known)
     epoch_mjd = calendar.start_mjd
-    left = missed(model, host.star, planets, albedos, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed)
+    who = model, host.star, planets, albedos
+    left = missed(*who, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed, zodis=zodis)
     for row in np.unique(planets.known[planets.known != NEW]):
         mine = planets.known == row
         # Draws that no date shows are not among the planets, and no visit rules them out.

@@ -1,7 +1,4 @@
-"""Whether a visit shows planets that stand anywhere: significance over threshold, and the chance of a detection.
-
-False alarms of a visit: noise that passes the threshold, and background stars that pass for planets.
-"""
+"""Whether a visit shows planets that stand anywhere: significance over threshold, and the chance of a detection."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -27,7 +24,6 @@ from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import PlanetSample
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
-from simulator.imaging import PsfMetrics
 from simulator.target import sky_to_detector
 
 _ROLLS = 32  # at once: tables of the companion's light take memory
@@ -106,6 +102,7 @@ def expected_signals(
     albedos: tuple[AlbedoSpec, ...],
     places: OrbitPlaces,
     roll_deg: ArrayLike,
+    zodis: FloatArray | None = None,
 ) -> ExpectedSignals:
     """What visits at some dates expect of every planet.
 
@@ -123,6 +120,8 @@ def expected_signals(
         Where they stand at each visit, shape ``(d, n)``.
     roll_deg : array_like, shape (d,)
         Position angle of the detector's +y axis at each visit.
+    zodis : ndarray, shape (n,), optional
+        Dust around the star of each planet; by default that of the model.
 
     Returns
     -------
@@ -142,13 +141,10 @@ def expected_signals(
     separation_au = np.hypot(places.east_au, places.north_au)
     separation = separation_au / float(star.distance_pc[0])
     pa_deg = np.rad2deg(np.arctan2(places.east_au, places.north_au))
-    x, y = sky_to_detector(separation, pa_deg - roll, parity=model.instrument.detector.parity)
+    x, y, usable = on_detector(model, band, separation, pa_deg - roll)
     margin, tails, inward, snr, contrast = np.zeros((5, *shape))
     visits, motion = np.ones((2, *shape))
-    usable = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
     first = model.strategy.rolls_deg[-1]
-    if len(model.strategy.rolls_deg) > 1:
-        x, y, usable = _at_two_rolls(model, metrics, separation, pa_deg - roll)
     if setting.possible and usable.any():
         visit, planet = np.nonzero(usable)
         kind, radius = planets.kind[planet][None], planets.radius_rjup[planet][None]
@@ -171,7 +167,8 @@ def expected_signals(
             real = np.arange(count.max()) < count[:, None]
             put = (visit[every[real]], planet[every[real]])
             at = (visit[every], planet[every])
-            rates = aperture_rates(model, rolls, band, x[at], y[at], light[every])
+            dust = None if zodis is None else zodis[planet[every]]
+            rates = aperture_rates(model, rolls, band, x[at], y[at], light[every], zodis=dust)
             noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
             elements = metrics.resolution_elements(separation[at])
             moving = SearchMotion.of(model, rolls, band, separation[at])
@@ -185,16 +182,33 @@ def expected_signals(
     return ExpectedSignals(margin, tails, inward, snr, contrast, separation, pa_deg, *others)
 
 
-def _at_two_rolls(
-    model: EtcModel, metrics: PsfMetrics, separation_arcsec: FloatArray, pa_deg: FloatArray
+def on_detector(
+    model: EtcModel, band: str, separation_arcsec: FloatArray, pa_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Places at the first of two rolls, and whether planets can be told from themselves at the second."""
-    half, parity = model.strategy.rolls_deg[-1], model.instrument.detector.parity
-    first, second = (sky_to_detector(separation_arcsec, pa_deg + turn, parity=parity) for turn in (-half, half))
-    radius = metrics.aperture_radius_arcsec
-    usable = inside_zone(metrics.zone, *first, radius) & inside_zone(metrics.zone, *second, radius)
-    usable &= 2.0 * separation_arcsec * math.sin(math.radians(half)) >= 2.0 * radius
-    return first[0], first[1], usable
+    """Places of planets on the detector, and whether a visit can see them there.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    separation_arcsec, pa_deg : ndarray
+        Position angle from the detector's +y axis, the roll taken off.
+
+    Returns
+    -------
+    x, y : ndarray
+        Place in arcsec, with two rolls that at the first.
+    usable : ndarray of bool
+        Whether the aperture lies in the dark hole whole, with two rolls at both, and moves by its diameter between.
+    """
+    metrics, parity, half = model.metrics[band], model.instrument.detector.parity, model.strategy.rolls_deg[-1]
+    radius, turns = metrics.aperture_radius_arcsec, (0.0,) if len(model.strategy.rolls_deg) < 2 else (-half, half)
+    places = [sky_to_detector(separation_arcsec, pa_deg + turn, parity=parity) for turn in turns]
+    usable = np.logical_and.reduce([inside_zone(metrics.zone, *place, radius) for place in places])
+    if len(turns) > 1:
+        usable &= 2.0 * separation_arcsec * math.sin(math.radians(half)) >= 2.0 * radius
+    return *places[0], usable
 
 
 def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:
@@ -279,122 +293,3 @@ def rolled(star: Targets, roll_deg: float) -> Targets:
         Roll of the telescope, degrees; turns the sky on the detector.
     """
     return replace(star, roll_deg=roll_deg % 360.0)
-
-
-LOWEST_LATITUDE_DEG = 10.0
-"""Nearer to the Galactic plane the counts are those of this latitude: the law, which is stated for 20 degrees and more
-and knows no dust, runs away there."""
-_BRIGHTEST, _FAINTEST = 5.0, 30.0
-_STEPS, _PROBE = 16, 1e-9
-_ARCSEC2_DEG2 = 3600.0**2
-# Direction of the Galactic pole and of the centre, ICRS (Hipparcos catalogue, vol. 1, sect. 1.5.3).
-_POLE_RA_DEG, _POLE_DEC_DEG, _NODE_DEG = 192.85948, 27.12825, 32.93192
-
-
-def galactic_deg(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Galactic longitude (0 to 360) and latitude of ICRS places, degrees.
-
-    Parameters
-    ----------
-    ra_deg : array_like
-        ICRS right ascension, degrees.
-    dec_deg : array_like
-        ICRS declination, degrees.
-    """
-    ra, dec = np.deg2rad(np.asarray(ra_deg, float) - _POLE_RA_DEG), np.deg2rad(np.asarray(dec_deg, float))
-    pole = np.deg2rad(_POLE_DEC_DEG)
-    sine = np.sin(dec) * np.sin(pole) + np.cos(dec) * np.cos(pole) * np.cos(ra)
-    along = np.arctan2(np.sin(dec) * np.cos(pole) - np.cos(dec) * np.sin(pole) * np.cos(ra), np.cos(dec) * np.sin(ra))
-    return (np.rad2deg(along) + _NODE_DEG) % 360.0, np.rad2deg(np.arcsin(np.clip(sine, -1.0, 1.0)))
-
-
-def star_counts_deg2(v_mag: ArrayLike, longitude_deg: ArrayLike, latitude_deg: ArrayLike) -> FloatArray:
-    """Stars brighter than V, per square degree, at a Galactic place.
-
-    Parameters
-    ----------
-    v_mag : array_like
-        Limit; taken between 5 and 30.
-    longitude_deg, latitude_deg : array_like
-        Latitudes below `LOWEST_LATITUDE_DEG` count as that.
-
-    Notes
-    -----
-    Equation B1 of Bahcall & Soneira 1980 (ApJS 44, 73): a disc ``C1 10^(beta d) / (1 + 10^(alpha d))^delta / (sin b (1
-    - mu cot b cos l))^(3 - 5 gamma)`` with ``d = V - 15.75``, and a spheroid ``C2 10^(eta h) / (1 + 10^(kappa
-    h))^lambda / (1 - cos b cos l)^sigma`` with ``h = V - 17.5``. Good to 15 % for latitudes of 20 degrees and more;
-    nearer to the plane, where dust and arms rule, the order of magnitude.
-    """
-    limit = np.clip(np.asarray(v_mag, float), _BRIGHTEST, _FAINTEST)
-    b = np.deg2rad(np.maximum(np.abs(np.asarray(latitude_deg, float)), LOWEST_LATITUDE_DEG))
-    cosine = np.cos(np.deg2rad(np.asarray(longitude_deg, float)))
-    faint = np.clip(limit, 12.0, 20.0) - 12.0
-    mu, gamma = 0.03 + 0.0075 * faint, 0.36 - 0.04 * faint
-    projection = np.maximum(np.sin(b) * (1.0 - mu * cosine / np.tan(b)), 0.02)
-    from_disc = limit - 15.75
-    disc = 925.0 * 10.0 ** (0.035 * from_disc) / (1.0 + 10.0 ** (-0.132 * from_disc)) ** 3.0
-    from_halo = limit - 17.5
-    halo = 1050.0 * 10.0 ** (0.087 * from_halo) / (1.0 + 10.0 ** (-0.180 * from_halo)) ** 2.5
-    to_centre = np.cos(b) * cosine
-    spheroid = halo / np.maximum(1.0 - to_centre, 0.02) ** (1.45 - 0.20 * to_centre)
-    return np.asarray(disc / projection ** (3.0 - 5.0 * gamma) + spheroid)
-
-
-def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: DetectionRule) -> float:
-    """Expected background stars that one visit detects in the dark quadrants.
-
-    Parameters
-    ----------
-    model : EtcModel
-    star : Targets
-        One star.
-    setting : Setting
-    rule : DetectionRule
-        Where half of the planets are detected, background stars are counted.
-
-    Notes
-    -----
-    The limiting contrast at every place of the hole becomes a limiting magnitude, with the colour of the star, and that
-    a number of stars. Every visit counts anew: nearby stars move by an arcsec or more between visits a year apart.
-    """
-    metrics, band = model.metrics[setting.band], setting.band
-    if not setting.possible:
-        return 0.0
-    axis = (np.arange(-_STEPS, _STEPS) + 0.5) / _STEPS * metrics.hole_outer_arcsec
-    x, y = (part.ravel() for part in np.meshgrid(axis, axis))
-    inside = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
-    x, y = x[inside], y[inside]
-    if not x.size:
-        return 0.0
-    rates = aperture_rates(model, star, band, x[None], y[None], np.full((1, x.size), _PROBE))
-    made = programme_of(model, setting)
-    noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
-    separation = np.hypot(x, y)
-    threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
-    tails, inward = tail_share(model, setting, separation[None], noise)[0], metrics.lambda_d_arcsec / separation
-    middle = half_margin(rule, np.zeros(x.size, bool), tails, inward, effective_of(made, rates.speckle))
-    with np.errstate(divide="ignore"):
-        faintest = middle * _PROBE * threshold / noise.significance[0]
-    good = np.isfinite(faintest) & (faintest > 0.0)
-    limit = float(star.v_mag[0]) - 2.5 * np.log10(faintest[good])
-    density = star_counts_deg2(limit, *galactic_deg(star.ra_deg, star.dec_deg)) / _ARCSEC2_DEG2
-    return float(density.sum() * (axis[1] - axis[0]) ** 2)
-
-
-def noise_alarms(model: EtcModel, band: str) -> float:
-    """Expected noise peaks of one visit above the threshold of a blind search.
-
-    The thresholds keep the false-alarm probability of ``sigma`` in every resolution element, an area of
-    ``(lambda/D)^2`` of the dark hole (`cpic_planner.validation.search`); images hold it (``reports/blind_validator``).
-
-    Parameters
-    ----------
-    model : EtcModel
-    band : str
-        Name of a band of the instrument, such as ``F520``.
-    """
-    from scipy.special import ndtr
-
-    metrics = model.metrics[band]
-    elements = np.count_nonzero(metrics.hole) * (metrics.pixel_scale_arcsec / metrics.lambda_d_arcsec) ** 2
-    return float(elements * ndtr(-model.strategy.sigma))

@@ -25,6 +25,7 @@ from cpic_planner.results import (
 )
 from cpic_planner.survey.decision import Choice, decide, law_weights, quantiles
 from cpic_planner.survey.estimates import difference_interval
+from cpic_planner.survey.events import HOURS
 from cpic_planner.survey.outcome import change_record, estimate_record
 from cpic_planner.survey.prepare import alarms, planned, read_ground
 from cpic_planner.survey.simulate import Survey, simulate_survey
@@ -105,7 +106,7 @@ def play_block(
         As of `cpic_planner.survey.simulate.simulate_survey`.
     """
     universes = simulate_survey(surveys[which], block=block, n=n, seed=seed).universes
-    universes["hours"] = universes["search_h"] + universes["follow_up_h"]
+    universes["hours"] = np.sum([universes[name] for name in HOURS], axis=0)
     return {name: universes[name].tolist() for name in _COUNTED}
 
 

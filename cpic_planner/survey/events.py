@@ -19,9 +19,12 @@ from cpic_planner.survey.store import Table
 from cpic_planner.survey.universe import NEW, PlanetSample
 
 if TYPE_CHECKING:
-    from cpic_planner.survey.simulate import StarHistory, Survey
+    from cpic_planner.survey.history import StarHistory
+    from cpic_planner.survey.simulate import Survey
 
 ROUNDING_H = 1e-9
+HOURS = ("search_h", "follow_up_h", "alarm_h")
+"""Columns that add up to the telescope time used."""
 
 
 class UniverseRow(Row):
@@ -38,11 +41,13 @@ class UniverseRow(Row):
     stars_with_planet: int = column("stars with a planet found")
     characterised_planets: int = column("planets found and seen in every band of the follow-up")
     orbits_known: int = column("planets found whose orbit is known from the images of the survey alone")
+    confirmed_planets: int = column("planets found where a published orbit has them, or seen again in another visit")
     noise_alarms: int = column("noise taken for a planet")
     background_alarms: int = column("background stars taken for a planet")
     visits: int = column("visits made")
     search_h: float = column("telescope time of the search")
-    follow_up_h: float = column("telescope time of the follow-up")
+    follow_up_h: float = column("telescope time of the follow-up, second visits of true candidates included")
+    alarm_h: float = column("telescope time of visits that only false alarms asked for")
 
 
 class DetectionRow(Row):
@@ -72,6 +77,7 @@ class DetectionRow(Row):
     roll_deg: float = column("position angle of the detector's +y axis")
     distance_au: float = column("true distance from the star")
     phase_deg: float = column("star-planet-observer")
+    exozodi_zodis: float = column("dust around the star, in solar systems")
 
 
 class StarRow(Row):
@@ -84,6 +90,7 @@ class StarRow(Row):
     visits: int = column("visits of the search, sum")
     search_h: float = column("telescope time of the search, sum")
     follow_up_h: float = column("telescope time of the follow-up, sum")
+    alarm_h: float = column("telescope time of visits that only false alarms asked for, sum")
     new_planets: int = column("planets found that nobody knew, sum")
     new_planets_unconditional: int = column("the same with the planets that are excluded, sum")
     known_planets: int = column("known planets seen, sum")
@@ -129,6 +136,7 @@ class Clock:
     promised: FloatArray
     search: FloatArray
     follow: FloatArray
+    alarm: FloatArray
     visits: IntArray
 
     @classmethod
@@ -140,6 +148,7 @@ class Clock:
             promised=np.full(n, promised_h),
             search=np.zeros(n),
             follow=np.zeros(n),
+            alarm=np.zeros(n),
             visits=np.zeros(n, np.int64),
         )
 
@@ -156,8 +165,8 @@ class Clock:
 
     @property
     def used(self) -> FloatArray:
-        """Time of search and follow-up so far."""
-        return self.search + self.follow
+        """Time of search, follow-up and false alarms so far."""
+        return self.search + self.follow + self.alarm
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,6 +264,7 @@ class Events:
             "stars_with_planet",
             "characterised_planets",
             "orbits_known",
+            "confirmed_planets",
         )
         universes: dict[str, NDArray[Any]] = {name: np.zeros(n, np.int64) for name in counted}
         for i, star in sorted(stars.items()):
@@ -266,7 +276,8 @@ class Events:
             orbits.append(_orbit_columns(own, star.planets, str(survey.targets.name[i])))
             found["orbits_known"] = np.isin(np.arange(len(star.planets)), own.planet[own.known])
             numbers = [int(some.sum()) for some in found.values()]
-            rows.append((str(survey.targets.name[i]), block, n, star.visits, star.hours, star.follow_h, *numbers))
+            rows.append((str(survey.targets.name[i]), block, n, star.visits, *star.hours, *numbers))
+            found["confirmed_planets"] = star.found & star.confirmed
             if survey.strategy.follow_up.wanted:
                 found["characterised_planets"] = star.found & star.shown.all(axis=0)
             for name, some in found.items():
@@ -274,6 +285,7 @@ class Events:
             universes["stars_with_planet"] += star.universes_of(star.found)
         universes |= {"noise_alarms": self.noise_alarms, "background_alarms": self.background_alarms}
         universes |= {"visits": clock.visits, "search_h": clock.search, "follow_up_h": clock.follow}
+        universes["alarm_h"] = clock.alarm
         per_star = {
             item.name: np.array([row[k] for row in rows], object if item.dtype == "string" else item.dtype)
             for k, item in enumerate(columns_of(StarRow)[1:])

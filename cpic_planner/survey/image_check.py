@@ -1,7 +1,7 @@
 """A sample of a strategy's detections at image level: are they found there as often as their law says."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -88,13 +88,15 @@ def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> Con
     model = imaged_model(survey.model, survey.strategy, setting.band)
     if model is None or not 1 <= setting.n_frames <= MAX_FRAMES:
         return None
+    if (zodis := float(row["exozodi_zodis"])) != model.instrument.sky.exozodi_zodis:
+        model = replace(model, instrument=model.instrument.changed({"sky": {"exozodi_zodis": zodis}}))
     turned = rolled(survey.targets.select([i]), float(row["roll_deg"]))
     pa_deg = (float(row["pa_deg"]) - float(row["roll_deg"])) % 360.0
     drawn = {key: float(row[key]) for key in ("radius_rjup", "distance_au", "phase_deg", "separation_arcsec")}
     albedo = albedos_of(survey.strategy.population)[int(row["kind"])]
     planet = Planet(name="planet", pa_deg=pa_deg, albedo=albedo, **drawn)
     name = f"{row['star']} {number}"
-    scene = star_scene(turned, (planet,), name=name, exozodi_zodis=model.instrument.sky.exozodi_zodis)
+    scene = star_scene(turned, (planet,), name=name, exozodi_zodis=zodis)
     place = sky_to_detector(drawn["separation_arcsec"], pa_deg, parity=model.instrument.detector.parity)
     frames = Frames(setting.exposure_s, int(setting.n_frames), setting.em_gain)
     expected = [expected_of(model, turned, setting.band, place, float(row["contrast"]), frames)]

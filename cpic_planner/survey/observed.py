@@ -282,6 +282,7 @@ def missed(
     epoch_mjd: float,
     sun_pa_deg: FloatArray | None = None,
     placed: BoolArray | None = None,
+    zodis: FloatArray | None = None,
 ) -> FloatArray:
     """Probability that none of some visits showed each planet.
 
@@ -298,6 +299,8 @@ def missed(
         Position angle of the Sun at each visit, the roll where the log has none; by default that of its date.
     placed : ndarray of bool, optional
         Planets that a visit knows where to look for; none by default.
+    zodis : ndarray, optional
+        Dust around the star of each planet; by default that of the model.
 
     Notes
     -----
@@ -314,7 +317,7 @@ def missed(
             continue
         roll = sun if math.isnan(visit.roll_deg) else visit.roll_deg
         seen = expected_signals(
-            model, star, visit.setting, planets, albedos, planets.places([visit.mjd - epoch_mjd]), [roll]
+            model, star, visit.setting, planets, albedos, planets.places([visit.mjd - epoch_mjd]), [roll], zodis
         )
         odds = detection_chance(seen, rule, at_place, calibration=rule.calibration)
         left *= 1.0 - np.where(planets.known != NEW, 0.0, odds[0]) if visit.planets else 1.0 - odds[0]

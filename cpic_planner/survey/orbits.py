@@ -11,7 +11,8 @@ from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.planets import OrbitQuality, astrometric_error_arcsec, orbit_quality
 
 if TYPE_CHECKING:
-    from cpic_planner.survey.simulate import StarHistory, Survey
+    from cpic_planner.survey.history import StarHistory
+    from cpic_planner.survey.simulate import Survey
 
 LEAST_EPOCHS = 2
 """Positions without which nothing is said of an orbit."""

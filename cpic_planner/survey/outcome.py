@@ -13,6 +13,7 @@ from cpic_core import FloatArray, NDArray, dump_json
 from cpic_planner import results
 from cpic_planner.etc import QUADRANTS
 from cpic_planner.survey.estimates import Estimate, convergence, difference_interval, mean_interval, spread
+from cpic_planner.survey.events import HOURS
 from cpic_planner.survey.planning import VisitOdds
 from cpic_planner.survey.schedule import PlannedVisit
 from cpic_planner.survey.simulate import Survey
@@ -28,15 +29,7 @@ _MOST_PAIRS = 6
 _N_CHANGES = 8
 _SAME = 1e-9
 _LEAST_SEEN = 2e-3
-_MEANS = (
-    "visits",
-    "search_h",
-    "follow_up_h",
-    "new_planets",
-    "new_planets_unconditional",
-    "known_planets",
-    "orbits_known",
-)
+_MEANS = ("visits", *HOURS, "new_planets", "new_planets_unconditional", "known_planets", "orbits_known")
 _ORBIT_MEDIANS = ("epochs", "arc_periods", "axis_error", "place_error_lambda_d")
 VISIT_FILES = ("visits.csv", "visits.ecsv", "visits.json")
 _PLACE = ("star", "slot", "ordinal")
@@ -61,7 +54,7 @@ def outcome(
     universes, detections = tables["universes"], tables["detections"]
     strategy, instrument = survey.strategy, survey.model.instrument
     new, known = (universes[name].astype(float) for name in ("new_planets", "known_planets"))
-    hours = universes["search_h"] + universes["follow_up_h"]
+    hours = _quantity(universes, "hours")
     counted = [name for name in universes if name.endswith(("planet", "planets", "unconditional", "alarms", "known"))]
     counts: dict[str, Any] = {name: estimate_record(universes[name].astype(float)) for name in counted}
     planned = [visit for visit in survey.schedule.visits if not visit.reserve]
@@ -156,13 +149,17 @@ def _time_use(survey: Survey, universes: Columns, stars: Columns) -> results.Tim
         if own:
             exposing += visits * float(np.mean([survey.options[i][visit.option].time_s for visit in own])) / 3600.0
             settling += visits * settle_h
-    search, follow = (float(universes[name].mean()) for name in ("search_h", "follow_up_h"))
+    search, follow, alarm = (float(universes[name].mean()) for name in HOURS)
+    budget_h = survey.strategy.time_budget_h
     return results.TimeUse(
         exposing_h=exposing,
         occulted_h=max(0.0, search - exposing - settling),
         settling_h=settling,
         follow_up_h=follow,
-        unused_h=max(0.0, survey.strategy.time_budget_h - search - follow),
+        alarm_h=alarm,
+        unused_h=max(0.0, budget_h - search - follow - alarm),
+        budget_h=budget_h,
+        budget_share=budget_h / float(survey.calendar.slot_h.sum()),
     )
 
 
@@ -192,7 +189,7 @@ def _targets(survey: Survey, stars: Columns, orbits: Columns, first_utc: Sequenc
         if not own or not mine.any():
             continue
         mean = {key: float(stars[key][mine].sum()) / float(stars["universes"][mine].sum()) for key in _MEANS}
-        hours = mean["search_h"] + mean["follow_up_h"]
+        hours = sum(mean[name] for name in HOURS)
         known_seen = mean.pop("known_planets")
         known = [] if survey.known is None else survey.known.text("planet")
         ways = [survey.options[i][visit.option] for visit in own]
@@ -247,7 +244,7 @@ def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[resu
 
 
 def _quantity(universes: Columns, name: str) -> FloatArray:
-    parts = {"planets": ("new_planets", "known_planets"), "hours": ("search_h", "follow_up_h")}.get(name, (name,))
+    parts = {"planets": ("new_planets", "known_planets"), "hours": HOURS}.get(name, (name,))
     return np.asarray(sum(universes[part].astype(float) for part in parts))
 
 

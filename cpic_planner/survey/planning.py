@@ -16,7 +16,7 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.planets import PopulationConfig
 from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
 from cpic_planner.survey.strategy import SurveyStrategy
-from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place, draw_planet_sample, star_mass_msun
+from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place, chance, draw_planet_sample, star_mass_msun
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
 
@@ -33,6 +33,29 @@ def albedos_of(population: PopulationConfig | None) -> tuple[AlbedoSpec, ...]:
     """Albedos by kind: those of the population, then that of known planets, Jupiter's."""
     own = () if population is None else tuple(kind.albedo for kind in population.mixture)
     return (*(spec for spec in own if spec is not None), KNOWN_ALBEDO)
+
+
+def dust_of(
+    strategy: SurveyStrategy, planets: PlanetSample, seed: int, star: str, block: int | str
+) -> FloatArray | None:
+    """Dust around a star in the universe of each planet, zodi; None where it is the same everywhere.
+
+    Parameters
+    ----------
+    strategy : SurveyStrategy
+    planets : PlanetSample
+        Of that star.
+    seed : int
+    star : str
+        Name, which with ``block`` names the random stream: all strategies see the same luck.
+    block : int or str
+        Number of the block of universes, or ``planning``.
+    """
+    law = strategy.assumptions.dust
+    if law is None:
+        return None
+    n = int(planets.universe.max(initial=0)) + 1
+    return law.zodis(chance(seed, "dust", star, block, shape=(n,)))[planets.universe]
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +142,7 @@ class PlanningSky:
     """
 
     def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
-        self._seed = seed
+        self.seed = seed
         self._reach = reach_arcsec
         self._kept: dict[Hashable, tuple[PlanetSample, OrbitPlaces]] = {}
         self._shown: dict[Hashable, Shown] = {}
@@ -139,7 +162,7 @@ class PlanningSky:
         if key not in self._kept:
             star = host.star
             who = str(star.name[0]), float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0])
-            draw = partial(draw_planet_sample, *who, epoch_mjd=epoch_mjd, seed=self._seed, stage="planning")
+            draw = partial(draw_planet_sample, *who, epoch_mjd=epoch_mjd, seed=self.seed, stage="planning")
             parts = []
             if host.known is not None and host.known_rows:
                 body = draw(None, known=host.known, known_rows=host.known_rows, n=N_KNOWN)
@@ -173,18 +196,19 @@ class PlanningSky:
         key = strategy.name, content_hash(host.content()), visits, epoch_mjd
         if key not in self._shown:
             planets, places = self.of(host, epoch_mjd, looks.day)
-            chance = np.zeros((*looks.open.shape, len(planets)), np.float32)
+            odds = np.zeros((*looks.open.shape, len(planets)), np.float32)
             rule, placed = strategy.detection, at_known_place(planets, host.known)
+            zodis = dust_of(strategy, planets, self.seed, str(host.star.name[0]), "planning")
             for o, option in enumerate(looks.options):
                 slots = np.flatnonzero(looks.open[o])
                 if slots.size == 0:
                     continue
                 there = OrbitPlaces(*(getattr(places, name)[slots] for name in OrbitPlaces.__dataclass_fields__))
                 albedos, roll = albedos_of(host.population), looks.roll_deg[slots]
-                signals = expected_signals(model, host.star, option, planets, albedos, there, roll)
-                chance[o, slots] = detection_chance(signals, rule, placed, calibration=rule.calibration)
-            seen = np.flatnonzero((chance > 0.0).any(axis=(0, 1)))
-            self._shown[key] = Shown(planets, seen, chance[:, :, seen])
+                signals = expected_signals(model, host.star, option, planets, albedos, there, roll, zodis)
+                odds[o, slots] = detection_chance(signals, rule, placed, calibration=rule.calibration)
+            seen = np.flatnonzero((odds > 0.0).any(axis=(0, 1)))
+            self._shown[key] = Shown(planets, seen, odds[:, :, seen])
         return self._shown[key]
 
 

@@ -11,11 +11,12 @@ from cpic_core import Advance, InputError, untold
 from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Runner, Task, Unkept
 from cpic_planner.planets import StarLimits
+from cpic_planner.survey.alarms import background_alarms, noise_alarms
 from cpic_planner.survey.allocation import make_schedule
 from cpic_planner.survey.assumed import assumed_model
 from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import Candidate, Screened, candidates, chosen_stars, screen, settings_of
-from cpic_planner.survey.detection import Setting, background_alarms, noise_alarms, reach_au
+from cpic_planner.survey.detection import Setting, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
 from cpic_planner.survey.planning import PlanningSky, VisitOdds, visit_odds
 from cpic_planner.survey.schedule import Problem

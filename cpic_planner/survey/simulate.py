@@ -1,7 +1,7 @@
 """A survey simulated in synthetic universes: what is visited, what is found, what it costs."""
 
 from collections.abc import Sequence
-from dataclasses import InitVar, dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,14 +10,23 @@ from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc import EtcModel
 from cpic_planner.planets import StarLimits
 from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.detection import ExpectedSignals, Setting, detection_chance, expected_signals, reach_au
+from cpic_planner.survey.detection import (
+    ExpectedSignals,
+    Setting,
+    detection_chance,
+    expected_signals,
+    on_detector,
+    reach_au,
+)
 from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
+from cpic_planner.survey.history import StarHistory
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.orbits import Epoch, found_orbits
-from cpic_planner.survey.planning import albedos_of
+from cpic_planner.survey.planning import albedos_of, dust_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import (
+    NEW,
     PlanetSample,
     allowed_probability,
     at_known_place,
@@ -73,42 +82,6 @@ class Survey:
     log: ObservationLog | None = None
 
 
-@dataclass(eq=False)
-class StarHistory:
-    """One star in all universes of a block: what each visit would show, and what visits have shown so far.
-
-    ``allowed`` tells which planets are there. The others are excluded by what is known of the star: nothing stops or
-    follows because of them, but ``counts`` has what the same visits would show of them, too.
-    """
-
-    planets: PlanetSample
-    allowed: BoolArray
-    shape: InitVar[tuple[int, int]]
-    left_h: float
-    hits: dict[int, BoolArray] = field(default_factory=dict)
-    seen: dict[int, dict[str, FloatArray]] = field(default_factory=dict)
-    alarms: dict[int, tuple[IntArray, IntArray]] = field(default_factory=dict)
-    epochs: list[Epoch] = field(default_factory=list)
-    visits: int = 0
-    hours: float = 0.0
-    follow_h: float = 0.0
-
-    def __post_init__(self, shape: tuple[int, int]) -> None:
-        bands, n = shape
-        self.counts = np.zeros(len(self.planets), np.int64)
-        self.found = np.zeros(len(self.planets), bool)
-        self.shown = np.zeros((bands, len(self.planets)), bool)
-        self.tried = np.zeros(shape, np.int64)
-        self.stopped = np.zeros(n, bool)
-        self.empty = np.zeros(n, np.int64)
-
-    def universes_of(self, some: BoolArray) -> BoolArray:
-        """Universes that have at least one of some planets."""
-        found = np.zeros(len(self.stopped), bool)
-        found[self.planets.universe[some]] = True
-        return found
-
-
 def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyTables:
     """Simulate a survey in ``n`` universes.
 
@@ -127,20 +100,22 @@ def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyT
 
     Notes
     -----
-    Slot after slot, follow-up comes first, then the planned visits in their order, then reserve ones as far as they
-    take nothing from planned ones to come. A visit is made where star and survey have not stopped and slot and budget
-    hold it. Whether it detects a planet was decided by the numbers of that star, block and visit, so that another
-    strategy that makes the same visit sees the same.
+    Slot after slot, second looks at candidates and follow-up come first, then the planned visits in their order, then
+    reserve ones as far as they take nothing from planned ones to come. A visit is made where star and survey have not
+    stopped and slot and budget hold it. Whether it detects a planet was decided by the numbers of that star, block and
+    visit, so that another strategy that makes the same visit sees the same.
     """
     run = _Simulation(survey, block, n, seed)
     by_slot: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
         by_slot.setdefault(visit.slot, []).append((k, visit))
-    follows = survey.strategy.follow_up.wanted
-    for slot in range(survey.calendar.n_slots) if follows else sorted(by_slot):
+    checks, follows = survey.strategy.checks_candidates, survey.strategy.follow_up.wanted
+    for slot in range(survey.calendar.n_slots) if checks or follows else sorted(by_slot):
         run.clock.slot[:] = survey.strategy.slot_share * survey.calendar.slot_h[slot]
-        for i, star in run.stars.items() if follows else ():
-            if star.found.any():
+        for i, star in run.stars.items():
+            if checks:
+                run.check(i, star, slot)
+            if follows and star.found.any():
                 run.follow(i, star, slot)
         for k, visit in by_slot.get(slot, ()):
             run.search(k, visit)
@@ -165,7 +140,7 @@ class _Simulation:
         by_star: dict[int, list[tuple[int, PlannedVisit]]] = {}
         for k, visit in enumerate(survey.schedule.visits):
             by_star.setdefault(visit.star, []).append((k, visit))
-        mass = star_mass_msun(survey.targets)
+        mass, self.albedos = star_mass_msun(survey.targets), albedos_of(survey.strategy.population)
         self.stars = {i: self._star(i, visits, float(mass[i])) for i, visits in sorted(by_star.items())}
         promised_h = sum(visit.cost_h for visit in survey.schedule.visits if not visit.reserve)
         self.clock = Clock.of(n, survey.strategy.time_budget_h, promised_h)
@@ -192,18 +167,20 @@ class _Simulation:
             block=block,
         )
         if survey.log is not None and (done := survey.log.of(name)):
-            albedos = albedos_of(strategy.population)
             placed = at_known_place(planets, survey.known)
-            left = missed(
-                survey.model, target, planets, albedos, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed
-            )
+            who, dust = (survey.model, target, planets, self.albedos), self._dust(i, planets)
+            left = missed(*who, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed, zodis=dust)
             planets = resampled(planets, left, uniform_draws(planets, seed, name, block, "log", n))
         planets = planets.select(planets.within(*reach_au(survey.model, float(target.distance_pc[0]))))
         probability = allowed_probability(planets, survey.limits, i)
         allowed = uniform_draws(planets, seed, name, block, "allowed", n) < probability
         left_h = sum(visit.cost_h for _, visit in visits if not visit.reserve)
-        star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h)
+        last = max((visit.slot for _, visit in visits if not visit.reserve), default=-1)
+        star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h, last_slot=last)
         placed = at_known_place(planets, survey.known)
+        star.confirmed |= placed
+        dust = self._dust(i, planets)
+        zodis = np.full(len(planets), survey.model.instrument.sky.exozodi_zodis) if dust is None else dust
         for option in sorted({visit.option for _, visit in visits}):
             own = [(k, visit) for k, visit in visits if visit.option == option]
             when = np.array([(visit.slot, visit.ordinal) for _, visit in own]).T
@@ -212,6 +189,7 @@ class _Simulation:
                 star.hits[k] = uniform_draws(planets, seed, name, block, visit.ordinal, n) < odds[row]
                 star.seen[k] = {key: values[row] for key, values in vars(found).items()}
                 star.seen[k] |= {"chance": odds[row], "roll_deg": np.full(len(planets), roll[row])}
+                star.seen[k]["exozodi_zodis"] = zodis
                 drawn = chance(seed, "alarm", name, block, visit.ordinal, shape=(2, n))
                 rates = survey.noise_alarms[i][option], survey.background_alarms[i][option]
                 star.alarms[k] = poisson_quantile(rates[0], drawn[0]), poisson_quantile(rates[1], drawn[1])
@@ -227,10 +205,16 @@ class _Simulation:
         survey, strategy = self.survey, self.survey.strategy
         roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
         places = planets.places(survey.calendar.day[i, when[0]])
-        albedos = albedos_of(strategy.population)
-        found = expected_signals(survey.model, survey.targets.select([i]), setting, planets, albedos, places, roll)
+        albedos, dust = self.albedos, self._dust(i, planets)
+        found = expected_signals(
+            survey.model, survey.targets.select([i]), setting, planets, albedos, places, roll, dust
+        )
         shift, calibration = self.shift[planets.universe], self.calibration[planets.universe]
         return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll
+
+    def _dust(self, i: int, planets: PlanetSample) -> FloatArray | None:
+        """Dust around a star in the universe of each planet."""
+        return dust_of(self.survey.strategy, planets, self.seed, str(self.survey.targets.name[i]), self.block)
 
     def search(self, k: int, visit: PlannedVisit) -> None:
         """One planned visit in all universes."""
@@ -248,21 +232,24 @@ class _Simulation:
         else:
             clock.promised[~star.stopped] -= cost
             star.left_h -= cost
-        clock.spend(go, cost, clock.search)
+        self._spend(star, go, cost, clock.search)
         star.visits += int(go.sum())
-        star.hours += cost * float(go.sum())
         hit = star.hits[k] & go[star.planets.universe]
         star.counts[hit] += 1
         day = float(self.survey.calendar.day[visit.star, visit.slot])
         band = self.survey.options[visit.star][visit.option].band
         star.epochs.append(Epoch(day, band, star.seen[k]["snr"], hit.copy()))
         hit &= star.allowed
+        star.confirmed |= hit & star.found
         new = hit & (star.counts >= strategy.detection.visits_needed) & ~star.found
         star.found |= new
         if new.any():
             self.log.detections(star.planets, new, visit, star.seen[k], day, clock.used)
+            star.place[:, new] = [star.seen[k][name][new] for name in ("separation_arcsec", "pa_deg")]
             np.add.at(self.planets_found, star.planets.universe[new], 1)
         self.log.alarms(go, *star.alarms[k])
+        if strategy.checks_candidates:
+            self._doubt(k, visit, star, go, star.universes_of(new))
         star.empty[go & ~star.universes_of(hit)] += 1
         ends = star.universes_of(new & stop.after_detection)
         if stop.after_orbit and (again := hit & star.found & ~star.stopped[star.planets.universe]).any():
@@ -274,23 +261,111 @@ class _Simulation:
         clock.promised[ends] -= star.left_h
         star.stopped |= ends
 
-    def follow(self, i: int, star: StarHistory, slot: int) -> None:
-        """Follow-up of one star in one slot: every band that a found planet still lacks."""
-        survey, clock, planets = self.survey, self.clock, star.planets
-        for f, setting in enumerate(survey.follow[i]):
-            cost = float(survey.calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)[slot])
-            lacking = star.found & ~star.shown[f]
-            go = star.universes_of(lacking) & (star.tried[f] < survey.strategy.follow_up.attempts)
-            go &= clock.affords(cost)
+    def _spend(self, star: StarHistory, go: BoolArray, cost_h: float, on: FloatArray) -> None:
+        """Time of one visit of a star in the universes ``go``, for one account of the clock."""
+        self.clock.spend(go, cost_h, on)
+        accounts = (self.clock.search, self.clock.follow, self.clock.alarm)
+        star.hours[[account is on for account in accounts]] += cost_h * float(go.sum())
+
+    def _doubt(self, k: int, visit: PlannedVisit, star: StarHistory, go: BoolArray, new: BoolArray) -> None:
+        """Candidates of a search visit, which refutes earlier false ones where the gap is long enough."""
+        day = self.survey.calendar.day[visit.star, visit.slot]
+        star.doubts[go & (day >= star.shown_day + self.survey.strategy.alarms.gap_days)] = 0
+        false = np.where(go, sum(star.alarms[k]), 0)
+        star.doubts += false
+        shows = new | (false > 0)
+        star.shown_day[shows], star.option[shows], star.checks[shows] = day, visit.option, 0
+
+    def check(self, i: int, star: StarHistory, slot: int) -> None:
+        """Second look at the candidates of a star in one slot, unless a planned search visit is still to come."""
+        survey, clock, rule = self.survey, self.clock, self.survey.strategy.alarms
+        true = star.found & ~star.confirmed
+        wanted = (star.universes_of(true) | (star.doubts > 0)) & (star.checks < rule.attempts)
+        wanted &= star.stopped | (slot > star.last_slot)
+        wanted &= survey.calendar.day[i, slot] >= star.shown_day + rule.gap_days
+        for option in np.unique(star.option[wanted]).tolist():
+            setting = survey.options[i][option]
+            cost = self._cost_h(i, setting, slot)
+            go = wanted & (star.option == option) & clock.affords(cost)
             if not go.any():
                 continue
-            clock.spend(go, cost, clock.follow)
-            star.follow_h += cost * float(go.sum())
-            star.tried[f, go] += 1
-            when = np.array([[slot], [slot]])
-            seen, odds, _ = self._visited(i, setting, planets, when, np.ones(len(planets), bool))
-            visit = f"follow {setting.band} {slot}"
-            luck = uniform_draws(planets, self.seed, str(survey.targets.name[i]), self.block, visit, self.n)
-            shown = star.found & go[planets.universe] & (luck < odds[0])
-            star.shown[f] |= shown
-            star.epochs.append(Epoch(float(survey.calendar.day[i, slot]), setting.band, seen.snr[0], shown))
+            looked = star.universes_of(true & self._inside(i, star, setting.band, slot)) & go
+            false = go & ~star.universes_of(true)
+            self._spend(star, looked, cost, clock.follow)
+            self._spend(star, false, cost, clock.alarm)
+            star.checks[looked | false] += 1
+            star.doubts[looked | false] = 0
+            mine = np.flatnonzero(true & looked[star.planets.universe])
+            odds, snr = self._followed(i, star, mine, setting, [slot])
+            shows = self._luck(i, star, mine, f"check {slot}") < odds[0]
+            star.confirmed[mine[shows]] = True
+            star.epochs.append(self._epoch(i, star, slot, setting.band, mine, snr[0], shows))
+
+    def _inside(self, i: int, star: StarHistory, band: str, slot: int) -> BoolArray:
+        """Planets of a star that a team expects in the dark hole: known ones by their orbit, others where they were."""
+        survey, planets = self.survey, star.planets
+        now = planets.places(survey.calendar.day[i, [slot]])
+        here = np.hypot(now.east_au, now.north_au)[0] / float(survey.targets.distance_pc[i])
+        by_orbit = here, np.rad2deg(np.arctan2(now.east_au, now.north_au))[0]
+        separation, pa_deg = np.where(planets.known != NEW, by_orbit, star.place)
+        roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
+        return on_detector(survey.model, band, separation, pa_deg - roll)[2]
+
+    def _cost_h(self, i: int, setting: Setting, slot: int) -> float:
+        """Telescope time of one more visit of a star; infinite where it is not possible."""
+        survey = self.survey
+        return float(survey.calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)[slot])
+
+    def _followed(
+        self, i: int, star: StarHistory, some: IntArray, setting: Setting, slots: Sequence[int]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Odds that visits in slots detect some planets of a star at their known place, and the SNR of each there."""
+        planets, when = star.planets.select(some), np.array([slots, slots])
+        found, odds, _ = self._visited(i, setting, planets, when, np.ones(len(some), bool))
+        return odds, found.snr * self.calibration[planets.universe]
+
+    def _ahead(self, i: int, star: StarHistory, some: IntArray, f: int, slot: int) -> FloatArray:
+        """Odds and SNR of planets in a slot and band of the follow-up, worked out once for all slots from then on."""
+        table = star.ahead.setdefault(f, np.full((2, self.survey.calendar.n_slots, len(star.planets)), np.nan))
+        fresh = some[np.isnan(table[0, slot, some])]
+        if fresh.size:
+            slots = slot + np.flatnonzero(self.survey.calendar.fraction[i, slot:] > 0.0)
+            table[:, slots[:, None], fresh] = self._followed(i, star, fresh, self.survey.follow[i][f], slots.tolist())
+        return np.asarray(table[:, slot, some])
+
+    def _luck(self, i: int, star: StarHistory, some: IntArray, visit: str) -> FloatArray:
+        """Uniform numbers of some planets of a star in a visit of that name."""
+        name = str(self.survey.targets.name[i])
+        return uniform_draws(star.planets.select(some), self.seed, name, self.block, visit, self.n)
+
+    def follow(self, i: int, star: StarHistory, slot: int) -> None:
+        """Follow-up of one star in one slot: every band that a found planet still lacks, once it is confirmed."""
+        survey, clock, rule = self.survey, self.clock, self.survey.strategy.follow_up
+        ready = star.found & (star.confirmed | (not survey.strategy.checks_candidates))
+        for f, setting in enumerate(survey.follow[i]):
+            cost = self._cost_h(i, setting, slot)
+            lacking = ready & ~star.shown[f]
+            go = star.universes_of(lacking & (star.tried[f] < rule.attempts)) & clock.affords(cost)
+            mine = np.flatnonzero(lacking & go[star.planets.universe])
+            if not mine.size:
+                continue
+            odds, snr = self._ahead(i, star, mine, f, slot)
+            if rule.snr is not None:
+                left = np.maximum(rule.attempts - star.tried[f, mine], 0)
+                go = star.universes_of(mine[np.hypot(star.reached[f, mine], np.sqrt(left) * snr) >= rule.snr])
+            made = go[star.planets.universe[mine]]
+            self._spend(star, go, cost, clock.follow)
+            star.tried[f, mine[made]] += 1
+            star.reached[f, mine] = np.hypot(star.reached[f, mine], snr * made)
+            shows = made & (self._luck(i, star, mine, f"follow {setting.band} {slot}") < odds)
+            enough = shows if rule.snr is None else made & (star.reached[f, mine] >= rule.snr)
+            star.shown[f, mine[enough]] = True
+            star.epochs.append(self._epoch(i, star, slot, setting.band, mine, snr, shows))
+
+    def _epoch(
+        self, i: int, star: StarHistory, slot: int, band: str, some: IntArray, snr: FloatArray, shows: BoolArray
+    ) -> Epoch:
+        """Positions of some planets of a star in a slot, where a visit shows them."""
+        light, shown = np.zeros(len(star.planets)), np.zeros(len(star.planets), bool)
+        light[some], shown[some] = snr, shows
+        return Epoch(float(self.survey.calendar.day[i, slot]), band, light, shown)

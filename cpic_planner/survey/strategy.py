@@ -1,15 +1,17 @@
 """What a survey does: targets, visits, revisits, detection and stop rules as frozen configuration."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+import numpy as np
+from pydantic import BeforeValidator, Field, PrivateAttr, WrapValidator, model_validator
 
-from cpic_core import InputError, Provenance
+from cpic_core import FloatArray, InputError, Provenance
 from cpic_planner.etc import DetectionLaw
 from cpic_planner.planets import FLOOR_MAS, STAR_MASS_ERROR, PopulationConfig, load_population
 from cpic_planner.queries import Strategy as Reduction, read_value
 from cpic_planner.results import VariedSetting
-from simulator.config import FrozenModel, Real
+from simulator.config import FrozenModel, Real, validate
 
 
 def _listed(value: Any) -> Any:
@@ -89,9 +91,15 @@ class Revisits(FrozenModel):
 class FollowUp(FrozenModel):
     """Visits in other bands once a planet has been found; none by default.
 
-    A band counts for a planet whose significance reaches the threshold there, at its known place.
+    A visit is for all planets of the star that lack the band; each of them has ``attempts`` visits of its own.
+    With ``snr`` a band counts for a planet whose photometric SNR reaches it there, follow-up visits in that band
+    added in quadrature. A visit is made only in slots in which as many visits as are left of ``attempts`` would reach
+    it: the orbit is taken as known, as two epochs tell for some months ahead where the planet stands. Without ``snr``
+    the next slots are taken as they come, and a band counts for a planet whose significance reaches the threshold
+    there in one visit, at its known place.
     """
 
+    snr: Annotated[Real, Field(gt=0, le=1e6)] | None = None
     bands: Names = ()
     time_s: Annotated[Real, Field(gt=0, le=1e8)] = 36000.0
     attempts: Annotated[int, Field(ge=1, le=100)] = 2
@@ -100,6 +108,26 @@ class FollowUp(FrozenModel):
     def wanted(self) -> bool:
         """Whether there is any."""
         return bool(self.bands)
+
+
+class AlarmRule(FrozenModel):
+    """What a candidate asks for that one visit has shown: a planet, or a false alarm that nobody can tell from one.
+
+    With ``check`` a candidate is looked at again, by a visit of the same frames at least ``gap_days`` later: a search
+    visit of that star that is planned anyway, or else one of its own, which costs telescope time. It is refuted there:
+    noise does not come again at the same place (the probability of ``detection.sigma`` in a resolution element), and a
+    background star has moved against the star, by one resolution element (54 mas in F520) in 30 days where proper
+    motion and parallax make 0.65 arcsec a year. A visit of its own waits for a slot in whose roll the place where the
+    candidate was seen, of a known planet where its orbit has it by then, lies in the dark hole; false alarms have no
+    place here, and are looked at in the first slot. A planet that is not seen again is looked at ``attempts`` times in
+    all, and still counts as found. A known planet whose published orbit gives its place needs no second look.
+
+    Where ``check`` is not given, it is on with follow-up and a detection of one visit, and off else.
+    """
+
+    check: bool | None = None
+    gap_days: Annotated[Real, Field(ge=0, le=36525)] = 30.0
+    attempts: Annotated[int, Field(ge=1, le=100)] = 2
 
 
 class DetectionRule(DetectionLaw):
@@ -128,6 +156,41 @@ class DetectionRule(DetectionLaw):
     sigma: Annotated[Real, Field(ge=1, le=20)] = 5.0
 
 
+class DustLaw(FrozenModel):
+    """Dust around stars, drawn for each star and universe: lognormal, by its median and 95th percentile (zodi).
+
+    The HOSTS survey has a best-fit median of 3 zodi for Sun-like stars, below 27 zodi at 95 % confidence, and a fifth
+    of the stars much dustier (Ertel et al. 2020, AJ 159, 177). The 27 zodi are a limit on the median, not a percentile
+    of stars: ``{median: 3, p95: 27}`` is an assumption about the scatter.
+    """
+
+    median: Annotated[Real, Field(gt=0, le=1e4)]
+    p95: Annotated[Real, Field(gt=0, le=1e4)]
+
+    def _check_values(self) -> None:
+        if self.p95 < self.median:
+            raise InputError("p95", self.p95, unit="zodi", allowed=f"at least the median, {self.median:g}")
+
+    def zodis(self, share: FloatArray) -> FloatArray:
+        """Return the dust at given shares of the law, in [0, 1)."""
+        from scipy.special import ndtri
+
+        return np.asarray(self.median * (self.p95 / self.median) ** (ndtri(share) / ndtri(0.95)))
+
+
+class _OneLevel(FrozenModel):
+    """The same dust around all stars."""
+
+    exozodi: Annotated[Real, Field(ge=0, le=1e4)]
+
+
+def _dust(value: Any, _: Any) -> DustLaw | float | None:
+    """A law of dust, or one level."""
+    if value is None or isinstance(value, DustLaw):
+        return value
+    return validate(DustLaw, value) if isinstance(value, Mapping) else validate(_OneLevel, {"exozodi": value}).exozodi
+
+
 class Assumptions(FrozenModel):
     """What is taken of the instrument instead of what its file says.
 
@@ -135,13 +198,18 @@ class Assumptions(FrozenModel):
     actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`).
     ``drift`` and ``throughput`` are factors on the instrument's numbers (2 or ``x2``: twice): drift on the offset of a
     visit and on the walk within it, throughput on the optics' of every band. ``exozodi`` is an amount of dust in solar
-    systems (zodi).
+    systems (zodi), one for all stars or a `DustLaw` by which each star has its own; frames are chosen for its median.
     """
 
     contrast: Annotated[Real, Field(ge=0, le=1e-3)] | None = None
     drift: Annotated[Real, Field(ge=0, le=1000), BeforeValidator(_factor)] = 1.0
     throughput: Annotated[Real, Field(gt=0, le=10), BeforeValidator(_factor)] = 1.0
-    exozodi: Annotated[Real, Field(ge=0, le=1e4)] | None = None
+    exozodi: Annotated[DustLaw | float | None, WrapValidator(_dust)] = None
+
+    @property
+    def dust(self) -> DustLaw | None:
+        """The law of dust, where each star has its own."""
+        return self.exozodi if isinstance(self.exozodi, DustLaw) else None
 
 
 class StopRule(FrozenModel):
@@ -210,12 +278,15 @@ class SurveyStrategy(FrozenModel):
     name, description : str
     time_budget_h : float
         Telescope time, slews, settling and occultations included.
+    share_of_time : float, optional
+        The same as a fraction of the length of the survey, which gives the hours where strategies are loaded
+        (`cpic_planner.survey.strategy_file`).
     reduction : Strategy
         How an observation is made and reduced. It is a programme of ``reduction.visits`` visits, one unless given, all
         in one slot of the calendar, each with its own settlings; what survey words call a visit is all of it.
     slot_share : float
-        Largest fraction of any slot of the calendar that the coronagraph may take; ``share`` in files is the same. It
-        is no share of the mission: that is ``time_budget_h`` over the length of the survey.
+        Largest fraction of any slot of the calendar that the coronagraph may take; of the whole survey it is
+        ``share_of_time``.
     value_known, value_new : float
         What the detection of a known planet, and of a new one, is worth to the scheduler.
     """
@@ -223,6 +294,7 @@ class SurveyStrategy(FrozenModel):
     name: Annotated[str, Field(min_length=1, max_length=120)]
     description: str = ""
     time_budget_h: Annotated[Real, Field(gt=0, le=1e6)] = 1000.0
+    share_of_time: Annotated[Real, Field(gt=0, le=1)] | None = None
     slot_share: Annotated[Real, Field(gt=0, le=1)] = 0.25
     targets: TargetCuts = TargetCuts()
     population: Annotated[PopulationConfig | None, BeforeValidator(_population)] = None
@@ -231,6 +303,7 @@ class SurveyStrategy(FrozenModel):
     follow_up: FollowUp = FollowUp()
     reduction: Reduction = Reduction()
     detection: DetectionRule = DetectionRule()
+    alarms: AlarmRule = AlarmRule()
     assumptions: Assumptions = Assumptions()
     stop: StopRule = StopRule()
     orbit: OrbitRule = OrbitRule()
@@ -250,12 +323,22 @@ class SurveyStrategy(FrozenModel):
         """Values that ``--vary`` gave the strategy, in the order of its name."""
         return self._varied
 
+    @property
+    def checks_candidates(self) -> bool:
+        """Whether a candidate of one visit is looked at again."""
+        if self.alarms.check is None:
+            return self.follow_up.wanted and self.detection.visits_needed == 1
+        return self.alarms.check
+
     @model_validator(mode="after")
     def _consistent(self) -> "SurveyStrategy":
         needed, most = self.detection.visits_needed, self.revisits.max_visits
         if needed > most:
             hint = "detection.visits_needed asks for that many"
             raise InputError("revisits.max_visits", most, allowed=f"at least {needed}", hint=hint)
+        if self.alarms.check and needed > 1:
+            hint = f"detection.visits_needed is {needed}: those visits tell planets from false alarms"
+            raise InputError("alarms.check", True, allowed="false, where a detection takes several visits", hint=hint)
         if self.reduction.sigma not in (self.detection.sigma, Reduction().sigma):
             raise InputError("reduction.sigma", self.reduction.sigma, allowed="nothing here: give detection.sigma")
         if self.reduction.mode != "analogue":

@@ -18,8 +18,12 @@ PACKAGE = "cpic_planner"
 MAX_STRATEGIES = 200
 FILES = ("instrument", "visibility", "catalog", "known_planets", "observed")
 """What a survey names by preset or file."""
-_RENAMED = {"share": "slot_share"}
-"""Former names of keys of a strategy."""
+SHARES = (
+    "slot_share is the most of any one slot of the calendar that the coronagraph may take, and was called share "
+    "before; share_of_time is all its telescope time over the length of the survey, 0.05 for 5 %"
+)
+"""What tells the two shares of a strategy apart."""
+_BUDGETS = ("time_budget_h", "share_of_time")
 _OF_SURVEY = ("kind", "universe", "doubt", "defaults", "strategies")
 
 
@@ -186,7 +190,7 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     tree, folder = preset_tree(
         "strategies", source, package=PACKAGE, kinds=("strategy",), keys=(*SurveyStrategy.model_fields, *_OF_SURVEY)
     )
-    tree = _renamed(tree if folder is None else _beside(paths_beside(tree, folder), folder))
+    tree = tree if folder is None else _beside(paths_beside(tree, folder), folder)
     values, _ = split_sourced(tree)
     kind = values.pop("kind", "strategies")
     if kind == "strategy" or "strategies" not in values:
@@ -201,28 +205,44 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     listed = values["strategies"]
     if not isinstance(listed, list | tuple) or not all(isinstance(item, Mapping) for item in listed):
         raise InputError("strategies.strategies", listed, allowed="a list of mappings")
-    base = deep_merge(split_sourced(default)[0], own)
+    base = _laid(split_sourced(default)[0], own)
     base = {key: item for key, item in base.items() if key not in ("name", "description")}
-    values["strategies"] = [deep_merge(base, item) for item in listed]
+    values["strategies"] = [_laid(base, item) for item in listed]
     config = validate(StrategiesConfig, values, where="strategies")
     config.universe._provenance.update(_sourced(tree.get("universe", {})))
     written = tree.get("strategies") or [{key: item for key, item in tree.items() if key not in _OF_SURVEY}]
     for strategy, layer in zip(config.strategies, written, strict=True):
         strategy._provenance.update(_sourced(default, tree.get("defaults", {}), layer))
-    return config
+    return budgeted(config)
 
 
-def _renamed(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return strategies with the present names of keys that had others."""
-    found = {_RENAMED.get(key, key): value for key, value in tree.items()}
-    for old, new in _RENAMED.items():
-        if old in tree and new in tree:
-            raise InputError(f"strategies.{old}", f"given with {new}", allowed="one of the two: they are the same")
-    if isinstance(found.get("defaults"), Mapping):
-        found["defaults"] = _renamed(found["defaults"])
-    if isinstance(found.get("strategies"), list | tuple):
-        found["strategies"] = [_renamed(item) if isinstance(item, Mapping) else item for item in found["strategies"]]
-    return found
+def _laid(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """A layer of a strategy over another; its budget, in hours or as a share, replaces that of the other.
+
+    Raises
+    ------
+    InputError
+        If the layer above gives both, or ``share``, which could be either of two.
+    """
+    if "share" in above:
+        raise InputError("strategies.share", above["share"], allowed="slot_share or share_of_time", hint=SHARES)
+    given = [key for key in _BUDGETS if above.get(key) is not None]
+    if len(given) > 1:
+        both = f"given with {given[0]} {above[given[0]]}"
+        raise InputError(f"strategies.{given[1]}", both, allowed="one of the two: each is the whole telescope time")
+    kept = {key: value for key, value in below.items() if not (given and key in _BUDGETS)}
+    return deep_merge(kept, above)
+
+
+def budgeted(config: StrategiesConfig) -> StrategiesConfig:
+    """The same strategies, with the hours of those that state a share of the length of the survey."""
+    length_h, made = 24.0 * config.universe.duration_days, []
+    for item in config.strategies:
+        made.append(item)
+        if item.share_of_time is not None:
+            made[-1] = item.model_copy(update={"time_budget_h": item.share_of_time * length_h})
+            made[-1]._provenance = {key: said for key, said in item.provenance.items() if key != "time_budget_h"}
+    return config.model_copy(update={"strategies": tuple(made)})
 
 
 def _sourced(*layers: Any) -> dict[str, Provenance]:
@@ -257,16 +277,25 @@ def _beside(tree: Any, folder: Path) -> Any:
     return found
 
 
-def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> StrategiesConfig:
-    """The same strategies over another calendar, catalogue, or number of universes.
+def with_universe(
+    config: StrategiesConfig, given: Mapping[str, Any], share_of_time: float | None = None
+) -> StrategiesConfig:
+    """The same strategies over another calendar, catalogue, or number of universes, or with another telescope time.
 
-    A survey that is shorter than a slot has one slot.
+    A survey that is shorter than a slot has one slot. ``share_of_time`` is that of all strategies; a share that is
+    kept means more or fewer hours where the survey gets another length.
 
     Raises
     ------
     InputError
         For an unknown key, or a value that it cannot have.
     """
+    if share_of_time is not None:
+        given_share = {"share_of_time": share_of_time}
+        strategies = tuple(item.model_copy(update=given_share) for item in config.strategies)
+        config = budgeted(config.model_copy(update={"strategies": strategies}))
+        for item in config.strategies:
+            item._provenance.pop("share_of_time", None)
     if not given:
         return config
     tree = config.universe.model_dump() | dict(given)
@@ -277,7 +306,7 @@ def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> Strateg
     old = config.universe
     kept = {key: item for key, item in old.provenance.items() if getattr(universe, key) == getattr(old, key)}
     universe._provenance.update(kept)
-    return config.model_copy(update={"universe": universe})
+    return budgeted(config.model_copy(update={"universe": universe}))
 
 
 def with_doubt(config: StrategiesConfig, text: str | None) -> StrategiesConfig:

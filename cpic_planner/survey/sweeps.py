@@ -10,7 +10,7 @@ from cpic_core import InputError
 from cpic_planner.queries import Written, get, keys_of, put, read_value, scaled, two_spellings, with_unit
 from cpic_planner.results import VariedSetting
 from cpic_planner.survey.strategy import SurveyStrategy
-from cpic_planner.survey.strategy_file import MAX_STRATEGIES, StrategiesConfig
+from cpic_planner.survey.strategy_file import MAX_STRATEGIES, SHARES, StrategiesConfig, budgeted
 from simulator.config import Instrument, load_instrument, nearest, unit_of, validate
 
 SHORT_NAMES = {
@@ -85,6 +85,8 @@ def varied(
     for item in parsed:
         if keys.count(item.key) > 1:
             raise InputError(option, item.key, allowed="each key once")
+    if {"time_budget_h", "share_of_time"} <= set(keys):
+        raise InputError(option, "budget_h and share_of_time", allowed="one of the two: each is all telescope time")
     instrument = load_instrument(config.universe.instrument) if set(keys) & set(_UNITS) else None
     made = []
     for strategy in config.strategies:
@@ -93,7 +95,7 @@ def varied(
         for item, settings in zip(parsed, every, strict=True):
             _check_differ(item, settings)
         for chosen in itertools.product(*every):
-            own = tree
+            own = tree | ({"share_of_time": None} if "time_budget_h" in keys else {})
             for setting, value in chosen:
                 own = put(own, setting.key, value)
             given = tuple(setting for setting, _ in chosen)
@@ -106,7 +108,7 @@ def varied(
     if len(made) > MAX_STRATEGIES:
         raise InputError(option, f"{len(made)} strategies", allowed=f"at most {MAX_STRATEGIES} in all")
     universe = config.universe.model_copy(update={"facts": facts})
-    return config.model_copy(update={"strategies": tuple(made), "universe": universe})
+    return budgeted(config.model_copy(update={"strategies": tuple(made), "universe": universe}))
 
 
 def variation_lines(config: StrategiesConfig) -> list[str]:
@@ -127,12 +129,7 @@ def _sweep(text: str, config: StrategiesConfig, option: str) -> _Sweep:
     if not all(texts):
         raise InputError(option, text, allowed="a value between commas; null for none")
     if name == "share":
-        days = config.universe.duration_days
-        hint = (
-            f"slot_share is the most of any slot of {config.universe.slot_days:g} days that the coronagraph may take; "
-            f"budget_h is all its telescope time in the {days:g} days, {0.24 * days:.0f} h for 1 % of them"
-        )
-        raise InputError(option, name, allowed="slot_share or budget_h", hint=hint)
+        raise InputError(option, name, allowed="slot_share or share_of_time", hint=SHARES)
     key = SHORT_NAMES.get(name, name)
     known = tuple(key for key in keys_of(SurveyStrategy) if key not in ("name", "description"))
     if key not in known:

@@ -28,14 +28,14 @@ from simulator.config import content_hash
 from simulator.products import mjd_of
 
 _START_S, _PREPARE_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.9, 5.0, 0.0015, 2.2
-RESULT_VERSION = 5
+RESULT_VERSION = 6
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
     "planets of one star are independent of each other; beside known planets and companion stars they are left out "
     "where no orbit would last",
-    "companions stay where they stand at the date of the positions, the survey's begin by default; proper motion and "
-    "parallax do not tell background stars apart",
-    "false alarms cost no follow-up time",
+    "companions stay where they stand at the date of the positions, the survey's begin by default",
+    "second looks and follow-up are not searched for further planets of the star",
+    "background stars are new ones in every visit: one that was told apart from a planet is not remembered",
     "chance of one visit is independent of that of another at the same place of the hole",
     "weather of space: no safe modes, no losses but those of the calendar",
 )
@@ -244,8 +244,15 @@ def assemble(
         doubt=doubt,
         statement=statement(outcomes),
         sources=sources_of(config),
-        not_modelled=list(NOT_MODELLED),
+        not_modelled=[*NOT_MODELLED, *unchecked(config)],
     )
+
+
+def unchecked(config: StrategiesConfig) -> list[str]:
+    """What is left out of strategies that look at no candidate again."""
+    names = [item.name for item in config.strategies if not item.checks_candidates]
+    which = "" if len(names) == len(config.strategies) else f" of {', '.join(names)}"
+    return [f"false alarms{which} cost no telescope time (alarms.check)"] if names else []
 
 
 def _named(config: StrategiesConfig) -> dict[str, Any]:

@@ -140,15 +140,15 @@ def exozodi_disc(n_zodis: float) -> DiscSource | None:
 
 
 def aperture_exozodi(
-    metrics: PsfMetrics, n_zodis: float, x_arcsec: ArrayLike, y_arcsec: ArrayLike, core: FloatArray | None = None
+    metrics: PsfMetrics, n_zodis: ArrayLike, x_arcsec: ArrayLike, y_arcsec: ArrayLike, core: FloatArray | None = None
 ) -> FloatArray:
     """Return the detected light of the dust in an aperture, over the star's detected light on the clear disc.
 
     Parameters
     ----------
     metrics : PsfMetrics
-    n_zodis : float
-        Dust in units of the solar system's, at least 0.
+    n_zodis : array_like
+        Dust in units of the solar system's, at least 0; broadcasts with the positions.
     x_arcsec, y_arcsec : array_like
         Centres of apertures on the detector relative to the star; broadcast.
     core : ndarray, optional
@@ -170,7 +170,7 @@ def aperture_exozodi(
     x = checked_array("x_arcsec", x_arcsec, low=-np.inf, unit="arcsec", allowed="finite")
     y = checked_array("y_arcsec", y_arcsec, low=-np.inf, unit="arcsec", allowed="finite")
     separation = np.hypot(x, y)
-    if n_zodis == 0.0:
+    if not np.any(n_zodis):
         return np.zeros(separation.shape)
     radius = metrics.aperture_radius_arcsec
     left = metrics.core_throughput(x, y) if core is None else core

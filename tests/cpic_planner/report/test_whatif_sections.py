@@ -62,10 +62,10 @@ def test_differences_and_verdicts(words):
 
 def test_time_stars_changes_and_settings(words):
     for text in (
-        "wide 200 (0 to 400) 1752 0.56 3 5 + 2 5.4 10.0 0.004; 0",
+        "wide 200 (0 to 400) 1752 (20 %) 0.56 3 5 + 2 5.4 10.0 0.004; 0",
         "deep & long beside single. Star Rank in single Rank here Why",
         f"{HOSTILE} 2 not visited 2 visits, not 1",
-        "1 ε Eri ε Eri b 3.80 3.200 F520, F662 2.00 h 6.2 3 2.7 2028-03-01 16.8 1.5 0.100 0.500 1.0",
+        "1 ε Eri ε Eri b 3.80 3.200 F520, F662 2.00 h 6.2 3 2.7 2028-03-01 16.8 1.5 0.2 0.100 0.500 1.0",
         "Set otherwise than in single: visit.bands F520 (there F520, F662, F720, F850); revisits.max_visits 4",
         "No images were asked for",
         "weather of space",

@@ -239,8 +239,21 @@ def test_settings_have_their_units_and_factors_their_x():
     assert found["assumptions.drift"] == ("x2", "x1")
     assert found["assumptions.throughput"] == ("x0.5", "x1")
     assert found["assumptions.exozodi"] == ("3 zodi", "none")
+    law = changed_settings(settings(assumptions={"exozodi": {"median": 3, "p95": 27}}), settings())
+    assert ("assumptions.exozodi.p95", "27 zodi", "none") in law
     assert found["time_budget_h"] == ("100 h", "1752 h")
     assert found["visit.time_s"] == ("60 s", "36000 s")
+
+
+def test_rules_on_candidates_follow_up_and_dust_in_words():
+    follow = {"bands": ["F720"], "snr": 5}
+    facts = dict(shared_facts(settings(follow_up=follow, assumptions={"exozodi": {"median": 3, "p95": 27}})))
+    assert facts["Follow-up"].endswith("in slots in which they reach a photometric SNR of 5 together, the orbit known")
+    assert facts["Candidates"].startswith("looked at again after 30 days or more")
+    assert "median 3 and 95 % below 27 solar systems" in facts["Changes to the instrument"]
+    assert "cost no telescope time" in dict(shared_facts(settings()))["Candidates"]
+    several = settings(detection={"visits_needed": 2}, revisits={"max_visits": 2})
+    assert dict(shared_facts(several))["Candidates"].endswith("by the 2 visits that a detection takes")
 
 
 def test_assumptions_say_what_a_factor_makes_of_the_instrument():

@@ -457,7 +457,7 @@ def test_two_rolls_show_a_planet_half_the_angle_to_either_side():
     two = build_model(load_instrument(), ("F520",), Strategy(library="roll", roll_deg=40.0))
     metrics, parity = two.metrics["F520"], two.instrument.detector.parity
     separation, pa = (part.ravel() for part in np.meshgrid(np.linspace(0.3, 1.4, 12), np.arange(0.0, 360.0, 7.0)))
-    x, y, usable = detection._at_two_rolls(two, metrics, separation, pa)
+    x, y, usable = detection.on_detector(two, "F520", separation, pa)
     first, second = (sky_to_detector(separation, pa + turn, parity=parity) for turn in (-20.0, 20.0))
     assert (x, y) == (pytest.approx(first[0], rel=1e-12), pytest.approx(first[1], rel=1e-12))
     radius = metrics.aperture_radius_arcsec

@@ -88,7 +88,8 @@ def test_time_adds_up_to_the_budget(played, outcomes):
     for (survey, tables), found in zip(played, outcomes, strict=True):
         use = found.time_use
         parts = use.exposing_h + use.occulted_h + use.settling_h + use.follow_up_h + use.unused_h
-        assert parts == pytest.approx(survey.strategy.time_budget_h)
+        assert parts == pytest.approx(survey.strategy.time_budget_h) == pytest.approx(use.budget_h)
+        assert use.budget_share == pytest.approx(survey.strategy.time_budget_h / (730.0 * 24.0))
         assert use.follow_up_h == pytest.approx(float(tables["universes"]["follow_up_h"].mean()))
         assert min(use.exposing_h, use.occulted_h, use.settling_h) > 0.0
         visits = float(tables["stars"]["visits"].sum()) / len(tables["universes"]["visits"])

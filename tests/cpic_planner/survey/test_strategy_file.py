@@ -26,8 +26,8 @@ def test_the_preset_has_five():
 
 def test_what_is_left_out_is_that_of_the_defaults():
     config = load(
-        defaults={"share": 0.1, "visit": {"time_s": 100, "bands": ["F662"]}},
-        strategies=[{"name": "a"}, {"name": "b", "share": 0.2, "visit": {"bands": ["F850"]}}],
+        defaults={"slot_share": 0.1, "visit": {"time_s": 100, "bands": ["F662"]}},
+        strategies=[{"name": "a"}, {"name": "b", "slot_share": 0.2, "visit": {"bands": ["F850"]}}],
     )
     a, b = config.strategies
     assert (a.slot_share, a.visit.bands, a.visit.time_s) == (0.1, ("F662",), (100.0,))
@@ -40,7 +40,7 @@ def test_what_is_left_out_is_that_of_the_defaults():
 
 def test_one_strategy_alone(tmp_path):
     path = tmp_path / "mine.yaml"
-    path.write_text("kind: strategy\nname: solo\nuniverse: {universes: 50}\nshare: {value: 0.1, source: me}\n")
+    path.write_text("kind: strategy\nname: solo\nuniverse: {universes: 50}\nslot_share: {value: 0.1, source: me}\n")
     config = load_strategies(path)
     assert [item.name for item in config.strategies] == ["solo"]
     assert config.strategies[0].slot_share == 0.1
@@ -54,8 +54,8 @@ def test_sources_of_numbers_follow_the_value():
     minute = {"value": 60, "unit": "s", "source": "c's"}
     config = load(
         universe={"slot_days": {"value": 20, "unit": "d", "source": "weeks"}, "universes": 50},
-        defaults={"share": mine, "visit": {"settlings": 3}},
-        strategies=[{"name": "a"}, {"name": "b", "share": 0.2}, {"name": "c", "visit": {"time_s": minute}}],
+        defaults={"slot_share": mine, "visit": {"settlings": 3}},
+        strategies=[{"name": "a"}, {"name": "b", "slot_share": 0.2}, {"name": "c", "visit": {"time_s": minute}}],
     )
     found = {(item.key, item.source): item for item in sources_of(config)}
     assert found["universe.slot_days", "weeks"].value == 20.0
@@ -113,16 +113,6 @@ def test_another_universe(refused):
     refused(r"universe.duration_days = -1", with_universe, config, {"duration_days": -1.0})
 
 
-def test_files_with_the_former_name_of_a_key(refused, tmp_path):
-    path = tmp_path / "old.yaml"
-    path.write_text(
-        "kind: strategies\nstrategies: [{name: a, share: 0.1, assumptions: {drift: x2, throughput: 0.5}}]\n"
-    )
-    (a,) = load_strategies(path).strategies
-    assert (a.slot_share, a.assumptions.drift, a.assumptions.throughput) == (0.1, 2.0, 0.5)
-    refused("strategies.share = given with slot_share", load, defaults={"share": 0.1, "slot_share": 0.1})
-
-
 def test_exact_calendars_change_nothing_else():
     config = load_strategies("survey_default")
     exact = with_exact_calendars(config)
@@ -132,3 +122,46 @@ def test_exact_calendars_change_nothing_else():
     usual = [item.model_dump(exclude={"scheduler": {"method"}}) for item in config.strategies]
     assert [item.model_dump(exclude={"scheduler": {"method"}}) for item in exact.strategies] == usual
     assert exact.universe == config.universe
+
+
+def test_the_former_name_of_a_share_says_which_two_it_could_be(refused):
+    says = "strategies.share = 0.1: not accepted; allowed: slot_share or share_of_time .*one slot.*length of the survey"
+    for given in ({"defaults": {"share": 0.1}}, {"strategies": [{"name": "a", "share": 0.1}]}):
+        refused(says, load, **given)
+
+
+def test_telescope_time_as_a_share_of_the_survey(refused):
+    """One year at 5 %: 0.05 x 365 x 24 h = 438 h, whatever the hours of the layers below."""
+    year = {"universe": {"duration_days": 365}}
+    (one,) = load(**year, defaults={"share_of_time": 0.05}).strategies
+    assert (one.time_budget_h, one.share_of_time) == (pytest.approx(438.0), 0.05)
+    assert "time_budget_h" not in one.provenance
+    own_hours, own_share = load(
+        **year,
+        defaults={"share_of_time": 0.05},
+        strategies=[{"name": "a", "time_budget_h": 100}, {"name": "b", "share_of_time": 0.1}],
+    ).strategies
+    assert (own_hours.time_budget_h, own_hours.share_of_time) == (100.0, None)
+    assert own_share.time_budget_h == pytest.approx(876.0)
+    both = {"time_budget_h": 9, "share_of_time": 0.1}
+    refused("strategies.share_of_time = given with time_budget_h 9", load, defaults=both)
+    refused("share_of_time = 1.5", load, defaults={"share_of_time": 1.5})
+
+
+def test_a_share_of_time_follows_the_length_of_the_survey():
+    config = load(strategies=[{"name": "a", "share_of_time": 0.1}, {"name": "b", "time_budget_h": 100}])
+    a, b = with_universe(config, {"duration_days": 100.0}).strategies
+    assert (a.time_budget_h, b.time_budget_h) == (pytest.approx(240.0), 100.0)
+    for asked in (with_universe(config, {"duration_days": 100.0}, 0.05), with_universe(config, {}, 0.05)):
+        hours = 0.05 * 24.0 * asked.universe.duration_days
+        assert [item.time_budget_h for item in asked.strategies] == [pytest.approx(hours)] * 2
+    assert [item.share_of_time for item in config.strategies] == [0.1, None]  # left as it was
+
+
+def test_a_share_of_time_is_varied(refused):
+    config = load(universe={"duration_days": 100}, strategies=[{"name": "a", "share_of_time": 0.1}])
+    swept = varied(config, ["share_of_time=0.05,x2"]).strategies
+    assert [item.time_budget_h for item in swept] == [pytest.approx(120.0), pytest.approx(480.0)]
+    (hours,) = varied(config, ["budget_h=50"]).strategies
+    assert (hours.time_budget_h, hours.share_of_time) == (50.0, None)
+    refused("--vary = budget_h and share_of_time", varied, config, ["budget_h=50", "share_of_time=0.1"])
