@@ -64,12 +64,13 @@ def strategies_part(result: WhatIfResult) -> str:
             f"{item.hours.mean:.0f}",
             item.schedule.visits,
             f"{item.noise_alarms.mean + item.background_alarms.mean:.2f}",
+            f"{item.time_use.alarm_h:.1f}",
             f"{100 * item.schedule.distance:.0f} %",
         ]
         for item in result.strategies
     ]
     head = ["strategy", "planets", "of them new", "any planet", "any new planet", "hours used", "visits planned"]
-    head += ["false alarms", "calendar below its bound at most"]
+    head += ["false alarms", "hours on them", "calendar below its bound at most"]
     described = "\n".join(
         f"- **{item.name}**: {config.description}."
         for item, config in zip(result.strategies, load_strategies(HERE / "strategies.yaml").strategies, strict=True)
@@ -127,40 +128,54 @@ of the visits that were made are filled in.
 {table([*head, "shows a planet"], lines)}"""
 
 
+def _spelled(record: Any) -> str:
+    return f"{record.mean:.3f} (90 % interval of the mean {record.low:.3f} to {record.high:.3f})"
+
+
 def head(result: WhatIfResult, item: StrategyOutcome, hours: float) -> str:
     """What to do and what to expect."""
     alarms = item.noise_alarms.mean + item.background_alarms.mean
-    images = item.images
-    checked = ""
-    if images is not None and images.images:
-        checked = (
-            f" Images of {images.detections} of its detections were simulated and searched blind: {images.found} "
-            f"show the planet, {significant(images.expected, 3)} were expected."
-        )
-    more = "more" if alarms > item.planets.mean else "fewer"
-    again = (
-        " No detection of this year should be believed before a second visit has shown it."
-        if alarms > 0.2 * item.planets.mean
-        else ""
-    )
     unused = hours - item.hours.mean
+    more = "more" if alarms > item.planets.mean else "fewer"
+    told = [
+        f"**Take `{item.name}`.** Of {hours:.0f} h (5 % of a year; slews, settling and occultations included) it uses "
+        f"{item.hours.mean:.0f} h for {item.schedule.visits} visits of {len(item.targets)} stars. "
+        f"{unused:.0f} h are left over: no further visit is worth what the strategy asks of one.",
+        f"It finds a planet in {100 * item.any_planet:.0f} % of the universes and one that nobody knows in "
+        f"{100 * item.any_new_planet:.0f} %; in the mean {_spelled(item.planets)} planets, "
+        f"{_spelled(item.new_planets)} of them new. In {100 * (1 - item.any_planet):.0f} % of the universes the year "
+        "shows nothing.",
+        f"**False alarms are {more} than planets**: {alarms:.2f} in the year, {item.background_alarms.mean:.2f} of "
+        f"them stars of the background and {item.noise_alarms.mean:.3f} noise.",
+    ]
+    if alarms > 0.2 * item.planets.mean:
+        told[-1] += " No detection of this year should be believed before a second visit has shown it."
+    for other in result.strategies:
+        if other.time_use.follow_up_h > 0.0:
+            told.append(
+                f"Second looks are cheap: `{other.name}` spends {other.time_use.follow_up_h:.1f} h on planets that it "
+                f"has found and {other.time_use.alarm_h:.1f} h on false alarms, and sees "
+                f"{other.confirmed_planets.mean:.3f} of {other.planets.mean:.3f} planets again or where a published "
+                "orbit has them within the year. For the others the year ends, or the orbit carries them out of the "
+                "dark hole, before that."
+            )
+    images = item.images
+    if images is not None and images.images:
+        told.append(
+            f"{images.images} images of {images.detections} of its detections were simulated and searched blind: "
+            f"{images.found} show the planet, {significant(images.expected, 3)} were expected."
+        )
+    told.append(
+        f"The calendar is worth {item.schedule.value:.3f} to the scheduler (made of {item.schedule.method}), and none "
+        f"can be worth more than {item.schedule.bound:.3f}. All numbers hold for the instrument as it is assumed: "
+        "`reports/priorities` says how far that is known, `reports/doubt` what a wrong drift costs."
+    )
+    body = "\n\n".join(told)
     return f"""# One year at 5 % of the telescope
 
 Regenerate with `python reports/one_year/make.py`; the question is [strategies.yaml](strategies.yaml).
 
-**Take `{item.name}`.** In {hours:.0f} h (5 % of a year, slews, settling and occultations included) it makes
-{item.schedule.visits} visits of {len(item.targets)} stars and uses {item.hours.mean:.0f} h; {unused:.0f} h are left
-over, since no further visit is worth what the strategy asks of one. It finds a planet in {100 * item.any_planet:.0f} %
-of the universes ({_interval(item.planets)} planets), one that nobody knows in {100 * item.any_new_planet:.0f} %
-({_interval(item.new_planets)}), with 90 % intervals of the mean. These are one year's hopes, not promises: it finds
-nothing in {100 * (1 - item.any_planet):.0f} % of them.
-
-**False alarms are {more} than planets**: {alarms:.2f} in the year, {item.background_alarms.mean:.2f} of them stars of
-the background and {item.noise_alarms.mean:.3f} noise.{again}{checked}
-
-The calendar is worth {item.schedule.value:.3f} to the scheduler ({item.schedule.method}); no other can be worth more
-than {item.schedule.bound:.3f}. Numbers hold for the instrument as it is assumed; the ends of what is known of it are
-in `reports/priorities`, and what a wrong drift costs is in `reports/doubt`."""
+{body}"""
 
 
 def main() -> None:
