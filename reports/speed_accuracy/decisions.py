@@ -33,7 +33,7 @@ HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "decisions.json"
 TIME_S = 36000.0
 INSTRUMENTS, MANY_INSTRUMENTS, SEEDS = (10, 30, 100, 200), 600, (2, 3, 4)
-UNIVERSES, MANY_UNIVERSES = (100, 300, 1000, 3000), 10_000
+UNIVERSES, MANY_UNIVERSES = (100, 300, 1000), 4000
 
 
 def ensembles() -> dict[str, Any]:
@@ -188,12 +188,15 @@ What each calendar is worth to the scheduler, and how far below the bound that n
 """
 
 
+TEXTS = {"ensembles": ensembles_text, "strategies": strategies_text}
+
+
 def text() -> str:
     """Both sections, from what was measured last; nothing where that is not there."""
     if not RESULTS.exists():
         return ""
     found = json.loads(RESULTS.read_text(encoding="utf-8"))
-    return ensembles_text(found["ensembles"]) + strategies_text(found["strategies"])
+    return "".join(words(found[name]) for name, words in TEXTS.items() if name in found)
 
 
 def main() -> None:
