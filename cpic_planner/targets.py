@@ -80,6 +80,16 @@ class Targets:
                 joined[item.name] = np.concatenate(values)
         return replace(parts[0], **joined)
 
+    @classmethod
+    def distinct(cls, parts: Sequence[Targets]) -> tuple[Targets, list[IntArray]]:
+        """Return rows of several targets of one date, equal ones once, and where those of each part are among them."""
+        every = cls.joined(parts)
+        columns = [cells for cells in every.content().values() if isinstance(cells, list | tuple)]
+        number: dict[tuple[Any, ...], int] = {}
+        where = np.array([number.setdefault(row, len(number)) for row in zip(*columns, strict=True)], np.int64)
+        _, first = np.unique(where, return_index=True)
+        return every.select(first), np.split(where, np.cumsum([len(part) for part in parts])[:-1])
+
     def select(self, mask: NDArray[Any] | Sequence[int]) -> Targets:
         """Rows where ``mask`` is true, or rows of the given indices in that order."""
         index = np.flatnonzero(mask) if np.asarray(mask).dtype == bool else np.asarray(mask, int)

@@ -1,11 +1,21 @@
 """False alarms of a visit: noise that passes the threshold, and background stars that pass for planets."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray
-from cpic_planner.etc import EtcModel, aperture_rates, effective_of, stack_noise, threshold_array
+from cpic_planner.etc import (
+    EtcModel,
+    Programme,
+    aperture_rates,
+    effective_of,
+    stack_noise,
+    tail_share,
+    threshold_array,
+)
 from cpic_planner.ranking import inside_zone
-from cpic_planner.survey.detection import Setting, half_margin, programme_of, tail_share
+from cpic_planner.survey.detection import Setting, half_margin
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.targets import Targets
 
@@ -68,15 +78,16 @@ def star_counts_deg2(v_mag: ArrayLike, longitude_deg: ArrayLike, latitude_deg: A
     return np.asarray(disc / projection ** (3.0 - 5.0 * gamma) + spheroid)
 
 
-def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: DetectionRule) -> float:
-    """Expected background stars that one visit detects in the dark quadrants.
+def background_alarms(model: EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule) -> FloatArray:
+    """Expected background stars that one visit of each star detects in the dark quadrants, shape ``(n,)``.
 
     Parameters
     ----------
     model : EtcModel
-    star : Targets
-        One star.
-    setting : Setting
+    stars : Targets
+        ``n`` stars.
+    settings : sequence of Setting
+        That of the visit of each, all of one band; visits that are not possible detect nothing.
     rule : DetectionRule
         Where half of the planets are detected, background stars are counted.
 
@@ -85,28 +96,35 @@ def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: De
     The limiting contrast at every place of the hole becomes a limiting magnitude, with the colour of the star, and that
     a number of stars. Every visit counts anew: nearby stars move by an arcsec or more between visits a year apart.
     """
-    metrics, band = model.metrics[setting.band], setting.band
-    if not setting.possible:
-        return 0.0
+    expected = np.zeros(len(stars))
+    some = [k for k, setting in enumerate(settings) if setting.possible]
+    if not some:
+        return expected
+    band, chosen = settings[some[0]].band, stars.select(some)
+    metrics, camera = model.metrics[band], model.camera(band)
     axis = (np.arange(-_STEPS, _STEPS) + 0.5) / _STEPS * metrics.hole_outer_arcsec
     x, y = (part.ravel() for part in np.meshgrid(axis, axis))
     inside = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
     x, y = x[inside], y[inside]
     if not x.size:
-        return 0.0
-    rates = aperture_rates(model, star, band, x[None], y[None], np.full((1, x.size), _PROBE))
-    made = programme_of(model, setting)
-    noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
+        return expected
+    exposure, frames, gain = (np.array(part)[:, None] for part in zip(*(settings[k].frames for k in some), strict=True))
+    visit_s = frames * (exposure + camera.readout_s)
+    rates = aperture_rates(model, chosen, band, x[None], y[None], np.full((len(some), x.size), _PROBE))
+    made = Programme.of(model.strategy, visit_time_s=model.time_s(visit_s))
+    noise = stack_noise(rates, exposure, frames, gain, camera, model.strategy, made)
     separation = np.hypot(x, y)
     threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
-    tails, inward = tail_share(model, setting, separation[None], noise)[0], metrics.lambda_d_arcsec / separation
+    tails, inward = tail_share(model, band, separation[None], visit_s, noise), metrics.lambda_d_arcsec / separation
     middle = half_margin(rule, np.zeros(x.size, bool), tails, inward, effective_of(made, rates.speckle))
     with np.errstate(divide="ignore"):
-        faintest = middle * _PROBE * threshold / noise.significance[0]
+        faintest = middle * _PROBE * threshold / noise.significance
     good = np.isfinite(faintest) & (faintest > 0.0)
-    limit = float(star.v_mag[0]) - 2.5 * np.log10(faintest[good])
-    density = star_counts_deg2(limit, *galactic_deg(star.ra_deg, star.dec_deg)) / _ARCSEC2_DEG2
-    return float(density.sum() * (axis[1] - axis[0]) ** 2)
+    limit = chosen.v_mag[:, None] - 2.5 * np.log10(np.where(good, faintest, 1.0))
+    longitude, latitude = (part[:, None] for part in galactic_deg(chosen.ra_deg, chosen.dec_deg))
+    density = np.where(good, star_counts_deg2(limit, longitude, latitude), 0.0) / _ARCSEC2_DEG2
+    expected[some] = density.sum(axis=1) * (axis[1] - axis[0]) ** 2
+    return expected
 
 
 def noise_alarms(model: EtcModel, band: str) -> float:

@@ -175,7 +175,7 @@ class _Star:
         affordable = int(np.sum(np.cumsum(cheapest) <= room.budget_h + ROUNDING))
         shown = np.where(useful[..., None], item.chance, 0.0)
         ratios = _ratios(problem.needed, shown, min(item.visits_left, affordable))
-        return cls(problem, room, star, columns, item.cost_h[at], charge[at], item.chance[at].astype(float), ratios)
+        return cls(problem, room, star, columns, item.cost_h[at], charge[at], item.chance[at], ratios)
 
     @property
     def most(self) -> int:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from catalogs import KnownPlanetTable, star_key
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray
+from cpic_core import BoolArray, FloatArray, InputError, IntArray
 from cpic_planner.etc import EtcModel, Programme, aperture_rates, best_in_visit, frame_problem, planet_offsets
 from cpic_planner.planets import StarLimits, draw_population
 from cpic_planner.queries import ReferencePlanet
@@ -51,7 +51,7 @@ class Candidate:
     index: int
     options: tuple[Setting, ...]
     cost_h: FloatArray
-    chance: NDArray[np.float32]
+    chance: FloatArray
     weight: FloatArray
     known_rows: tuple[int, ...]
     visits_left: int
@@ -168,6 +168,12 @@ class Screened:
         """Stars that can show a planet of the population, or have a known one."""
         return np.flatnonzero(self.promising | np.array([bool(rows) for rows in self.known_rows], bool))
 
+    def select(self, rows: IntArray, known_rows: tuple[tuple[int, ...], ...]) -> "Screened":
+        """Some of the stars, with their known planets."""
+        settings = tuple(tuple(own[row] for row in rows) for own in self.settings)
+        chosen = self.targets.select(rows), settings, self.promising[rows], known_rows
+        return Screened(self.strategy, self.model, *chosen)
+
 
 def screen(
     strategy: SurveyStrategy, model: EtcModel, targets: Targets, known_rows: tuple[tuple[int, ...], ...], seed: int
@@ -235,7 +241,7 @@ def candidates(
         would have been seen count for less.
     """
     strategy, model, targets = screened.strategy, screened.model, screened.targets
-    found, every_slot = [], np.arange(calendar.n_slots)
+    found, every_slot, view = [], np.arange(calendar.n_slots), sky.view(strategy, model)
     for place, i in enumerate(screened.rows):
         options = tuple(by_star[i] for by_star in screened.settings if by_star[i].possible)
         costs = [calendar.cost_h(model, place, option, strategy.visit.settlings) for option in options]
@@ -257,7 +263,7 @@ def candidates(
         )
         first = calendar.roll_deg(strategy.revisits, place, every_slot, np.zeros_like(every_slot))
         looks = Looks(options, np.isfinite(cost), calendar.day[place], first)
-        shown = sky.shown(strategy, model, host, looks, calendar.start_mjd)
+        shown = view.shown(host, looks, calendar.start_mjd)
         planets = shown.planets
         new = planets.known == NEW
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new
@@ -272,7 +278,7 @@ def candidates(
                 index=int(i),
                 options=options,
                 cost_h=cost,
-                chance=shown.chance[:, :, counts],
+                chance=shown.chance[:, :, counts].astype(np.float64),  # as sums are, so that none converts it again
                 weight=weight[counts],
                 known_rows=host.known_rows,
                 visits_left=visits_left,

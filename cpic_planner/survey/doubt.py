@@ -25,10 +25,10 @@ from cpic_planner.results import (
 )
 from cpic_planner.survey.decision import Choice, decide, law_weights, quantiles
 from cpic_planner.survey.estimates import difference_interval
-from cpic_planner.survey.events import HOURS
+from cpic_planner.survey.events import PLANETS
 from cpic_planner.survey.outcome import change_record, estimate_record
 from cpic_planner.survey.prepare import alarms, planned, read_ground
-from cpic_planner.survey.simulate import Survey, simulate_survey
+from cpic_planner.survey.simulate import Survey, count_block
 from cpic_planner.survey.strategy_file import DoubtRule, StrategiesConfig, UniverseConfig
 from cpic_planner.survey.sweeps import varied
 from cpic_planner.survey.universe import BLOCK
@@ -41,8 +41,7 @@ _LAWS = {
     "assumptions.exozodi": "sky.exozodi_zodis",
 }
 """Numbers of the ensemble that are those of a strategy."""
-_PLANETS = ("new_planets", "known_planets")
-_COUNTED = (*_PLANETS, "visits", "hours")
+_COUNTED = (*PLANETS, "visits", "hours")
 
 
 def doubted(config: StrategiesConfig) -> StrategiesConfig:
@@ -92,24 +91,6 @@ def played(plan: Survey, truth: Survey, universe: UniverseConfig) -> Survey:
     return replace(plan, strategy=strategy, model=truth.model, noise_alarms=noise, background_alarms=background)
 
 
-def play_block(
-    surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
-) -> dict[str, list[int] | list[float]]:
-    """One task: planets found, visits made and hours used in each universe of one block.
-
-    Parameters
-    ----------
-    surveys : tuple of Survey
-    which : int
-        Position of the one that is played.
-    block, n, seed : int
-        As of `cpic_planner.survey.simulate.simulate_survey`.
-    """
-    universes = simulate_survey(surveys[which], block=block, n=n, seed=seed).universes
-    universes["hours"] = np.sum([universes[name] for name in HOURS], axis=0)
-    return {name: universes[name].tolist() for name in _COUNTED}
-
-
 def plays_of(rule: DoubtRule | None, n_strategies: int) -> int:
     """Return how many surveys are played: every plan under every value."""
     return 0 if rule is None else n_strategies * len(rule.values) ** 2
@@ -141,7 +122,7 @@ def doubt_record(config: StrategiesConfig, runner: Runner) -> DoubtRecord | None
                 for block, first in enumerate(range(0, universe.universes, BLOCK))
             ]
         )
-    bodies = runner.finish(play_block, itertools.chain(*tasks), common=(surveys,))
+    bodies = runner.finish(count_block, itertools.chain(*tasks), common=(surveys,))
     shape = n, values, values, universe.universes
     counts = {
         name: np.array([[x for task in own for x in bodies[task.key][name]] for own in tasks], float).reshape(shape)
@@ -166,7 +147,7 @@ def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping
     settings = [_setting(every, t) for t in range(k)]
     texts = [item.text for item in settings]
     weights, source = weights_of(config, every)
-    new, known = (counts[name] for name in _PLANETS)
+    new, known = (counts[name] for name in PLANETS)
     found = new if rule.quantity == "new_planets" else new + known
     plans = [(item.name, text) for item in config.strategies for text in texts]
     worth = found.reshape(n * k, k, -1)

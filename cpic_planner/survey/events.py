@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from cpic_planner.survey.simulate import Survey
 
 ROUNDING_H = 1e-9
+PLANETS = ("new_planets", "known_planets")
+"""Columns that add up to the planets found."""
 HOURS = ("search_h", "follow_up_h", "alarm_h")
 """Columns that add up to the telescope time used."""
 
@@ -242,6 +244,22 @@ class Events:
         joined["star"] = np.array([str(survey.targets.name[i]) for i in star], object)
         joined["band"] = np.array([survey.options[i][o].band for i, o in zip(star, option, strict=True)], object)
         return joined
+
+    @staticmethod
+    def counts(stars: Mapping[int, StarHistory], clock: Clock) -> dict[str, NDArray[Any]]:
+        """Return planets found, visits made and hours used in each universe.
+
+        Parameters
+        ----------
+        stars : mapping of int to StarHistory
+        clock : Clock
+        """
+        found: dict[str, NDArray[Any]] = {name: np.zeros(len(clock.left), np.int64) for name in PLANETS}
+        for star in stars.values():
+            for name, new in zip(PLANETS, (True, False), strict=True):
+                some = star.found & ((star.planets.known == NEW) == new)
+                np.add.at(found[name], star.planets.universe[some], 1)
+        return found | {"visits": clock.visits, "hours": clock.used}
 
     def outcome(self, survey: Survey, stars: Mapping[int, StarHistory], clock: Clock, block: int) -> SurveyTables:
         """Return the columns of the tables.

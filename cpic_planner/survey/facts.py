@@ -10,13 +10,12 @@ from catalogs import split_source
 from cpic_core import IntArray, NDArray
 from cpic_planner.results import FactRow, FactsRecord, StrategyOutcome, TakenBack
 from cpic_planner.survey.estimates import difference_interval
+from cpic_planner.survey.events import PLANETS
 from cpic_planner.survey.outcome import change_record, estimate_record
-from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
 
 ALL = "all"
-QUANTITIES = ("planets", "new_planets", "known_planets")
-_COUNTED = ("new_planets", "known_planets")
+QUANTITIES = ("planets", *PLANETS)
 Counts = Mapping[str, IntArray]
 """Planets found in each universe, by the names of `QUANTITIES`."""
 
@@ -99,30 +98,15 @@ def taken_back(config: StrategiesConfig) -> dict[str, StrategiesConfig]:
     return {name: config.model_copy(update={"universe": state}) for name, state in found.items()}
 
 
-def count_block(surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int) -> dict[str, list[int]]:
-    """One task: planets found in each universe of one block.
-
-    Parameters
-    ----------
-    surveys : tuple of Survey
-    which : int
-        Position of the one that is played.
-    block, n, seed : int
-        As of `cpic_planner.survey.simulate.simulate_survey`.
-    """
-    universes = simulate_survey(surveys[which], block=block, n=n, seed=seed).universes
-    return {name: universes[name].tolist() for name in _COUNTED}
-
-
 def counts_of(parts: Sequence[Mapping[str, NDArray[Any] | list[int]]]) -> Counts:
     """Planets found in the universes of some blocks, one after the other.
 
     Parameters
     ----------
     parts : sequence of mapping
-        What `count_block` returns, or columns of the table of universes.
+        What `cpic_planner.survey.simulate.count_block` returns, or columns of the table of universes.
     """
-    found = {name: np.concatenate([np.asarray(part[name], np.int64) for part in parts]) for name in _COUNTED}
+    found = {name: np.concatenate([np.asarray(part[name], np.int64) for part in parts]) for name in PLANETS}
     return found | {"planets": found["new_planets"] + found["known_planets"]}
 
 

@@ -5,6 +5,7 @@ from dataclasses import InitVar, dataclass, field
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, IntArray
+from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.events import HOURS
 from cpic_planner.survey.orbits import Epoch
 from cpic_planner.survey.universe import PlanetSample
@@ -27,7 +28,7 @@ class StarHistory:
     seen: dict[int, dict[str, FloatArray]] = field(default_factory=dict)
     alarms: dict[int, tuple[IntArray, IntArray]] = field(default_factory=dict)
     epochs: list[Epoch] = field(default_factory=list)
-    ahead: dict[int, FloatArray] = field(default_factory=dict)
+    ahead: dict[Setting, FloatArray] = field(default_factory=dict)
     last_slot: int = -1
     visits: int = 0
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
@@ -23,9 +23,11 @@ from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
 if TYPE_CHECKING:
     from cpic_planner.survey.schedule import PlannedVisit, Problem
 
-N_DRAWS, N_KNOWN = 2000, 500
+N_DRAWS, N_KNOWN = 1000, 1000
 """Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
-_MOST_KEPT = 100
+LEAST_CHANCE = 1e-9
+"""Planets that no visit shows with a larger probability are left out of schedules."""
+_PLANETS_BYTES, _PLACES_BYTES, _CHANCES_BYTES = 40_000_000, 10_000_000, 150_000_000
 KNOWN_ALBEDO = MeasuredAlbedo(model="jupiter")
 
 
@@ -78,6 +80,11 @@ class Host:
     known: KnownPlanetTable | None
     known_rows: tuple[int, ...]
 
+    def parts(self) -> list[Host]:
+        """Return the star with each of its known planets alone, then with its population alone."""
+        known = [replace(self, population=None, known_rows=(row,)) for row in self.known_rows if self.known is not None]
+        return known if self.population is None else [*known, replace(self, known=None, known_rows=())]
+
     def content(self) -> dict[str, Any]:
         """Everything that decides its planets and their light; known planets by what their published orbits say."""
         orbits = [] if self.known is None else [self.known.orbits_of(row).columns for row in self.known_rows]
@@ -85,7 +92,6 @@ class Host:
             "star": self.star.content(),
             "population": None if self.population is None else self.population.content(),
             "known": [{name: cells.astype(str).tolist() for name, cells in rows.items()} for rows in orbits],
-            "rows": list(self.known_rows),
         }
 
 
@@ -128,11 +134,43 @@ class Shown:
     chance: NDArray[np.float32]
 
 
+_T = TypeVar("_T")
+
+
+class _Latest(Generic[_T]):
+    """What was made last, by a key, up to some number of bytes of its arrays."""
+
+    def __init__(self, most_bytes: int) -> None:
+        self._most, self._bytes = most_bytes, 0
+        self._kept: dict[Hashable, _T] = {}
+
+    def get(self, key: Hashable, make: Callable[[], _T]) -> _T:
+        """Return what is kept under a key; what is not is made."""
+        if key not in self._kept:
+            self._kept[key] = made = make()
+            self._bytes += _size(made)
+            while self._bytes > self._most and len(self._kept) > 1:
+                self._bytes -= _size(self._kept.pop(next(iter(self._kept))))
+        return self._kept[key]
+
+
+def _size(made: object) -> int:
+    return sum(part.nbytes for part in vars(made).values())
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Planets that visits of one kind can show, by their number among those drawn, and the chances, shape (b, m)."""
+
+    planets: IntArray
+    chance: NDArray[np.float32]
+
+
 class PlanningSky:
     """Planets with which schedules are made, and what visits show of them.
 
-    Planets and their places are kept for the next strategy, chances for the same strategy where it is planned again
-    with other facts about some stars (`cpic_planner.survey.facts`).
+    What the same visits show of the same planets is worked out once, for all strategies and for all states of what is
+    known (`cpic_planner.survey.facts`).
 
     Parameters
     ----------
@@ -144,72 +182,148 @@ class PlanningSky:
     def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
         self.seed = seed
         self._reach = reach_arcsec
-        self._kept: dict[Hashable, tuple[PlanetSample, OrbitPlaces]] = {}
-        self._shown: dict[Hashable, Shown] = {}
+        self._planets = _Latest[PlanetSample](_PLANETS_BYTES)
+        self.stored_places = _Latest[OrbitPlaces](_PLACES_BYTES)
+        self.stored_chances = _Latest[_Seen](_CHANCES_BYTES)
 
-    def of(self, host: Host, epoch_mjd: float, days: FloatArray) -> tuple[PlanetSample, OrbitPlaces]:
-        """Planets of one star, `N_DRAWS` new ones and `N_KNOWN` draws of each known one, and their places by day.
+    def planets(self, host: Host, epoch_mjd: float) -> PlanetSample:
+        """Planets of a star that any date shows, of `N_KNOWN` draws of each known one and `N_DRAWS` new ones.
 
         Parameters
         ----------
         host : Host
         epoch_mjd : float
             Start of the survey.
-        days : ndarray
-            Days after it.
         """
-        key = content_hash(host.content()), epoch_mjd, days.tobytes()
-        if key not in self._kept:
-            star = host.star
-            who = str(star.name[0]), float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0])
-            draw = partial(draw_planet_sample, *who, epoch_mjd=epoch_mjd, seed=self.seed, stage="planning")
-            parts = []
-            if host.known is not None and host.known_rows:
-                body = draw(None, known=host.known, known_rows=host.known_rows, n=N_KNOWN)
-                behind = 0 if host.population is None else len(host.population.mixture)
-                parts.append(replace(body, kind=np.full(len(body), behind)))
-            if host.population is not None:
-                parts.append(draw(host.population, n=N_DRAWS, one_each=True))
-            planets = PlanetSample.joined(parts)
-            distance = float(star.distance_pc[0])
-            planets = planets.select(planets.within(*(edge * distance for edge in self._reach)))
-            if len(self._kept) >= _MOST_KEPT:
-                self._kept.clear()
-            self._kept[key] = (planets, planets.places(days))
-        return self._kept[key]
+        found = [self.of_part(part, _content(part), epoch_mjd) for part in host.parts()]
+        return PlanetSample.joined(_known_as(found, host))
 
-    def shown(self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
+    def view(self, strategy: SurveyStrategy, model: EtcModel) -> PlanningView:
+        """Return what visits by a strategy and its model show."""
+        return PlanningView(self, strategy, model)
+
+    def of_part(self, part: Host, content: str, epoch_mjd: float) -> PlanetSample:
+        """Planets of one of the parts of a star.
+
+        Parameters
+        ----------
+        part : Host
+        content : str
+            Digest of its content.
+        epoch_mjd : float
+            Start of the survey.
+        """
+
+        def drawn() -> PlanetSample:
+            star = part.star
+            who = str(star.name[0]), float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0])
+            planets = draw_planet_sample(
+                *who,
+                part.population,
+                known=part.known,
+                known_rows=part.known_rows,
+                epoch_mjd=epoch_mjd,
+                n=N_KNOWN if part.population is None else N_DRAWS,
+                seed=self.seed,
+                stage="planning",
+                one_each=True,
+            )
+            distance = float(star.distance_pc[0])
+            return planets.select(planets.within(*(edge * distance for edge in self._reach)))
+
+        return self._planets.get((content, epoch_mjd), drawn)
+
+
+class PlanningView:
+    """What visits by one strategy show of the planets that schedules are made with.
+
+    Parameters
+    ----------
+    sky : PlanningSky
+    strategy : SurveyStrategy
+    model : EtcModel
+        That of the strategy.
+    """
+
+    def __init__(self, sky: PlanningSky, strategy: SurveyStrategy, model: EtcModel) -> None:
+        self._sky, self._strategy, self._model = sky, strategy, model
+        assumed, content = strategy.assumptions, model.content()
+        of_all = content | {
+            "detection": strategy.detection.model_dump(mode="json"),
+            "dust": None if assumed.dust is None else assumed.dust.model_dump(mode="json"),
+        }
+        self._rules = {band: content_hash(of_all | {"optics": key}) for band, key in content["optics"].items()}
+
+    def shown(self, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
         """What the visits that a star can have are likely to show.
 
         Parameters
         ----------
-        strategy : SurveyStrategy
-            Its name stands for its rules in what is kept.
-        model : EtcModel
-            That of the strategy.
         host : Host
         looks : Looks
         epoch_mjd : float
             Start of the survey.
         """
-        visits = looks.options, looks.open.tobytes(), looks.day.tobytes(), looks.roll_deg.tobytes()
-        key = strategy.name, content_hash(host.content()), visits, epoch_mjd
-        if key not in self._shown:
-            planets, places = self.of(host, epoch_mjd, looks.day)
-            odds = np.zeros((*looks.open.shape, len(planets)), np.float32)
-            rule, placed = strategy.detection, at_known_place(planets, host.known)
-            zodis = dust_of(strategy, planets, self.seed, str(host.star.name[0]), "planning")
-            for o, option in enumerate(looks.options):
-                slots = np.flatnonzero(looks.open[o])
-                if slots.size == 0:
-                    continue
-                there = OrbitPlaces(*(getattr(places, name)[slots] for name in OrbitPlaces.__dataclass_fields__))
-                albedos, roll = albedos_of(host.population), looks.roll_deg[slots]
-                signals = expected_signals(model, host.star, option, planets, albedos, there, roll, zodis)
-                odds[o, slots] = detection_chance(signals, rule, placed, calibration=rule.calibration)
-            seen = np.flatnonzero((odds > 0.0).any(axis=(0, 1)))
-            self._shown[key] = Shown(planets, seen, odds[:, :, seen])
-        return self._shown[key]
+        samples: list[PlanetSample] = []
+        columns, seen = [], []
+        for part in host.parts():
+            content = _content(part)
+            planets = self._sky.of_part(part, content, epoch_mjd)
+            of_options = [
+                self._looked(part, content, planets, replace(looks, options=(option,), open=open_[None]), epoch_mjd)
+                for option, open_ in zip(looks.options, looks.open, strict=True)
+            ]
+            some = np.unique(np.concatenate([item.planets for item in of_options]))
+            chance = np.zeros((*looks.open.shape, some.size), np.float32)
+            for o, item in enumerate(of_options):
+                chance[o][:, np.searchsorted(some, item.planets)] = item.chance
+            columns.append(chance)
+            seen.append(some + sum(len(item) for item in samples))
+            samples.append(planets)
+        planets = PlanetSample.joined(_known_as(samples, host))
+        return Shown(planets, np.concatenate(seen), np.concatenate(columns, axis=2))
+
+    def _looked(self, part: Host, content: str, planets: PlanetSample, looks: Looks, epoch_mjd: float) -> _Seen:
+        """What visits in one way show of the planets of a part of a star."""
+        (option,), (open_,) = looks.options, looks.open
+        sky, strategy = self._sky, self._strategy
+
+        def made() -> _Seen:
+            days = looks.day[open_]
+            odds = np.zeros((looks.day.size, len(planets)), np.float32)
+            if days.size and len(planets):
+                where = content, epoch_mjd, days.tobytes()
+                places = sky.stored_places.get(where, lambda: planets.places(days))
+                rule, placed = strategy.detection, at_known_place(planets, part.known)
+                zodis = dust_of(strategy, planets, sky.seed, str(part.star.name[0]), "planning")
+                albedos, roll = albedos_of(part.population), looks.roll_deg[open_]
+                signals = expected_signals(self._model, part.star, option, planets, albedos, places, roll, zodis)
+                odds[open_] = detection_chance(signals, rule, placed, calibration=rule.calibration)
+            some = np.flatnonzero((odds > LEAST_CHANCE).any(axis=0))
+            return _Seen(some, odds[:, some])
+
+        when = (item.tobytes() for item in (open_, looks.day, looks.roll_deg))
+        return sky.stored_chances.get((self._rules[option.band], option, content, epoch_mjd, *when), made)
+
+
+def _content(part: Host) -> str:
+    return content_hash(part.content())
+
+
+def _known_as(samples: Sequence[PlanetSample], host: Host) -> list[PlanetSample]:
+    """Planets of the parts of a star, known ones with their rows in its table, and of the kind behind all others."""
+    kind = 0 if host.population is None else len(host.population.mixture)
+    rows = [part.known_rows for part in host.parts()]
+    return [
+        replace(item, known=np.full(len(item), row[0]), kind=np.full(len(item), kind)) if row else item
+        for item, row in zip(samples, rows, strict=True)
+    ]
+
+
+@functools.lru_cache(maxsize=1)
+def planning_sky(seed: int, reach_arcsec: tuple[float, float]) -> PlanningSky:
+    """Return the sky that this process plans with; parameters as of `PlanningSky`."""
+    return PlanningSky(seed, reach_arcsec)
 
 
 @dataclass(frozen=True)
@@ -250,7 +364,7 @@ def visit_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[VisitO
     for visit in visits:
         star = problem.stars[visit.star]
         counts = states.setdefault(visit.star, np.eye(problem.needed, 1) * np.ones(len(star.weight)))
-        chance = star.chance[visit.option, visit.slot].astype(np.float64)
+        chance = star.chance[visit.option, visit.slot]
         new = star.known == NEW
         # The scheduler's weights hold what a planet is worth to it; how likely it is does not.
         weight = star.weight / np.where(new, strategy.value_new, strategy.value_known)

@@ -18,15 +18,15 @@ from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import Candidate, Screened, candidates, chosen_stars, screen, settings_of
 from cpic_planner.survey.detection import Setting, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
-from cpic_planner.survey.planning import PlanningSky, VisitOdds, visit_odds
-from cpic_planner.survey.schedule import Problem
+from cpic_planner.survey.planning import PlanningSky, VisitOdds, planning_sky, visit_odds
+from cpic_planner.survey.schedule import Problem, Schedule
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
 from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
 from cpic_planner.survey.universe import occurrence
 from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
-from simulator.config import Instrument, content_hash, load_instrument
+from simulator.config import Instrument, load_instrument
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,20 +202,17 @@ def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Plan]:
         Position of the strategy.
     """
     first = grounds[0]
-    looked: list[Screened] = []
-    kept: dict[str, Screened] = {}
-    for ground in grounds:
-        case = ground.cases[which]
-        key = content_hash(case.targets.content())
-        if key not in kept:
-            kept[key] = screen(case.strategy, case.model, case.targets, case.known_rows, first.universe.seed)
-        looked.append(replace(kept[key], known_rows=case.known_rows))
+    cases = [ground.cases[which] for ground in grounds]
+    case = cases[0]
+    targets, rows = Targets.distinct([item.targets for item in cases])
+    every_star = screen(case.strategy, case.model, targets, ((),) * len(targets), first.universe.seed)
+    looked = [every_star.select(own, item.known_rows) for own, item in zip(rows, cases, strict=True)]
     places = [_places(item) for item in looked]
     every = {place: row for item, own in zip(looked, places, strict=True) for place, row in _stars(item, own)}
-    stars = Targets.joined(list(every.values())) if every else first.cases[which].targets.select([0])
+    stars = Targets.joined(list(every.values())) if every else case.targets.select([0])
     calendar = make_calendar(first.universe, first.instrument, first.pointing, stars)
     number = {place: i for i, place in enumerate(every)}
-    sky = PlanningSky(first.universe.seed, first.reach_arcsec)
+    sky = planning_sky(first.universe.seed, first.reach_arcsec)
     found = []
     for ground, item, own in zip(grounds, looked, places, strict=True):
         mine = calendar.select(np.array([number[place] for place in own], np.int64))
@@ -263,8 +260,9 @@ def _plan(ground: Ground, item: Screened, calendar: Calendar, sky: PlanningSky) 
     """Plan of one strategy, ``calendar`` that of the stars with a close look."""
     limits = StarLimits.of(item.targets.name.tolist(), ground.universe.exclusions, ground.known)
     found = candidates(item, calendar, ground.known, sky, limits, ground.log)
-    survey = _survey(ground.universe, item, found, calendar, ground.known, ground.log)
-    odds = visit_odds(Problem(item.strategy, tuple(found), calendar.slot_h), survey.schedule.visits)
+    problem = Problem(item.strategy, tuple(found), calendar.slot_h)
+    survey = _survey(ground, item, found, calendar, make_schedule(problem))
+    odds = visit_odds(problem, survey.schedule.visits)
     return Plan(survey, tuple(star.worth for star in found), odds, bool(calendar.allowed_h.any()))
 
 
@@ -326,20 +324,12 @@ def _without(strategy: SurveyStrategy, hours: float) -> SurveyStrategy:
     return strategy.model_copy(update={"time_budget_h": budget_h - hours})
 
 
-def _survey(
-    universe: UniverseConfig,
-    item: Screened,
-    found: list[Candidate],
-    calendar: Calendar,
-    known: KnownPlanetTable | None,
-    log: ObservationLog | None,
-) -> Survey:
+def _survey(ground: Ground, item: Screened, found: list[Candidate], calendar: Calendar, schedule: Schedule) -> Survey:
     strategy, model = item.strategy, item.model
     rows = np.array([star.index for star in found], np.int64)
     targets = item.targets.select(rows)
-
     options = tuple(star.options for star in found)
-    noise, background = alarms(universe, strategy, model, targets, options)
+    noise, background = alarms(ground.universe, strategy, model, targets, options)
     return Survey(
         strategy=strategy,
         model=model,
@@ -347,13 +337,13 @@ def _survey(
         calendar=calendar.select(np.searchsorted(item.rows, rows)),
         options=options,
         follow=_follow_ups(strategy, model, targets),
-        schedule=make_schedule(Problem(strategy, tuple(found), calendar.slot_h)),
-        known=known,
+        schedule=schedule,
+        known=ground.known,
         known_rows=tuple(star.known_rows for star in found),
-        limits=StarLimits.of(targets.name.tolist(), universe.exclusions, known),
+        limits=StarLimits.of(targets.name.tolist(), ground.universe.exclusions, ground.known),
         noise_alarms=noise,
         background_alarms=background,
-        log=log,
+        log=ground.log,
     )
 
 
@@ -376,14 +366,16 @@ def alarms(
     options : tuple of tuple of Setting
         Ways to visit each star.
     """
-
-    def background(i: int, way: Setting) -> float:
-        if universe.background == "off":
-            return 0.0
-        return background_alarms(model, targets.select([i]), way, strategy.detection)
-
     noise = tuple(tuple(noise_alarms(model, way.band) for way in ways) for ways in options)
-    return noise, tuple(tuple(background(i, way) for way in ways) for i, ways in enumerate(options))
+    background = [[0.0] * len(ways) for ways in options]
+    places = [(i, o, way) for i, ways in enumerate(options) for o, way in enumerate(ways)]
+    for band in dict.fromkeys(way.band for *_, way in places) if universe.background == "on" else ():
+        own = [place for place in places if place[2].band == band]
+        stars = targets.select([i for i, *_ in own])
+        found = background_alarms(model, stars, [way for *_, way in own], strategy.detection)
+        for (i, o, _), expected in zip(own, found.tolist(), strict=True):
+            background[i][o] = expected
+    return noise, tuple(map(tuple, background))
 
 
 def _follow_ups(strategy: SurveyStrategy, model: EtcModel, targets: Targets) -> tuple[tuple[Setting, ...], ...]:

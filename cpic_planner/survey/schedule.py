@@ -70,7 +70,7 @@ class StarValue:
     def after(self, visit: Visit) -> "StarValue":
         """After one more visit."""
         option, slot = visit
-        p = self.star.chance[option, slot].astype(np.float64)
+        p = self.star.chance[option, slot]
         w = self.star.weight
         gain, upper = float((w * p) @ self.counts[-1]), float((w * p) @ self.counts.sum(axis=0)) / self.needed
         counts = self.counts * (1.0 - p)

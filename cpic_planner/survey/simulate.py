@@ -105,6 +105,29 @@ def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyT
     stopped and slot and budget hold it. Whether it detects a planet was decided by the numbers of that star, block and
     visit, so that another strategy that makes the same visit sees the same.
     """
+    run = _played(survey, block, n, seed)
+    return run.log.outcome(survey, run.stars, run.clock, block)
+
+
+def count_block(
+    surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
+) -> dict[str, list[int] | list[float]]:
+    """One task: planets found, visits made and hours used in each universe of one block, and nothing else.
+
+    Parameters
+    ----------
+    surveys : tuple of Survey
+    which : int
+        Position of the one that is played.
+    block, n, seed : int
+        As of `simulate_survey`.
+    """
+    run = _played(surveys[which], block, n, seed)
+    return {name: values.tolist() for name, values in run.log.counts(run.stars, run.clock).items()}
+
+
+def _played(survey: Survey, block: int, n: int, seed: int) -> "_Simulation":
+    """A survey after its last slot."""
     run = _Simulation(survey, block, n, seed)
     by_slot: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
@@ -119,7 +142,7 @@ def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyT
                 run.follow(i, star, slot)
         for k, visit in by_slot.get(slot, ()):
             run.search(k, visit)
-    return run.log.outcome(survey, run.stars, run.clock, block)
+    return run
 
 
 class _Simulation:
@@ -296,10 +319,10 @@ class _Simulation:
             star.checks[looked | false] += 1
             star.doubts[looked | false] = 0
             mine = np.flatnonzero(true & looked[star.planets.universe])
-            odds, snr = self._followed(i, star, mine, setting, [slot])
-            shows = self._luck(i, star, mine, f"check {slot}") < odds[0]
+            odds, snr = self._ahead(i, star, mine, setting, slot)
+            shows = self._luck(i, star, mine, f"check {slot}") < odds
             star.confirmed[mine[shows]] = True
-            star.epochs.append(self._epoch(i, star, slot, setting.band, mine, snr[0], shows))
+            star.epochs.append(self._epoch(i, star, slot, setting.band, mine, snr, shows))
 
     def _inside(self, i: int, star: StarHistory, band: str, slot: int) -> BoolArray:
         """Planets of a star that a team expects in the dark hole: known ones by their orbit, others where they were."""
@@ -316,22 +339,21 @@ class _Simulation:
         survey = self.survey
         return float(survey.calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)[slot])
 
-    def _followed(
-        self, i: int, star: StarHistory, some: IntArray, setting: Setting, slots: Sequence[int]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Odds that visits in slots detect some planets of a star at their known place, and the SNR of each there."""
-        planets, when = star.planets.select(some), np.array([slots, slots])
-        found, odds, _ = self._visited(i, setting, planets, when, np.ones(len(some), bool))
-        return odds, found.snr * self.calibration[planets.universe]
+    def _ahead(self, i: int, star: StarHistory, some: IntArray, setting: Setting, slot: int) -> FloatArray:
+        """Odds and SNR in a slot of planets at their known place, shape ``(2, len(some))``.
 
-    def _ahead(self, i: int, star: StarHistory, some: IntArray, f: int, slot: int) -> FloatArray:
-        """Odds and SNR of planets in a slot and band of the follow-up, worked out once for all slots from then on."""
-        table = star.ahead.setdefault(f, np.full((2, self.survey.calendar.n_slots, len(star.planets)), np.nan))
-        fresh = some[np.isnan(table[0, slot, some])]
-        if fresh.size:
-            slots = slot + np.flatnonzero(self.survey.calendar.fraction[i, slot:] > 0.0)
-            table[:, slots[:, None], fresh] = self._followed(i, star, fresh, self.survey.follow[i][f], slots.tolist())
-        return np.asarray(table[:, slot, some])
+        They are worked out once, for all slots from then on and all planets that any visit can show.
+        """
+        calendar = self.survey.calendar
+        if setting not in star.ahead:
+            star.ahead[setting] = table = np.full((2, calendar.n_slots, len(star.planets)), np.nan)
+            slots = slot + np.flatnonzero(calendar.fraction[i, slot:] > 0.0)
+            able = np.flatnonzero(np.any(list(star.hits.values()), axis=0) & star.allowed)
+            when = np.array([slots, slots])
+            found, odds, _ = self._visited(i, setting, star.planets.select(able), when, np.ones(able.size, bool))
+            snr = found.snr * self.calibration[star.planets.universe[able]]
+            table[:, slots[:, None], able] = odds, snr
+        return np.asarray(star.ahead[setting][:, slot, some])
 
     def _luck(self, i: int, star: StarHistory, some: IntArray, visit: str) -> FloatArray:
         """Uniform numbers of some planets of a star in a visit of that name."""
@@ -349,7 +371,7 @@ class _Simulation:
             mine = np.flatnonzero(lacking & go[star.planets.universe])
             if not mine.size:
                 continue
-            odds, snr = self._ahead(i, star, mine, f, slot)
+            odds, snr = self._ahead(i, star, mine, setting, slot)
             if rule.snr is not None:
                 left = np.maximum(rule.attempts - star.tried[f, mine], 0)
                 go = star.universes_of(mine[np.hypot(star.reached[f, mine], np.sqrt(left) * snr) >= rule.snr])

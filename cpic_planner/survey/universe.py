@@ -19,7 +19,7 @@ from cpic_planner.planets.known_rows import QUANTITIES as KNOWN_QUANTITIES
 from cpic_planner.planets.population_config import QUANTITIES
 from cpic_planner.targets import Targets
 
-BLOCK = 100
+BLOCK = 250
 """Universes that are drawn together; results do not depend on the number of workers, but streams are named by block."""
 NEW = -1
 """Row in the table of known planets of a planet that nobody knows."""

@@ -14,11 +14,11 @@ from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, wr
 from cpic_planner.results import DoubtRecord, ImageSample, StrategyOutcome, WhatIfResult
 from cpic_planner.survey.doubt import doubt_record, doubted, plays_of, told_steps
 from cpic_planner.survey.events import TABLES, rows_of
-from cpic_planner.survey.facts import Counts, count_block, counts_of, facts_record, taken_back
+from cpic_planner.survey.facts import Counts, counts_of, facts_record, taken_back
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import VISIT_FILES, Columns, differences, outcome, rank_changes, visit_files
 from cpic_planner.survey.prepare import Ground, Prepared, planned, read_ground
-from cpic_planner.survey.simulate import Survey, simulate_survey
+from cpic_planner.survey.simulate import Survey, count_block, simulate_survey
 from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.universe import BLOCK
@@ -28,7 +28,7 @@ from simulator.config import content_hash
 from simulator.products import mjd_of
 
 _START_S, _PREPARE_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.9, 5.0, 0.0015, 2.2
-RESULT_VERSION = 6
+RESULT_VERSION = 7
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
     "planets of one star are independent of each other; beside known planets and companion stars they are left out "

@@ -19,7 +19,7 @@ def candidate(rng, *, options=1, slots=4, planets=6, visits_left=3, day=None, kn
     """A star with random costs and chances; every fifth visit is impossible."""
     cost = rng.uniform(1.0, 6.0, (options, slots))
     cost[rng.random((options, slots)) < 0.2] = np.inf
-    chance = (rng.random((options, slots, planets)) * (rng.random((options, slots, planets)) < 0.6)).astype(np.float32)
+    chance = (rng.random((options, slots, planets)) * (rng.random((options, slots, planets)) < 0.6)).astype(np.float64)
     day = 30.0 * np.arange(slots) + rng.uniform(0.0, 29.0, slots) if day is None else day
     weight, new = rng.uniform(0.0, 0.3, planets), np.full(planets, NEW)
     return Candidate(0, (SETTING,) * options, cost, chance, weight, known, visits_left, day, new)

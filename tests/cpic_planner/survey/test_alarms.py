@@ -80,15 +80,15 @@ def test_noise_alarms_are_those_of_the_area_of_the_quadrants(model):
 
 def test_background_stars(model):
     rule, star = DetectionRule(), find_target("tau Cet")[0]
-    one = background_alarms(model, star, SETTING, rule)
+    one = background_alarms(model, star, [SETTING], rule)
     assert 0.0 < one < 0.1
-    assert background_alarms(model, star, replace(SETTING, n_frames=0.0), rule) == 0.0
+    assert background_alarms(model, star, [replace(SETTING, n_frames=0.0)], rule) == 0.0
     # From some length on the walk of the wavefront, not the photons, says how deep a visit is.
-    assert background_alarms(model, star, replace(SETTING, n_frames=30.0), rule) < one
+    assert background_alarms(model, star, [replace(SETTING, n_frames=30.0)], rule) < one
     # Less is detected where more is asked for, and more stars stand near the plane.
-    assert background_alarms(model, star, SETTING, DetectionRule(blind_margin=3.0)) < one
+    assert background_alarms(model, star, [SETTING], DetectionRule(blind_margin=3.0)) < one
     low = replace(star, ra_deg=np.array([266.4]), dec_deg=np.array([-28.9]))
-    assert background_alarms(model, low, SETTING, rule) > 3.0 * one
+    assert background_alarms(model, low, [SETTING], rule) > 3.0 * one
     # No more than the brightest stars that any place of the hole shows, over its whole area.
     metrics = model.metrics["F520"]
     area = 4.0 * (metrics.hole_outer_arcsec - metrics.hole_inner_arcsec - 2.0 * metrics.aperture_radius_arcsec) ** 2
@@ -99,7 +99,7 @@ def test_background_stars(model):
 def test_background_stars_of_an_even_sky(model, monkeypatch):
     """A thousand stars a square degree, however faint: those on the area in which an aperture lies in the hole."""
     monkeypatch.setattr(alarms, "star_counts_deg2", lambda limit, *place: np.full(np.shape(limit), 1000.0))
-    found = background_alarms(model, find_target("tau Cet")[0], SETTING, DetectionRule())
+    found = background_alarms(model, find_target("tau Cet")[0], [SETTING], DetectionRule())
     metrics = model.metrics["F520"]
     side = metrics.hole_outer_arcsec - metrics.hole_inner_arcsec - 2.0 * metrics.aperture_radius_arcsec
     # A grid of 32 points across the hole tells a side to one step.

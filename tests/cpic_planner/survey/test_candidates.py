@@ -80,7 +80,7 @@ def test_chances_are_those_of_single_visits(three, small, model, known):
     place = list(screened.rows).index(item.index)
     star = screened.targets.select([item.index])
     host = Host(star, rules.population, known, item.known_rows)
-    bodies, _ = sky.of(host, calendar.start_mjd, calendar.day[place])
+    bodies = sky.planets(host, calendar.start_mjd)
     slot = int(np.flatnonzero(np.isfinite(item.cost_h[0]))[2])
     seen = expected_signals(
         model,

@@ -319,7 +319,7 @@ def test_the_weight_of_a_known_planet_stays_whole(setup, small, log_of):
     table = load_known_planets("archive_2019")  # an orbit that reaches there in some draws only
     rows = table.by_star[star_key("eps Eri")]
     host = Host(star, strategy.population, table, rows)
-    bodies, _ = sky.of(host, EPOCH, np.array([0.0]))
+    bodies = sky.planets(host, EPOCH)
     calendar = SimpleNamespace(start_mjd=EPOCH)
     left = candidates_module._left(strategy, model, host, bodies, log.visits, calendar)
     known = bodies.known != NEW

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,9 +10,19 @@ import pytest
 from catalogs import load_known_planets
 from cpic_planner.etc import build_model
 from cpic_planner.planets import load_population
+from cpic_planner.survey import planning
 from cpic_planner.survey.candidates import settings_of
 from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
-from cpic_planner.survey.planning import KNOWN_ALBEDO, Host, Looks, PlanningSky, albedos_of, visit_odds
+from cpic_planner.survey.planning import (
+    KNOWN_ALBEDO,
+    LEAST_CHANCE,
+    Host,
+    Looks,
+    PlanningSky,
+    _Latest,
+    albedos_of,
+    visit_odds,
+)
 from cpic_planner.survey.schedule import PlannedVisit, Problem
 from cpic_planner.survey.universe import NEW, at_known_place
 from cpic_planner.targets import find_target
@@ -50,39 +61,90 @@ def looks(model, small, star):
     return Looks((option,), possible, DAYS, np.linspace(0.0, 90.0, DAYS.size))
 
 
-def test_planning_planets_are_kept_for_the_next_strategy(sky, star):
+@pytest.fixture
+def worked_out(monkeypatch):
+    """Names of what is worked out, one for each call."""
+    calls = []
+
+    def noting(name):
+        work = getattr(planning, name)
+
+        def noted(*arguments, **named):
+            calls.append(name)
+            return work(*arguments, **named)
+
+        monkeypatch.setattr(planning, name, noted)
+
+    noting("draw_planet_sample")
+    noting("expected_signals")
+    return calls
+
+
+def test_planets_are_drawn_once(sky, star, worked_out):
     host = Host(star, GIANTS, None, ())
-    one = sky.of(host, EPOCH_MJD, DAYS)
-    assert sky.of(replace(host, population=load_population("giants")), EPOCH_MJD, DAYS) is one
-    assert sky.of(host, EPOCH_MJD, DAYS + 1.0) is not one
-    assert sky.of(replace(host, population=load_population("solar_system")), EPOCH_MJD, DAYS) is not one
+    one = sky.planets(host, EPOCH_MJD)
+    again = sky.planets(replace(host, population=load_population("giants")), EPOCH_MJD)
+    assert np.array_equal(one.semi_major_axis_au, again.semi_major_axis_au)
+    assert len(worked_out) == 1
+    sky.planets(replace(host, population=load_population("solar_system")), EPOCH_MJD)
+    sky.planets(host, EPOCH_MJD + 1.0)
+    assert len(worked_out) == 3
 
 
-def test_known_planets_count_by_what_their_rows_say(sky, star):
+def test_known_planets_count_by_what_their_rows_say(sky, star, worked_out):
     now, again, before = hosts(star, "snapshot", "snapshot", "archive_2019")
-    one = sky.of(now, EPOCH_MJD, DAYS)
-    assert sky.of(again, EPOCH_MJD, DAYS) is one
-    assert sky.of(before, EPOCH_MJD, DAYS) is not one
+    sky.planets(now, EPOCH_MJD)
+    sky.planets(again, EPOCH_MJD)
+    assert len(worked_out) == 2  # the known planet, and the population
+    found = sky.planets(before, EPOCH_MJD)
+    assert len(worked_out) == 3
+    assert set(found.known[found.known != NEW]) == set(before.known_rows)
+    assert (found.kind[found.known != NEW] == len(GIANTS.mixture)).all()
 
 
-def test_chances_are_kept_for_the_same_strategy_and_facts(sky, model, small, star, looks):
-    strategy, other = small({"name": "one"}, {"name": "two", "detection": {"rule": "expected"}}).strategies
+def test_chances_are_worked_out_once_for_visits_and_planets(sky, model, small, star, looks, worked_out):
+    """For all strategies and states of what is known that share them; what is new is worked out, and only that."""
+    strategy, other, same = small(
+        {"name": "one"}, {"name": "two", "detection": {"rule": "expected"}}, {"name": "three", "value_new": 2.0}
+    ).strategies
     now, before = hosts(star, "snapshot", "archive_2019")
-    one = sky.shown(strategy, model, now, looks, EPOCH_MJD)
-    assert sky.shown(strategy, model, now, looks, EPOCH_MJD) is one
-    for changed in (
-        (other, model, now, looks),
-        (strategy, model, before, looks),
-        (strategy, model, replace(now, star=replace(star, v_mag=star.v_mag + 0.1)), looks),
-        (strategy, model, now, replace(looks, open=np.ones_like(looks.open))),
-        (strategy, model, now, replace(looks, roll_deg=looks.roll_deg + 1.0)),
+
+    def calls(strategy, host, looks):
+        worked_out.clear()
+        shown = sky.view(strategy, model).shown(host, looks, EPOCH_MJD)
+        return shown, worked_out.count("expected_signals")
+
+    one, number = calls(strategy, now, looks)
+    assert number == 2
+    again, number = calls(same, now, looks)
+    assert number == 0
+    for name in ("chance", "seen"):
+        assert np.array_equal(getattr(again, name), getattr(one, name))
+    for changed, number in (
+        ((other, now, looks), 2),
+        ((strategy, before, looks), 1),
+        ((strategy, replace(now, star=replace(star, v_mag=star.v_mag + 0.1)), looks), 2),
+        ((strategy, now, replace(looks, open=np.ones_like(looks.open))), 2),
+        ((strategy, now, replace(looks, roll_deg=looks.roll_deg + 1.0)), 2),
     ):
-        assert sky.shown(*changed, EPOCH_MJD) is not one
+        assert calls(*changed)[1] == number
+
+
+def test_what_is_kept_has_a_limit():
+    kept, made = _Latest[SimpleNamespace](3000), []
+
+    def make(name):
+        made.append(name)
+        return SimpleNamespace(part=np.zeros(125))  # 1000 bytes
+
+    for name in "abcabcdab":
+        kept.get(name, lambda name=name: make(name))
+    assert made == list("abcdab")
 
 
 def test_chances_are_those_of_single_visits(sky, model, small, star, looks):
     strategy, (host,) = small().strategies[0], hosts(star, "snapshot")
-    shown = sky.shown(strategy, model, host, looks, EPOCH_MJD)
+    shown = sky.view(strategy, model).shown(host, looks, EPOCH_MJD)
     planets, rule = shown.planets, strategy.detection
     whole = np.zeros((DAYS.size, len(planets)), np.float32)
     for slot in np.flatnonzero(looks.open[0]):
@@ -90,7 +152,7 @@ def test_chances_are_those_of_single_visits(sky, model, small, star, looks):
         seen = expected_signals(model, star, looks.options[0], planets, albedos_of(GIANTS), places, roll)
         placed = at_known_place(planets, host.known)
         whole[slot] = detection_chance(seen, rule, placed, calibration=rule.calibration)[0]
-    assert np.array_equal(shown.seen, np.flatnonzero(whole.any(axis=0)))
+    assert np.array_equal(shown.seen, np.flatnonzero((whole > LEAST_CHANCE).any(axis=0)))
     assert 0 < shown.seen.size < len(planets)
     np.testing.assert_allclose(shown.chance[0], whole[:, shown.seen], rtol=1e-6, atol=1e-30)
 

@@ -11,6 +11,7 @@ from cpic_planner.etc.detection import default_law
 from cpic_planner.planets import draw_population, load_population
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.detection import expected_signals
+from cpic_planner.survey.planning import N_DRAWS
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
@@ -112,9 +113,9 @@ def test_visits_of_a_star_against_brute_force_to_a_percent(sharp, only_visits, b
 def test_the_schedule_promises_what_the_survey_finds(sharp):
     survey = sharp.surveys[0]
     yields = planets_of(simulate_survey(denser(survey, 2.1), block=0, n=4000, seed=6)) / 10.0
-    # Planning has 2000 planets a star: a share p of them is known to p (1 - p) / 2000.
+    # Planning has so many planets a star: a share p of them is known to p (1 - p) / N_DRAWS.
     planning = sum(visit.gain for visit in survey.schedule.visits)
-    error = np.hypot(yields.std() / np.sqrt(4000), np.sqrt(0.21 * planning / 2000))
+    error = np.hypot(yields.std() / np.sqrt(4000), np.sqrt(0.21 * planning / N_DRAWS))
     assert abs(yields.mean() - planning) < 4.0 * error
     assert planning == pytest.approx(survey.schedule.value, rel=1e-9)
 

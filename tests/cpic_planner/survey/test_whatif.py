@@ -26,7 +26,7 @@ STRATEGIES = (
     {"name": "twin"},
     {"name": "shy", "visit": {"time_s": 3000}, "targets": {"names": ["eps Eri"]}},
 )
-UNIVERSE = {"universes": 130}
+UNIVERSE = {"universes": BLOCK + 30}
 
 
 class Told(list):
@@ -69,7 +69,7 @@ def test_the_result_is_that_of_its_tables(run):
     universes = read_table(folder / "universes.parquet").columns
     for item in stored.strategies:
         mine = universes["strategy"] == item.name
-        assert mine.sum() == 130
+        assert mine.sum() == BLOCK + 30
         planets = (universes["new_planets"] + universes["known_planets"])[mine]
         assert item.planets.mean == pytest.approx(planets.mean())
     assert stored.config_hash == read_table(folder / "stars.parquet").config_hash
