@@ -13,11 +13,12 @@ from cpic_planner.survey.doubt import doubted, played, record_of, weights_of
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.strategy_file import DoubtRule
+from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.whatif import whatif_cost
 
 VALUES = ("0.02nm", "0.2nm")
 STRATEGIES = ({"name": "plain"}, {"name": "dear", "value_known": 3.0, "visit": {"time_s": 18000}})
-UNIVERSE = {"universes": 120, "background": "on"}
+UNIVERSE = {"universes": BLOCK + 20, "background": "on"}
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +91,7 @@ def test_every_cell_is_a_replay_by_hand(run, config, plans):
             assumed = strategy.assumptions.model_copy(update={"drift": factor})
             model = assumed_model(instrument, strategy.model_copy(update={"assumptions": assumed}), ("F520",))
             survey = replace(plan, model=model)
-            parts = [play(survey, n, block).universes for block, n in ((0, 100), (1, 20))]
+            parts = [play(survey, n, block).universes for block, n in ((0, BLOCK), (1, 20))]
             names = "new_planets", "known_planets", "visits"
             new, known, visits = (np.concatenate([part[name] for part in parts]) for name in names)
             worth[s, p, t] = new + known
@@ -106,7 +107,7 @@ def test_every_cell_is_a_replay_by_hand(run, config, plans):
         assert cell.regret_of_planets.mean == pytest.approx((planets[s, t, t] - planets[s, p, t]).mean(), abs=1e-12)
         change = value[s, t, t] - value[s, p, t]
         assert cell.regret.mean == pytest.approx(change.mean(), abs=1e-12)
-        assert cell.regret.error == pytest.approx(change.std(ddof=1) / np.sqrt(120), abs=1e-12)
+        assert cell.regret.error == pytest.approx(change.std(ddof=1) / np.sqrt(BLOCK + 20), abs=1e-12)
     largest = {
         (s, p): max(max(means[k] for k in means if k[2] == t) - means[s, p, t] for t in (0, 1))
         for s in (0, 1)
