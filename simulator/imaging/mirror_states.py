@@ -114,7 +114,7 @@ def mixed(first: PsfMetrics, second: PsfMetrics, share: float) -> PsfMetrics:
     def between(name: str) -> Any:
         """Return one figure; words are those of the state that is worse."""
         low, high = getattr(first, name), getattr(second, name)
-        if isinstance(low, str):
+        if low is high or isinstance(low, str):
             return high
         if low is None or high is None:
             return None
