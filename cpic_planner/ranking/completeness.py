@@ -215,8 +215,9 @@ class _Counts:
         """Contrast below which no planet counts, by star and ring."""
         level = _FAINTEST * self.model.strategy.sigma
         found, observed = np.full((len(self.targets), N_RINGS), np.inf), np.flatnonzero(self.setting.n_frames > 0.0)
-        setting = (part[observed] for part in vars(self.setting).values())
-        found[observed] = faintest_contrast(self.model, self.targets.select(observed), self.band, *setting, level)
+        frames = {name: part[observed] for name, part in vars(self.setting).items()}
+        chosen = self.targets.select(observed)
+        found[observed] = faintest_contrast(self.model, chosen, self.band, significance=level, **frames)
         return found
 
     def _count(self, stars: IntArray, row: IntArray, planet: IntArray, chance: FloatArray) -> None:

@@ -22,7 +22,7 @@ from simulator.target import sky_to_detector
 _PLACED = 1_000_000
 _TOGETHER = 50_000
 _PLANETS = 20_000
-_IDLE = 5_000
+_IDLE = 6_000
 """Idle places of a rectangle of pairs that cost as much as one more rectangle."""
 N_RINGS, _FINE = 40, 40
 _SURE = 0.95
@@ -123,6 +123,7 @@ def faintest_contrast(
     model: etc.EtcModel,
     targets: Targets,
     band: str,
+    *,
     exposure_s: FloatArray,
     n_frames: FloatArray,
     em_gain: FloatArray,

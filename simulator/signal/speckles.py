@@ -126,11 +126,11 @@ class ProgrammeLaw(NamedTuple):
         many = np.asarray(visits, float)
         others = many if reference_visits is None else np.asarray(reference_visits, float)
         length = many / others if reference_length is None else reference_length
-        own, later = 1.0 / self.independent(many, gap_s), 1.0 / self.independent(others, gap_s)
-        second = self.reference.stretched(length)
+        own, second = 1.0 / self.independent(many, gap_s), self.reference.stretched(length)
         if others is many and np.all(np.asarray(length) == 1.0):
             parts = (_summed(self.science, second).scaled(own), self.common)
         else:
+            later = own if others is many else 1.0 / self.independent(others, gap_s)
             parts = (_summed(self.science.scaled(own), second.scaled(later)), self.common)
         return _summed(*parts, *(() if self.turned is None else (self.turned.scaled(1.0 / many**2),)))
 
