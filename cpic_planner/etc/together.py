@@ -263,7 +263,7 @@ class Wanted:
         light = self.light.variance(visit_s)
         whole = light + self.crossed.variance(visit_s)
         with np.errstate(invalid="ignore", divide="ignore"):
-            tails = np.sqrt(light / np.where(whole > 0.0, whole, 1.0) * noise.terms["speckle"] / noise.quiet)
+            tails = np.sqrt(light / np.where(whole > 0.0, whole, 1.0) * noise.speckle / noise.quiet)
         paid = motion_factor(self.motion, programme, visit_s)
         return Chances.of(self.law, margin, tails, self.inward, effective_of(programme, self.averaging), paid)
 

@@ -142,7 +142,7 @@ class ProgrammeLaw(NamedTuple):
 
     def averaging(self) -> "ProgrammeLaw":
         """Return the law without what is common to all visits."""
-        return self._replace(common=self.common.scaled(0.0))
+        return self._replace(common=SpeckleLaw(*np.zeros(3)))
 
 
 def _summed(*laws: SpeckleLaw) -> SpeckleLaw:
@@ -190,7 +190,7 @@ def programme_law(
     Returns
     -------
     ProgrammeLaw
-        Arrays of the shape of ``separation_arcsec``, in units of (star light on the clear disc)^2.
+        Arrays that broadcast to ``separation_arcsec``, in units of (star light on the clear disc)^2.
 
     Notes
     -----
@@ -253,7 +253,7 @@ def unit_parts(
     """
     linear, square = np.asarray(linear, float), np.asarray(square, float)
     visit, walk = drift.visit_nm**2, drift.walk_nm_per_sqrt_hour**2 / (3.0 * 3600.0)
-    common, nothing = drift.common_fraction**2 * visit, np.zeros_like(linear)
+    common, nothing = drift.common_fraction**2 * visit, np.zeros((1,) * linear.ndim)
     orbit = _orbital(drift, timing)
 
     def lit(also: float) -> SpeckleLaw:
