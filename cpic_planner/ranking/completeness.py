@@ -275,8 +275,10 @@ def _chances(
     elements = model.metrics[band].resolution_elements(separation)
     defined = elements >= etc.MIN_ELEMENTS
     margin = defined * noise.significance[here] / np.exp(np.interp(elements, *_thresholds(strategy.sigma)))
-    parts = (getattr(noise, name)[here] for name in ("signal_e", "quiet", "white", "speckle", "snr", "significance"))
-    seen = etc.StackNoise(*parts, _terms=dict)
+    signal, quiet, white, speckle, snr, significance = (
+        getattr(noise, name)[here] for name in ("signal_e", "quiet", "white", "speckle", "snr", "significance")
+    )
+    seen = etc.StackNoise(signal, quiet, white, speckle, snr, significance, dict)
     effective = etc.effective_of(programme, rates.speckle)
     visits, visit_s, many = (np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s, programme.visits))
     search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search

@@ -166,17 +166,15 @@ class _Wings:
 
     def __init__(self, metrics: PsfMetrics) -> None:
         self.metrics = metrics
+        maps = (metrics.wing_map, metrics.aperture_map, metrics.column_profile)
+        steps = metrics.wing_map_step_arcsec, metrics.aperture_map_step_arcsec
+        self._key = (metrics.geometry, *steps, *map(id, maps))  # no other map has that id while this one lives
 
     def __hash__(self) -> int:
-        return hash(self.metrics.geometry)
+        return hash(self._key)
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, _Wings) or self.metrics.geometry != other.metrics.geometry:
-            return False
-        one, two = self.metrics, other.metrics
-        steps = one.wing_map_step_arcsec, one.aperture_map_step_arcsec
-        maps = ((getattr(one, name), getattr(two, name)) for name in ("wing_map", "aperture_map", "column_profile"))
-        return steps == (two.wing_map_step_arcsec, two.aperture_map_step_arcsec) and all(a is b for a, b in maps)
+        return isinstance(other, _Wings) and self._key == other._key
 
 
 @functools.lru_cache(maxsize=64)
