@@ -282,7 +282,10 @@ def test_companions_that_come_again_are_not_computed_again(monkeypatch):
 
 def test_dark_holes_of_one_geometry_share_companions(monkeypatch):
     """However dark they are; other light without the mask, or another hole, has other tables."""
-    metrics, place = build_model(INSTRUMENT, ["F520"]).metrics["F520"], (np.array([[6.1]]), np.array([[-2.7]]))
+    metrics, place = (
+        build_model(INSTRUMENT, ["F520"]).metrics["F520"],
+        (np.array([[6.1], [14.0]]), np.array([[-2.7], [0.4]])),
+    )
     first = companion_tables(metrics, place, (), 1.25, rows=ROWS)
     computed, tables = [], companions._tables
     monkeypatch.setattr(companions, "_tables", lambda *given: computed.append(1) or tables(*given))
