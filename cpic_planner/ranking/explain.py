@@ -12,7 +12,7 @@ from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking.known_completeness import CountedPlanets
 from cpic_planner.ranking.optimiser import best_in_band
 from cpic_planner.ranking.order import RankSetting, rank_targets
-from cpic_planner.ranking.sensitivity import N_TOP, in_order, in_turn, near_top
+from cpic_planner.ranking.sensitivity import N_TOP, near_top, under_others
 from cpic_planner.ranking.settings import OptimalSetting, detection_statuses, limits_of, setting_fields
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.results import BandStanding, Explanation, RankedTarget
@@ -87,7 +87,7 @@ def _other_ranks(setting: RankSetting, targets: Targets, rows: Sequence[RankedTa
         margin = np.array([row.detection_margin for row in standing])
         targets = targets.select(near_top(rank, margin, N_TOP))
     index = [str(star) for star in targets.name].index(name)
-    return {item.key: int(in_order(item.change(setting), targets).rank[index]) for item in in_turn(setting)}
+    return {item.key: int(order.rank[index]) for item, order in under_others(setting, targets)}
 
 
 def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPlanets) -> BandStanding:
