@@ -231,7 +231,7 @@ class StellarGrid:
         return tuple(np.broadcast_arrays(*_finite(("teff_k", "log_g", "metallicity"), ("K", "dex", "dex"), *values)))
 
 
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=64)
 def _corners(grid: StellarGrid, *stars: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Corners of the stars last asked about: every band of a question asks about the same ones."""
     found = grid.corners_of(*(np.frombuffer(values) for values in stars))

@@ -13,12 +13,12 @@ from typing import Self
 
 import numpy as np
 
-from cpic_core import FloatArray, NDArray
+from cpic_core import FloatArray, IntArray, NDArray
 from simulator.config import Instrument
 from simulator.detectors import FrameTerm, added_variance, frame_variance_e2, noise_factor2
 from simulator.signal import Wells
 
-_N_RATIOS, _N_GAINS = 3000, 300
+_N_RATIOS, _N_GAINS, _N_PARTS = 3000, 300, 30
 _STEP = 1e-4
 _BISECTIONS = 45
 
@@ -155,10 +155,14 @@ def gain_table(gain_max: float, stages: int) -> GainTable:
         return variance(log_gain + _STEP) > variance(log_gain - _STEP)
 
     grid = np.linspace(0.0, top, _N_GAINS)
-    on_grid = noise_factor2(np.exp(grid), stages)[:, None] + ratio * np.exp(-2.0 * grid)[:, None]
-    # First minimum: where the variance first rises; the largest gain where it never does.
-    rising = np.diff(on_grid, axis=0) > 0
-    k = np.where(rising.any(axis=0), rising.argmax(axis=0), _N_GAINS - 1)
+    factor2, falls = noise_factor2(np.exp(grid), stages)[:, None], np.exp(-2.0 * grid)[:, None]
+
+    def first_rise(some: FloatArray) -> IntArray:
+        rising = np.diff(factor2 + some * falls, axis=0) > 0
+        return np.where(rising.any(axis=0), rising.argmax(axis=0), _N_GAINS - 1)
+
+    # First minimum: where the variance first rises, the largest gain where it never does; parts fit the cache.
+    k = np.concatenate([first_rise(some) for some in np.array_split(ratio, _N_PARTS)])
     low, high = grid[np.maximum(k - 1, 0)], grid[np.minimum(k + 1, _N_GAINS - 1)]
     first = np.where(k == 0, 0.0, np.where(k == _N_GAINS - 1, top, _switch(rises, low, high)))
     far = np.where(variance(np.full(_N_RATIOS, top)) < variance(first), top, first)

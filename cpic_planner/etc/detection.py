@@ -324,7 +324,7 @@ def tail_share(
     width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
     share = error_light_share(metrics, drift, separation_arcsec, width, ratio, visit_s, model.timing)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.sqrt(share * noise.terms["speckle"] / noise.quiet)
+        return np.sqrt(share * noise.speckle / noise.quiet)
 
 
 @dataclass(frozen=True, eq=False)

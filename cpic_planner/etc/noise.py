@@ -36,12 +36,13 @@ class StackNoise:
     then ``reference`` (all of that in the reference frames), ``background_mean`` (error of the mean background),
     ``speckle`` (what averages over visits only), ``common_speckle`` and ``companion_wings`` (what never averages).
     ``quiet`` is the variance that a significance is measured by: without the planet's own light and the mean's error;
-    ``white`` what of it averages with time.
+    ``white`` what of it averages with time, ``speckle`` what averages over visits only.
     """
 
     signal_e: FloatArray
     quiet: FloatArray
     white: FloatArray
+    speckle: FloatArray
     snr: FloatArray
     significance: FloatArray
     _terms: Callable[[], dict[str, FloatArray]]
@@ -287,7 +288,7 @@ def stack_noise(
     with np.errstate(divide="ignore", invalid="ignore"):
         snr = np.where(signal > 0, signal / np.sqrt(quiet + mean + planet), 0.0)
         significance = np.where(signal > 0, signal / np.sqrt(quiet), 0.0)
-    return StackNoise(signal, quiet, white, snr, significance, terms)
+    return StackNoise(signal, quiet, white, np.broadcast_to(speckle, snr.shape), snr, significance, terms)
 
 
 def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:

@@ -354,7 +354,7 @@ def _calmer(cases: CameraCases, choice: FrameChoice, noise: StackNoise, wanted: 
     programme, laws = cases.programme, cases.residual_parts
     crossed, light = (programme.law(law).variance(choice.visit_s) for law in laws)
     beating, shining = (law.averaging().law().variance(choice.visit_s) for law in laws)
-    speckle, of_tails = noise.terms["speckle"], wanted.of_tails(programme)
+    speckle, of_tails = noise.speckle, wanted.of_tails(programme)
     with np.errstate(divide="ignore", invalid="ignore"):
         whole = speckle + noise.terms["common_speckle"]
         lit = np.nan_to_num(whole * light / (crossed + light))

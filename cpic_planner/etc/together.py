@@ -263,7 +263,7 @@ class Wanted:
         light = self.light.variance(visit_s)
         whole = light + self.crossed.variance(visit_s)
         with np.errstate(invalid="ignore", divide="ignore"):
-            tails = np.sqrt(light / np.where(whole > 0.0, whole, 1.0) * noise.terms["speckle"] / noise.quiet)
+            tails = np.sqrt(light / np.where(whole > 0.0, whole, 1.0) * noise.speckle / noise.quiet)
         paid = motion_factor(self.motion, programme, visit_s)
         return Chances.of(self.law, margin, tails, self.inward, effective_of(programme, self.averaging), paid)
 
@@ -277,8 +277,9 @@ def effective_of(programme: Programme, law: ProgrammeLaw) -> FloatArray:
     law : ProgrammeLaw
         Which says how long wavefronts remember each other.
     """
-    many = (programme.visits, programme.reference_visits)
-    return effective_visits(*(law.independent(number, programme.gap_s) for number in many))
+    own = law.independent(programme.visits, programme.gap_s)
+    alike = programme.reference_visits is programme.visits
+    return effective_visits(own, own if alike else law.independent(programme.reference_visits, programme.gap_s))
 
 
 def effective_visits(visits: ArrayLike, reference_visits: ArrayLike) -> FloatArray:

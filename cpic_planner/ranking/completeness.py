@@ -1,7 +1,6 @@
 """How many planets of a population one observation of each star detects, of all and of those that may still exist."""
 
 import functools
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,16 +8,12 @@ import numpy as np
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, check_finite, real_array
 from cpic_planner import etc
 from cpic_planner.planets import Planets, StarLimits
+from cpic_planner.ranking.in_zone import N_RINGS, Placed, ZonePlanets, faintest_contrast, rectangles
 from cpic_planner.ranking.programmes import programme_of
 from cpic_planner.results import DetectionMode
 from cpic_planner.targets import Targets
-from simulator.imaging import HoleZone
-from simulator.target import albedo_notes, albedo_source, needs_insolation, sky_to_detector
+from simulator.target import albedo_notes, albedo_source, needs_insolation
 
-# Arrays of one step stay below 10 MB each: numbers of star-planet pairs to place, and to observe.
-_PLACED = 1_000_000
-_OBSERVED = 50_000
-_PLANETS = 20_000
 _N_ELEMENTS = 8000
 _FAINTEST = 0.25
 """Significance over threshold below which no planet counts: the law of detections gives it next to nothing."""
@@ -99,6 +94,7 @@ def completeness(
     visits: ArrayLike = 1.0,
     limits: StarLimits | None = None,
     search: DetectionMode | None = None,
+    around: ZonePlanets | None = None,
 ) -> BandCompleteness:
     """Fraction of a population that one observation of each star detects.
 
@@ -119,6 +115,8 @@ def completeness(
         What is known of the ``n`` stars; without it every planet may exist.
     search : {"blind", "known_place"}, optional
         Which completeness counts, that of the model's strategy by default.
+    around : ZonePlanets, optional
+        These planets around these stars, where they are known.
 
     Returns
     -------
@@ -143,8 +141,8 @@ def completeness(
     exposure, frames, gain = _settings(model, len(targets), exposure_s, n_frames, em_gain)
     setting = _Setting(exposure, frames, gain, _one_each("visits", visits, len(targets)))
     counts = _Counts(model, targets, band, planets, setting, limits)
-    for part in _slices(len(planets), _PLANETS):
-        counts.add(part)
+    for placed in (around or ZonePlanets(targets, planets)).of(model, band):
+        counts.add(placed)
     n = len(planets)
     in_zone, observable = counts.found / n
     detected, allowed, squared = counts.detected / n
@@ -190,63 +188,56 @@ class _Counts:
         self.planets = planets
         self.setting = setting
         self.limits = limits
+        self.scale = planets.scale(targets.luminosity_lsun)
         self.found = np.zeros((2, len(targets)), np.int64)
         self.detected = np.zeros((3, 2, len(targets)))
         self.insolation = [np.inf, -np.inf]
 
-    def add(self, part: slice) -> None:
-        """Add planets of a slice; a map from sky to detector is linear in the offset, whatever its unit."""
-        east, north = self.planets.east_au[part], self.planets.north_au[part]
-        pa_deg = np.rad2deg(np.arctan2(east, north))
-        x_au, y_au = sky_to_detector(np.hypot(east, north), pa_deg, parity=self.model.instrument.detector.parity)
-        for rows in _slices(len(self.targets), _PLACED // len(x_au)):
-            self._add_around(rows, part, x_au, y_au)
+    def add(self, placed: Placed) -> None:
+        """Add some of the planets."""
+        self.found[0, placed.rows] += placed.in_zone
+        self.found[1, placed.rows] += placed.observable
+        pairs = np.flatnonzero(self.setting.n_frames[placed.star] > 0.0)
+        contrast = np.empty(len(pairs))
+        for stars, pair, filled in rectangles(placed.star[pairs]):
+            contrast[pair[filled]] = self._contrast(stars, placed.planet[pairs[pair]], filled)[filled]
+        bright = contrast >= self._faintest[placed.star[pairs], placed.ring[pairs]]
+        pairs, contrast = pairs[bright], contrast[bright]
+        for stars, pair, filled in rectangles(placed.star[pairs]):
+            whose = pairs[pair]
+            places = placed.x_arcsec[whose], placed.y_arcsec[whose], contrast[pair]
+            chosen, shown = self.targets.select(stars), np.nonzero(filled)
+            chance = _chances(self.model, chosen, self.band, places, shown, self.setting.of(stars))
+            self._count(stars, shown[0], placed.planet[whose][shown], chance)
 
-    def _add_around(self, rows: slice, part: slice, x_au: FloatArray, y_au: FloatArray) -> None:
-        """Add planets of a slice around some of the stars."""
-        model, band = self.model, self.band
-        zone, radius = model.metrics[band].zone, model.metrics[band].aperture_radius_arcsec
-        scale = self.planets.scale(self.targets.luminosity_lsun[rows])
-        arcsec_au = (scale / self.targets.distance_pc[rows])[:, None]
-        x, y = arcsec_au * x_au, arcsec_au * y_au
-        self.found[0, rows] += np.count_nonzero(inside_zone(zone, x, y, 0.0), axis=1)
-        usable = inside_zone(zone, x, y, radius)
-        numbers = np.count_nonzero(usable, axis=1)
-        self.found[1, rows] += numbers
-        observed = np.flatnonzero((numbers > 0) & (self.setting.n_frames[rows] > 0.0))
-        # Stars with about as many planets in the zone go together: little of a rectangle of pairs is then idle.
-        observed = observed[np.argsort(numbers[observed], kind="stable")]
-        for block in _blocks(numbers[observed]):
-            stars = observed[block]
-            most = int(numbers[stars].max())
-            pick = np.argsort(~usable[stars], axis=1, kind="stable")[:, :most]
-            here = (stars[:, None], pick)
-            chosen = self.targets.select(stars + rows.start)
-            contrast = self._contrast(chosen, pick + part.start, scale[stars], usable[here])
-            which = stars + rows.start
-            shown = np.nonzero(usable[here])
-            places = x[here], y[here], contrast
-            chance = _chances(model, chosen, band, places, shown, self.setting.of(which))
-            self._count(which, shown[0], pick[shown] + part.start, scale[stars], chance)
+    @functools.cached_property
+    def _faintest(self) -> FloatArray:
+        """Contrast below which no planet counts, by star and ring."""
+        level = _FAINTEST * self.model.strategy.sigma
+        found, observed = np.full((len(self.targets), N_RINGS), np.inf), np.flatnonzero(self.setting.n_frames > 0.0)
+        frames = {name: part[observed] for name, part in vars(self.setting).items()}
+        chosen = self.targets.select(observed)
+        found[observed] = faintest_contrast(self.model, chosen, self.band, significance=level, **frames)
+        return found
 
-    def _count(self, stars: IntArray, row: IntArray, planet: IntArray, scale: FloatArray, chance: FloatArray) -> None:
+    def _count(self, stars: IntArray, row: IntArray, planet: IntArray, chance: FloatArray) -> None:
         """Add the planets of some stars, blind and at their place: chances of shape ``(2, k)``, with row and planet."""
         seen = np.flatnonzero(chance.max(axis=0) > 0.0)
         row, planet, chance = row[seen], planet[seen], chance[:, seen]
         there = chance
         if self.limits is not None:
-            planets = self.planets
-            axis = planets.semi_major_axis_au[planet] * scale[row]
+            planets, star = self.planets, stars[row]
+            axis = planets.semi_major_axis_au[planet] * self.scale[star]
             mass, tilt = planets.mass_mjup[planet], planets.inclination_deg[planet]
-            there = chance * self.limits.allowed_probability(stars[row], axis, mass, tilt)
+            there = chance * self.limits.allowed_probability(star, axis, mass, tilt)
         for k, values in enumerate((chance, there, there**2)):
             for mode, value in enumerate(values):
                 self.detected[k, mode, stars] += np.bincount(row, value, len(stars))
 
-    def _contrast(self, targets: Targets, pick: IntArray, scale: FloatArray, usable: BoolArray) -> FloatArray:
+    def _contrast(self, stars: IntArray, pick: IntArray, usable: BoolArray) -> FloatArray:
         """Contrast of the picked planets of each star, shape ``(n, k)``; the range of their insolation is noted."""
-        planets, kind = self.planets, self.planets.kind[pick]
-        distance = planets.distance_au[pick] * scale[:, None]
+        planets, kind, targets = self.planets, self.planets.kind[pick], self.targets.select(stars)
+        distance = planets.distance_au[pick] * self.scale[stars][:, None]
         follows = np.array([needs_insolation(spec) for spec in planets.albedos])[kind] & usable
         if follows.any():
             seen = etc.insolation_distance_au(targets, distance)[follows]
@@ -284,10 +275,10 @@ def _chances(
     elements = model.metrics[band].resolution_elements(separation)
     defined = elements >= etc.MIN_ELEMENTS
     margin = defined * noise.significance[here] / np.exp(np.interp(elements, *_thresholds(strategy.sigma)))
-    signal, quiet, white, snr, significance = (
-        getattr(noise, name)[here] for name in ("signal_e", "quiet", "white", "snr", "significance")
+    signal, quiet, white, speckle, snr, significance = (
+        getattr(noise, name)[here] for name in ("signal_e", "quiet", "white", "speckle", "snr", "significance")
     )
-    seen = etc.StackNoise(signal, quiet, white, snr, significance, lambda: {"speckle": noise.terms["speckle"][here]})
+    seen = etc.StackNoise(signal, quiet, white, speckle, snr, significance, dict)
     effective = etc.effective_of(programme, rates.speckle)
     visits, visit_s, many = (np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s, programme.visits))
     search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
@@ -303,26 +294,6 @@ def _thresholds(sigma: float) -> tuple[FloatArray, FloatArray]:
     """Numbers of resolution elements, and logarithms of the thresholds of that level: to 10^-6 between them."""
     elements = etc.MIN_ELEMENTS - 1.0 + np.geomspace(1.0, 1e5, _N_ELEMENTS)
     return elements, np.log(etc.threshold_array(elements, sigma))
-
-
-def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
-    """Which points lie in the zone, at least ``margin`` from its edges.
-
-    Parameters
-    ----------
-    zone : HoleZone
-    x_arcsec : ndarray
-        Offset from the star on the detector along x, arcsec.
-    y_arcsec : ndarray
-        Offset from the star on the detector along y, arcsec.
-    margin_arcsec : float
-        Distance kept from the edges, arcsec.
-    """
-    inside = np.ones(x_arcsec.shape, bool)
-    for offset, parts in zip((y_arcsec, x_arcsec), zone.intervals(), strict=True):
-        within = [(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts]
-        inside &= np.any(within, axis=0)
-    return inside
 
 
 def _notes(model: etc.EtcModel, band: str, planets: Planets, insolation: list[float]) -> tuple[str, ...]:
@@ -366,18 +337,3 @@ def _one_each(name: str, value: ArrayLike, n_stars: int) -> FloatArray:
     if given.shape not in ((), (1,), (n_stars,)):
         raise InputError(name, given.shape, allowed=f"one number, or one for each of {n_stars} stars")
     return np.broadcast_to(given, (n_stars,))
-
-
-def _slices(length: int, step: int) -> Iterator[slice]:
-    """Slices of at most ``step`` that cover a length."""
-    for start in range(0, length, step):
-        yield slice(start, min(start + step, length))
-
-
-def _blocks(numbers: IntArray) -> Iterator[slice]:
-    """Slices of ascending numbers, each a rectangle of at most `_OBSERVED` pairs (one row may have more)."""
-    end = len(numbers)
-    while end > 0:
-        start = max(0, end - max(1, _OBSERVED // int(numbers[end - 1])))
-        yield slice(start, end)
-        end = start

@@ -10,6 +10,7 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, announce
 from cpic_planner.etc import EtcModel
 from cpic_planner.queries import CONTRAST, OCCURRENCE, Change, Ensemble, EnsembleChoice, changed
+from cpic_planner.ranking.known_completeness import CountedPlanets
 from cpic_planner.ranking.order import RankSetting, rank_targets, ranked
 from cpic_planner.ranking.sensitivity import tau_b
 from cpic_planner.results import EnsembleBar, EnsembleRecord, RankedTarget, RankResult
@@ -132,15 +133,16 @@ def standings(
         Of each instrument, the values of the numbers that are not the nominal ones.
     """
     states = states_of(setting.model, choice.ensemble)
+    counts = CountedPlanets.of(setting.population, targets, keep=True)
     models = (instrument_of(setting.model, choice.ensemble, states, drawn) for drawn in draws)
-    rows = [_standing(replace(setting, model=one), targets, drawn) for one, drawn in zip(models, draws, strict=True)]
+    rows = [_standing(replace(setting, model=one), counts, drawn) for one, drawn in zip(models, draws, strict=True)]
     return Standings(targets.name, *(np.stack(part) for part in zip(*rows, strict=True)))
 
 
-def _standing(setting: RankSetting, targets: Targets, drawn: Mapping[str, float]) -> tuple[NDArray[Any], ...]:
+def _standing(setting: RankSetting, counts: CountedPlanets, drawn: Mapping[str, float]) -> tuple[NDArray[Any], ...]:
     """Scores, margins, detections and expected planets of the stars under one instrument."""
-    found = ranked(setting, targets, brief=True)
-    counted = np.stack([part.counted for part in found.counted])[found.picked, np.arange(len(targets))]
+    found = ranked(setting, counts.targets, brief=True, counts=counts)
+    counted = np.stack([part.counted for part in found.counted])[found.picked, np.arange(len(counts.targets))]
     rate = setting.population.record().planets_per_star
     planets = counted if rate is None else counted * rate * drawn.get(OCCURRENCE, 1.0)
     return found.score, found.best.margin, found.best.detected, planets

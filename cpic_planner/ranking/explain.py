@@ -7,12 +7,12 @@ import numpy as np
 
 from cpic_core import InputError
 from cpic_planner import etc
-from cpic_planner.planets import Planets, PopulationChoice, StarLimits
+from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.ranking.known_completeness import counted_completeness
+from cpic_planner.ranking.known_completeness import CountedPlanets
 from cpic_planner.ranking.optimiser import best_in_band
 from cpic_planner.ranking.order import RankSetting, rank_targets
-from cpic_planner.ranking.sensitivity import N_TOP, in_order, in_turn, near_top
+from cpic_planner.ranking.sensitivity import N_TOP, near_top, under_others
 from cpic_planner.ranking.settings import OptimalSetting, detection_statuses, limits_of, setting_fields
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.results import BandStanding, Explanation, RankedTarget
@@ -62,8 +62,8 @@ def explain_star(
     place = next(i for i, row in enumerate(rank.targets) if row.name == name)
     star = targets.select([index])
     rows = rank.targets
-    planets = (population or PopulationChoice.default()).draw()
-    standings = [_standing(setting, star, band, planets, setting.limits(star)) for band in setting.bands]
+    counts = CountedPlanets.of(setting.population, star)
+    standings = [_standing(setting, star, band, counts) for band in setting.bands]
     ranks = _other_ranks(setting, targets, rows, name) if other_assumptions else {}
     return Explanation(
         config_hash=content_hash({"kind": "explanation", "rank": rank.config_hash, "star": name}),
@@ -87,16 +87,14 @@ def _other_ranks(setting: RankSetting, targets: Targets, rows: Sequence[RankedTa
         margin = np.array([row.detection_margin for row in standing])
         targets = targets.select(near_top(rank, margin, N_TOP))
     index = [str(star) for star in targets.name].index(name)
-    return {item.key: int(in_order(item.change(setting), targets).rank[index]) for item in in_turn(setting)}
+    return {item.key: int(order.rank[index]) for item, order in under_others(setting, targets)}
 
 
-def _standing(
-    setting: RankSetting, star: Targets, band: str, planets: Planets, limits: StarLimits | None
-) -> BandStanding:
+def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPlanets) -> BandStanding:
     """One band of one star."""
     model, planet = setting.model, setting.planet
     best = best_in_band(model, star, band, setting.time_s, planet)
-    counted = counted_completeness(model, star, band, planets, best, limits)
+    counted = counts.completeness(model, band, best)
     standing = detection_statuses(best, model)[0]
     own = replace(model, strategy=model.strategy.model_copy(update={"visits": int(best.visits[0])}))
     place = etc.planets_of(float(best.separation_arcsec[0]), planet)

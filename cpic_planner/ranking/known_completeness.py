@@ -18,6 +18,7 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.planets import Planets, PopulationChoice, StarLimits, draw_known, known_uniforms, planets_of
 from cpic_planner.queries import RankedQuestion, ReferencePlanet, called, observed_utc
 from cpic_planner.ranking.completeness import BandCompleteness, completeness
+from cpic_planner.ranking.in_zone import ZonePlanets
 from cpic_planner.ranking.settings import OptimalSetting
 from cpic_planner.results import KNOWN_PLANETS, PopulationRecord
 from cpic_planner.targets import Targets, named_among, rank_sample, sample_text
@@ -343,29 +344,50 @@ def known_completeness(
     )
 
 
-def counted_completeness(
-    model: EtcModel,
-    targets: Targets,
-    band: str,
-    planets: Planets | KnownSample,
-    setting: OptimalSetting,
-    limits: StarLimits | None,
-) -> BandCompleteness:
-    """Return the completeness of the observation of each star: of planets that all may have, or of its known ones.
+@dataclass(frozen=True, eq=False)
+class CountedPlanets:
+    """Planets that completeness counts around ``n`` stars, the same under every instrument; made by `of`.
 
-    Parameters
+    Attributes
     ----------
-    model, targets, band, limits
-        As of `cpic_planner.ranking.completeness.completeness`.
+    targets : Targets
     planets : Planets or KnownSample
-    setting : OptimalSetting
-        How each star is observed in that band.
+        Of a population, the same at every star, or each star's own.
+    limits : StarLimits or None
+        What is known of the stars and excludes planets; None where the planets are the known ones.
+    around : ZonePlanets or None
+        Where the planets of a population stand.
     """
-    taken = {name: getattr(setting, name) for name in ("exposure_s", "em_gain", "visits")}
-    frames = setting.frames_per_visit
-    if isinstance(planets, KnownSample):
-        return known_completeness(model, targets, band, planets, n_frames=frames, **taken)
-    return completeness(model, targets, band, planets, n_frames=frames, limits=limits, **taken)
+
+    targets: Targets
+    planets: Planets | KnownSample
+    limits: StarLimits | None
+    around: ZonePlanets | None
+
+    @classmethod
+    def of(cls, choice: PopulationChoice | KnownChoice, targets: Targets, *, keep: bool = False) -> "CountedPlanets":
+        """Return what a choice counts; ``keep`` it placed, for more than one instrument."""
+        if isinstance(choice, KnownChoice):
+            return cls(targets, choice.draw(targets), None, None)
+        planets = choice.draw()
+        return cls(targets, planets, choice.limits(targets.name.tolist()), ZonePlanets(targets, planets, keep=keep))
+
+    def completeness(self, model: EtcModel, band: str, setting: OptimalSetting) -> BandCompleteness:
+        """Return the completeness of the observation of each star.
+
+        Parameters
+        ----------
+        model : EtcModel
+        band : str
+        setting : OptimalSetting
+            How each star is observed in that band.
+        """
+        taken: dict[str, Any] = {name: getattr(setting, name) for name in ("exposure_s", "em_gain", "visits")}
+        taken["n_frames"] = setting.frames_per_visit
+        if isinstance(self.planets, KnownSample):
+            return known_completeness(model, self.targets, band, self.planets, **taken)
+        taken |= {"limits": self.limits, "around": self.around}
+        return completeness(model, self.targets, band, self.planets, **taken)
 
 
 def _variance(shares: Sequence[float], errors: Sequence[float]) -> float:

@@ -100,8 +100,8 @@ def best_in_band(
     search = _Search(model, targets, band, planet, separation_arcsec)
     # The best place depends on the number of visits: both are chosen together.
     every = np.arange(len(targets))
-    best, endless = search.lowest(search.outlook, every, lambda outlook: outlook.finely_in_time(time_s)[0])
-    chosen, outlook = search.places.at(every, best), search.outlook.at(every, best)
+    best, outlook, endless = search.lowest(every, lambda outlook: outlook.finely_in_time(time_s)[0])
+    chosen = search.places.at(every, best)
     visits, visit = outlook.finely_in_time(time_s)[1:]
     programme = programme_of(model, visits, visit)
     choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
@@ -119,8 +119,8 @@ def _least_in_band(
     """Least time of each target in one band, for an SNR or a detection."""
     search = _Search(model, targets, band, planet, separation_arcsec, snr)
     every = np.arange(len(targets))
-    best, endless = search.lowest(search.outlook, every, lambda outlook: outlook.for_level()[0])
-    chosen, outlook = search.places.at(every, best), search.outlook.at(every, best)
+    best, outlook, endless = search.lowest(every, lambda outlook: outlook.for_level()[0])
+    chosen = search.places.at(every, best)
     visits, visit = outlook.for_level()[1:]
     if model.strategy.visits is None:
         visits, visit = outlook.for_level(nearby(visits))[1:]
@@ -213,37 +213,42 @@ class _Search:
         motion = etc.SearchMotion.asked(model, self.targets, band, np.broadcast_to(place, contrast.shape))
         return Places(model, band, place, contrast, threshold, rates, motion)
 
+    def outlook(self, stars: IntArray, columns: IntArray, *, dark: bool = False) -> Outlook:
+        """What decides programmes of some stars at some separations; ``dark``: with no background."""
+        return self.places.at(stars, columns).outlook(self.snr, dark=dark)
+
     @functools.cached_property
-    def outlook(self) -> Outlook:
-        """What decides programmes there."""
-        return self.places.outlook(self.snr)
+    def coarse(self) -> Outlook:
+        """The outlook of all stars on the coarse grid."""
+        return self.outlook(np.arange(len(self.targets)), np.arange(0, len(self.grid), STRIDE)[None, :])
 
     def lowest(
-        self, outlook: Outlook, stars: IntArray, cost: Callable[[Outlook], FloatArray]
-    ) -> tuple[IntArray, FloatArray]:
+        self, stars: IntArray, cost: Callable[[Outlook], FloatArray], *, dark: bool = False
+    ) -> tuple[IntArray, Outlook, FloatArray]:
         """Which separation is of least cost for some stars, ``(n, 1)``: the middle one where there is no answer.
 
-        And the least level over SNR that any programme has, ``(n,)``.
+        And the outlook there, and the least level over SNR that any programme has, ``(n,)``.
         """
         n = len(self.grid)
+        steps = np.arange(0, n, STRIDE)[None, :]
+        coarse = self.outlook(stars, steps, dark=True) if dark else self.coarse.at(stars, steps // STRIDE)
         if n == 1:
-            column = np.zeros((len(stars), 1), int)
-            return column, outlook.at(stars, column).endless()[:, 0]
-        coarse = outlook.at(stars, np.arange(0, n, STRIDE)[None, :])
+            return np.zeros((len(stars), 1), int), coarse, coarse.endless()[:, 0]
         rough = cost(coarse)
         middle = np.argmin(rough, axis=1) * STRIDE
         middle = np.where(np.isfinite(rough).any(axis=1), middle, n // 2)
         around = np.clip(middle[:, None] + np.arange(1 - STRIDE, STRIDE), 0, n - 1)
-        close = cost(outlook.at(stars, around))
-        best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)
-        return np.take_along_axis(around, best[:, None], axis=1), coarse.endless().min(axis=1)
+        fine = self.outlook(stars, around, dark=dark)
+        close = cost(fine)
+        best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)[:, None]
+        found = fine.at(np.arange(len(stars)), best)
+        return np.take_along_axis(around, best, axis=1), found, coarse.endless().min(axis=1)
 
-    def _changed(self, stars: BoolArray, outlook: Outlook, change: Callable[[Outlook], FloatArray]) -> FloatArray:
+    def _changed(self, stars: BoolArray, change: Callable[[Outlook], FloatArray], *, dark: bool = False) -> FloatArray:
         """Least cost of some stars under a change, at the separation that is best under it; infinite for the others."""
         found, some = np.full(len(self.targets), np.inf), np.flatnonzero(stars)
         if some.size:
-            best, _ = self.lowest(outlook, some, change)
-            found[some] = change(outlook.at(some, best))[:, 0]
+            found[some] = change(self.lowest(some, change, dark=dark)[1])[:, 0]
         return found
 
     def best(
@@ -340,15 +345,12 @@ class _Search:
         fewest[lost] = outlook.select(lost).fewest(column(choice.visit_s)[lost])
         contrast = np.where(lost, column(needed) / np.maximum(column(margin), 1e-300), np.nan)
         few = lost & (endless <= 1.0)
-        still = self._changed(few & near, self.outlook, lambda item: item.at_rest().in_time(time_s)[0]) <= 1.0
-        calm = self._changed(lost & near, self.outlook, lambda item: item.without_speckles().in_time(time_s)[0]) <= 1.0
-        dark = np.zeros(n, bool)
-        if few.any():
-            without = self.places.at(np.flatnonzero(few), np.arange(len(fine))[None, :]).outlook(dark=True)
-            every_one = replace(self, targets=self.targets.select(few))
-            dark[few] = every_one._changed(few[few], without, lambda item: item.in_time(time_s)[0]) <= 1.0
+        still = self._changed(few & near, lambda item: item.at_rest().in_time(time_s)[0]) <= 1.0
+        calm = self._changed(lost & near, lambda item: item.without_speckles().in_time(time_s)[0]) <= 1.0
+        dark = self._changed(few, lambda item: item.in_time(time_s)[0], dark=True) <= 1.0
         if calm.any():
-            factor[calm] = self.outlook.select(calm).drift_factor(time_s)
+            every_place = np.arange(len(fine))[None, :]
+            factor[calm] = self.outlook(np.flatnonzero(calm), every_place).drift_factor(time_s)
         return replace(
             best,
             without_motion=still,

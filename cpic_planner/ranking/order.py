@@ -11,10 +11,10 @@ import numpy as np
 from catalogs import amplitude_m_s, snapshot_vintage
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce
 from cpic_planner import etc
-from cpic_planner.planets import Planets, PopulationChoice, StarLimits, excluded_by_rv, least_mass
+from cpic_planner.planets import PopulationChoice, StarLimits, excluded_by_rv, least_mass
 from cpic_planner.queries import DEFAULT_TIME_S, OptimiseQuestion, RankedQuestion, ReferencePlanet
 from cpic_planner.ranking.completeness import BandCompleteness
-from cpic_planner.ranking.known_completeness import KnownChoice, KnownSample, counted_completeness
+from cpic_planner.ranking.known_completeness import CountedPlanets, KnownChoice
 from cpic_planner.ranking.optimiser import best_in_band, optimise
 from cpic_planner.ranking.settings import (
     OptimalSetting,
@@ -87,11 +87,6 @@ class RankSetting:
             population=population or PopulationChoice.default(),
             score=score,
         )
-
-    def drawn(self, targets: Targets) -> Planets | KnownSample:
-        """Return the planets that completeness counts: of a population, the same at every star, or each star's own."""
-        choice = self.population
-        return choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
 
     def limits(self, targets: Targets) -> StarLimits | None:
         """Return what is known of the stars and excludes planets; None where the planets are the known ones."""
@@ -184,9 +179,15 @@ class Ranked:
         return np.stack([item.time_s for item in self.by_band])[self.picked, np.arange(len(self.picked))]
 
 
-def ranked(setting: RankSetting, targets: Targets, *, brief: bool = False) -> Ranked:
-    """Best settings, completeness and score of every star; ``brief``: neither least times nor what limits them."""
-    model, planet, bands, planets = setting.model, setting.planet, setting.bands, setting.drawn(targets)
+def ranked(
+    setting: RankSetting, targets: Targets, *, brief: bool = False, counts: CountedPlanets | None = None
+) -> Ranked:
+    """Best settings, completeness and score of every star.
+
+    ``brief``: neither least times nor what limits them. ``counts``: the setting's planets around these stars.
+    """
+    model, planet, bands = setting.model, setting.planet, setting.bands
+    counts = counts or CountedPlanets.of(setting.population, targets)
     chosen = SCORES[setting.score]
     if len(targets) < 1:
         raise InputError("targets", len(targets), allowed="at least one star")
@@ -202,11 +203,7 @@ def ranked(setting: RankSetting, targets: Targets, *, brief: bool = False) -> Ra
         found = np.isfinite(quickest[0])
         moves = ~found & (floors.max(axis=0) > 1.0) & np.isfinite(best.orbits_searched)
         best = replace(best, floor_margin=np.where(found, np.inf, 0.0), moves=moves)
-    limits = setting.limits(targets)
-    counted = tuple(
-        counted_completeness(model, targets, band, planets, item, limits)
-        for band, item in zip(bands, by_band, strict=True)
-    )
+    counted = tuple(counts.completeness(model, band, item) for band, item in zip(bands, by_band, strict=True))
     numbers = _numbers(best, by_band, quickest[0], counted)
     picked = np.argmax(chosen.by_band(numbers), axis=0)
     return Ranked(

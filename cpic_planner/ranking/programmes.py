@@ -302,7 +302,7 @@ class Outlook:
 
 
 def picked(part: Any, shape: tuple[int, ...], stars: IntArray, columns: IntArray) -> Any:
-    """Return some of the places of some stars.
+    """Return some of the places of some stars; an axis of length 1 stays where it can.
 
     Parameters
     ----------
@@ -316,6 +316,10 @@ def picked(part: Any, shape: tuple[int, ...], stars: IntArray, columns: IntArray
         Places of each of those stars.
     """
     if isinstance(part, np.ndarray) and part.ndim > 1:
+        if part.shape[1] == 1:
+            return part[stars] if len(part) > 1 else part
+        if len(part) == len(columns) == 1:
+            return part[:, columns[0]]
         whole = part if part.shape[:2] == shape else np.broadcast_to(part, shape + part.shape[2:])
         return whole[stars[:, None], columns]
     if isinstance(part, tuple):

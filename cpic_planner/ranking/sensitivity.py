@@ -11,7 +11,7 @@ from cpic_core import BoolArray, FloatArray, IntArray, NDArray, announce
 from cpic_planner.etc import EtcModel, build_model, check_range
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import Change, ReferencePlanet, changed, default_instrument
-from cpic_planner.ranking.known_completeness import KnownChoice
+from cpic_planner.ranking.known_completeness import CountedPlanets, KnownChoice
 from cpic_planner.ranking.order import RankSetting, ranked, ranked_order
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 from cpic_planner.results import SensitivityResult, SensitivityRow
@@ -127,15 +127,34 @@ def in_turn(setting: RankSetting, assumptions: Sequence[Assumption] = ASSUMPTION
         yield assumption
 
 
-def in_order(setting: RankSetting, targets: Targets) -> Order:
+def under_others(
+    setting: RankSetting, targets: Targets, assumptions: Sequence[Assumption] = ASSUMPTIONS
+) -> Iterator[tuple[Assumption, Order]]:
+    """Yield the assumptions that apply to a setting, each with the order of stars under it.
+
+    Parameters
+    ----------
+    setting : RankSetting
+    targets : Targets
+    assumptions : sequence of Assumption
+    """
+    counts = CountedPlanets.of(setting.population, targets, keep=True)
+    for assumption in in_turn(setting, assumptions):
+        other = assumption.change(setting)
+        yield assumption, in_order(other, targets, counts if other.population is setting.population else None)
+
+
+def in_order(setting: RankSetting, targets: Targets, counts: CountedPlanets | None = None) -> Order:
     """Rank stars under one setting.
 
     Parameters
     ----------
     setting : RankSetting
     targets : Targets
+    counts : CountedPlanets, optional
+        Those of the setting's population around these stars.
     """
-    found = ranked(setting, targets, brief=True)
+    found = ranked(setting, targets, brief=True, counts=counts)
     rank = np.empty(len(targets), np.int64)
     rank[ranked_order(found, targets)] = np.arange(1, len(targets) + 1)
     margin = found.best.margin
@@ -202,10 +221,10 @@ def sensitivity(
     n_top = min(top, n_ranked)
     pool = near_top(nominal.rank, nominal.margin, top)
     targets, nominal = targets.select(pool), nominal.select(pool)
-    rows = []
-    for assumption in in_turn(setting, assumptions):
-        other = in_order(assumption.change(setting), targets)
-        rows.append(_compared(assumption, nominal, other, targets.name, n_top))
+    rows = [
+        _compared(assumption, nominal, other, targets.name, n_top)
+        for assumption, other in under_others(setting, targets, assumptions)
+    ]
     decides = [row.assumption for row in rows if _decides(row, n_ok)]
     asked = {"kind": "sensitivity", "rank": digest, "top": top, "assumptions": [row.assumption for row in rows]}
     return SensitivityResult(

@@ -79,7 +79,7 @@ class StampMetrics:
     core_table: FloatArray
     core_table_half_arcsec: float
 
-    @property
+    @functools.cached_property
     def geometry(self) -> BandGeometry:
         """What holds at any numerical settings."""
         return BandGeometry(
@@ -96,7 +96,7 @@ class StampMetrics:
         """Pixels whose centres lie in the dark quadrants, ``a <= |x|, |y| <= b``."""
         return self.geometry.hole
 
-    @property
+    @functools.cached_property
     def zone(self) -> HoleZone:
         """The controlled zone."""
         return HoleZone(self.hole_inner_arcsec, self.hole_outer_arcsec, self.hole_mode, self.hole_side)

@@ -11,7 +11,7 @@ its own state: they differ by some per cent, and only light of companions is rea
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -114,7 +114,7 @@ def mixed(first: PsfMetrics, second: PsfMetrics, share: float) -> PsfMetrics:
     def between(name: str) -> Any:
         """Return one figure; words are those of the state that is worse."""
         low, high = getattr(first, name), getattr(second, name)
-        if isinstance(low, str):
+        if low is high or isinstance(low, str):
             return high
         if low is None or high is None:
             return None
@@ -152,5 +152,5 @@ def _states(key: str, band: str, held: _Instrument) -> tuple[PsfMetrics, ...]:
 
 def _of_file(stored: Mapping[str, NDArray[Any]], own: PsfMetrics) -> PsfMetrics:
     """Return a state from its file, and the far wings from the instrument's own state."""
-    arrays = own.to_arrays()
-    return PsfMetrics.from_arrays(unpacked({name: arrays[name] for name in SHARED} | dict(stored)))
+    shared = {name: getattr(own, name) for name in SHARED}
+    return replace(PsfMetrics.from_arrays(unpacked(shared | dict(stored))), **shared)

@@ -130,7 +130,7 @@ def companion_tables(
     the science frames do. With ``W`` the light in an aperture and the references' ``R``, what is left is
     ``var(W - R)``; beyond the map that resolves the wings ``0.4^2 mean(W^2 + R^2)`` is added for their structure.
     """
-    kept = _kept(metrics, annulus_lambda_d, place[0].shape[1], len(difference), rows)
+    kept = _kept(_Wings(metrics), annulus_lambda_d, place[0].shape[1], len(difference), rows)
     every = np.stack([part for one in (place, *difference) for part in one], axis=1, dtype=np.float64)
     keys = [companion.tobytes() for companion in every]
     new = [number for number, key in enumerate(keys) if key not in kept]
@@ -144,7 +144,7 @@ def companion_tables(
         kept.update({keys[number]: row for number, row in zip(new, zip(*found, strict=True), strict=True)})
     tables, brightest, quadrants = (np.array(part) for part in zip(*(kept[key] for key in keys), strict=True))
     step = _STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
-    return CompanionTables(_apertures(metrics, annulus_lambda_d, step)[2], tables, brightest, quadrants)
+    return CompanionTables(_apertures(_Wings(metrics), annulus_lambda_d, step)[2], tables, brightest, quadrants)
 
 
 def quadrant_of(x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> IntArray:
@@ -161,9 +161,25 @@ def quadrant_of(x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> IntArray:
 Row = tuple[FloatArray, FloatArray, FloatArray]
 
 
+class _Wings:
+    """Figures of a band, equal to those of all dark holes of one geometry that share the light without the mask."""
+
+    def __init__(self, metrics: PsfMetrics) -> None:
+        self.metrics = metrics
+        maps = (metrics.wing_map, metrics.aperture_map, metrics.column_profile)
+        steps = metrics.wing_map_step_arcsec, metrics.aperture_map_step_arcsec
+        self._key = (metrics.geometry, *steps, *map(id, maps))  # no other map has that id while this one lives
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Wings) and self._key == other._key
+
+
 @functools.lru_cache(maxsize=64)
 def _kept(
-    metrics: PsfMetrics, annulus_lambda_d: float, n_places: int, n_difference: int, rows: tuple[float, float]
+    wings: _Wings, annulus_lambda_d: float, n_places: int, n_difference: int, rows: tuple[float, float]
 ) -> dict[bytes, Row]:
     """Tables, brightest aperture and quadrants of single companions, by their places."""
     return {}
@@ -173,7 +189,7 @@ def _tables(metrics: PsfMetrics, annulus_lambda_d: float, places: Sequence[Place
     """The same of ``k`` companions at once, which stand at the first of the places."""
     place, *difference = places
     step = _STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
-    x, y, separations, share = _apertures(metrics, annulus_lambda_d, step)
+    x, y, separations, share = _apertures(_Wings(metrics), annulus_lambda_d, step)
     light, apart = _apart(metrics, x, y, place)
     column_x, index = np.unique(x, return_inverse=True)
     columns = metrics.source_column_aperture(column_x - place[0][..., None])[..., index]
@@ -224,8 +240,9 @@ def _over(values: FloatArray, share: FloatArray) -> FloatArray:
 
 
 @functools.lru_cache(maxsize=64)
-def _grid(metrics: PsfMetrics, step_pixels: float) -> tuple[FloatArray, FloatArray, float]:
+def _grid(wings: _Wings, step_pixels: float) -> tuple[FloatArray, FloatArray, float]:
     """Places x and y of apertures whose pixels lie in the zone, centres of square cells, and the side of a cell."""
+    metrics = wings.metrics
     zone, radius, pixel = metrics.zone, metrics.aperture_radius_arcsec, metrics.pixel_scale_arcsec
     # Edges of the pixels whose centres lie in the zone.
     low = (math.ceil(zone.inner_arcsec / pixel) - 0.5) * pixel + radius
@@ -239,13 +256,13 @@ def _grid(metrics: PsfMetrics, step_pixels: float) -> tuple[FloatArray, FloatArr
 
 @functools.lru_cache(maxsize=64)
 def _apertures(
-    metrics: PsfMetrics, annulus_lambda_d: float, step_pixels: float
+    wings: _Wings, annulus_lambda_d: float, step_pixels: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Places x and y of apertures, separations of planets, and how much each counts in their noise, ``(p, 4, s)``.
 
     Cells that an edge of the annulus or of a disc cuts count with the part inside.
     """
-    x, y, step = _grid(metrics, step_pixels)
+    (x, y, step), metrics = _grid(wings, step_pixels), wings.metrics
     separation, radius = np.hypot(x, y), metrics.aperture_radius_arcsec
     planet = np.linspace(separation.min(), separation.max(), _N_SEPARATIONS)
     room = annulus_lambda_d * metrics.lambda_d_arcsec - radius - 0.5 * metrics.pixel_scale_arcsec

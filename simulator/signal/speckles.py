@@ -126,11 +126,11 @@ class ProgrammeLaw(NamedTuple):
         many = np.asarray(visits, float)
         others = many if reference_visits is None else np.asarray(reference_visits, float)
         length = many / others if reference_length is None else reference_length
-        own, later = 1.0 / self.independent(many, gap_s), 1.0 / self.independent(others, gap_s)
-        second = self.reference.stretched(length)
+        own, second = 1.0 / self.independent(many, gap_s), self.reference.stretched(length)
         if others is many and np.all(np.asarray(length) == 1.0):
             parts = (_summed(self.science, second).scaled(own), self.common)
         else:
+            later = own if others is many else 1.0 / self.independent(others, gap_s)
             parts = (_summed(self.science.scaled(own), second.scaled(later)), self.common)
         return _summed(*parts, *(() if self.turned is None else (self.turned.scaled(1.0 / many**2),)))
 
@@ -142,7 +142,7 @@ class ProgrammeLaw(NamedTuple):
 
     def averaging(self) -> "ProgrammeLaw":
         """Return the law without what is common to all visits."""
-        return self._replace(common=self.common.scaled(0.0))
+        return self._replace(common=SpeckleLaw(*np.zeros(3)))
 
 
 def _summed(*laws: SpeckleLaw) -> SpeckleLaw:
@@ -190,7 +190,7 @@ def programme_law(
     Returns
     -------
     ProgrammeLaw
-        Arrays of the shape of ``separation_arcsec``, in units of (star light on the clear disc)^2.
+        Arrays that broadcast to ``separation_arcsec``, in units of (star light on the clear disc)^2.
 
     Notes
     -----
@@ -253,7 +253,7 @@ def unit_parts(
     """
     linear, square = np.asarray(linear, float), np.asarray(square, float)
     visit, walk = drift.visit_nm**2, drift.walk_nm_per_sqrt_hour**2 / (3.0 * 3600.0)
-    common, nothing = drift.common_fraction**2 * visit, np.zeros_like(linear)
+    common, nothing = drift.common_fraction**2 * visit, np.zeros((1,) * linear.ndim)
     orbit = _orbital(drift, timing)
 
     def lit(also: float) -> SpeckleLaw:

@@ -29,7 +29,7 @@ from cpic_planner.planets import (
     star_masses_msun,
 )
 from cpic_planner.queries import Strategy
-from cpic_planner.ranking import inside_zone
+from cpic_planner.ranking import in_zone, inside_zone
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.targets import targets_from_table
 from simulator import load_instrument
@@ -171,9 +171,9 @@ def test_chunks_change_nothing(model, everyone, monkeypatch):
     model = dataclasses.replace(model, strategy=IDEAL)
     setting = {"exposure_s": 30.0, "n_frames": np.arange(40.0) * 500, "em_gain": 20.0}
     whole = completeness(model, targets, "F520", drawn, **setting)
-    for name, size in (("_PLACED", 1500), ("_OBSERVED", 20), ("_PLANETS", 100)):
-        monkeypatch.setattr(module, name, size)
-    placed, observed, zone, chances = [], [], module.inside_zone, module._chances
+    for name, size in (("_PLACED", 1500), ("_TOGETHER", 20), ("_PLANETS", 100)):
+        monkeypatch.setattr(in_zone, name, size)
+    placed, observed, zone, chances = [], [], in_zone.inside_zone, module._chances
 
     def seen_zone(zone_, x, y, margin):
         placed.append(x.size)
@@ -183,7 +183,7 @@ def test_chunks_change_nothing(model, everyone, monkeypatch):
         observed.append(places[0].shape)
         return chances(model, chosen, band, places, *others)
 
-    monkeypatch.setattr(module, "inside_zone", seen_zone)
+    monkeypatch.setattr(in_zone, "inside_zone", seen_zone)
     monkeypatch.setattr(module, "_chances", seen_chances)
     parts = completeness(model, targets, "F520", drawn, **setting)
     # Pairs at work at once: never more than asked, unless one star alone has more, and not much fewer.

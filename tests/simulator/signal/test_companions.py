@@ -3,6 +3,8 @@
 What a subtraction leaves of it, against images of both rolls.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -276,3 +278,26 @@ def test_companions_that_come_again_are_not_computed_again(monkeypatch):
     again = companion_tables(metrics, (places[0] + 1.0, places[1]), (), 1.25, rows=ROWS)
     np.testing.assert_array_equal(companion_tables(metrics, places, (), 1.25, rows=ROWS).tables, every.tables)
     assert again.tables.shape == every.tables.shape
+
+
+def test_dark_holes_of_one_geometry_share_companions(monkeypatch):
+    """However dark they are; other light without the mask, or another hole, has other tables."""
+    metrics, place = (
+        build_model(INSTRUMENT, ["F520"]).metrics["F520"],
+        (np.array([[6.1], [14.0]]), np.array([[-2.7], [0.4]])),
+    )
+    first = companion_tables(metrics, place, (), 1.25, rows=ROWS)
+    computed, tables = [], companions._tables
+    monkeypatch.setattr(companions, "_tables", lambda *given: computed.append(1) or tables(*given))
+    brighter = dataclasses.replace(metrics, halo_map=3.0 * metrics.halo_map, floor_linear=2.0 * metrics.floor_linear)
+    np.testing.assert_array_equal(companion_tables(brighter, place, (), 1.25, rows=ROWS).tables, first.tables)
+    assert computed == []
+    for change in (
+        {"aperture_map": 2.0 * metrics.aperture_map},
+        {"wing_map": 2.0 * metrics.wing_map},
+        {"column_profile": 2.0 * metrics.column_profile},
+        {"hole_inner_arcsec": 1.1 * metrics.hole_inner_arcsec},
+    ):
+        other = companion_tables(dataclasses.replace(metrics, **change), place, (), 1.25, rows=ROWS)
+        assert np.any(other.tables != first.tables)
+    assert len(computed) == 4
