@@ -58,10 +58,16 @@ def command_of(run: Callable[..., None], model: Any) -> Any:
 
 
 def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
-    """Arguments with the present names of options, each told once."""
+    """Arguments with the present names of options, each told once, and times in seconds."""
     arguments: list[str] = []
     known = {name for param in params for name in param.opts}
-    for arg in args:
+    rest = iter(args)
+    for arg in rest:
+        name, equals, text = arg.partition("=")
+        if name in known and f"{name}-s" in known:
+            text = text if equals else next(rest, "")
+            arguments += [f"{name}-s", _seconds(name, text)]
+            continue
         new = RENAMED.get(arg)
         if new is None or arg in known:
             arguments.append(arg)
@@ -72,6 +78,16 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
         note(f"{arg} is now {' '.join(new)}")
         arguments += new
     return arguments
+
+
+def _seconds(name: str, text: str) -> str:
+    """Seconds of a time with a unit."""
+    from cpic_planner.queries import read_value
+
+    written = read_value(name, text, "s")
+    if written.bare or written.action != "set" or not isinstance(written.value, float):
+        raise InputError(name, text or "nothing", allowed="a time with a unit: s, min, h or d, as 2h")
+    return repr(written.value)
 
 
 def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
@@ -115,9 +131,14 @@ def _annotation(option: Any, text: str) -> Any:
     if own.argument:
         shown = typer.Argument(metavar=own.metavar or option.flag, help=text, show_default=False)
         return Annotated[kind if option.required else kind | None, shown]
-    flag = f"{option.flag}/--no-{option.flag[2:]}" if option.switchable else option.flag
+    flags = [f"{option.flag}/--no-{option.flag[2:]}" if option.switchable else option.flag]
     metavar = own.metavar or None
-    return Annotated[kind | None, typer.Option(flag, help=text, metavar=metavar, hidden=own.hidden, show_default=False)]
+    if kind is float and option.flag.endswith("-s"):  # the same with a unit: --time 2h
+        flags.append(option.flag.removesuffix("-s"))
+        metavar = metavar or "S|TIME"
+        text += f" {flags[1]} takes a unit: s, min, h or d, as 2h."
+    shown = typer.Option(*flags, help=text, metavar=metavar, hidden=own.hidden, show_default=False)
+    return Annotated[kind | None, shown]
 
 
 def answers(

@@ -8,7 +8,12 @@ from cpic_planner.queries.base import (
     put as put,
     scaled as scaled,
 )
-from cpic_planner.queries.changes import Change as Change, changed as changed
+from cpic_planner.queries.changes import (
+    Change as Change,
+    changed as changed,
+    default_instrument as default_instrument,
+    read_instrument as read_instrument,
+)
 from cpic_planner.queries.ensemble import (
     CONTRAST as CONTRAST,
     OCCURRENCE as OCCURRENCE,
@@ -60,9 +65,7 @@ from cpic_planner.queries.shared import (
     FluxFilter as FluxFilter,
     ReferencePlanet as ReferencePlanet,
     Strategy as Strategy,
-    default_instrument as default_instrument,
     observed_utc as observed_utc,
-    read_instrument as read_instrument,
 )
 from cpic_planner.queries.simulate import SimulateQuestion as SimulateQuestion
 from cpic_planner.queries.written_values import (

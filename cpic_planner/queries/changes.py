@@ -8,6 +8,7 @@ The one way in which simulator overrides, assumptions of rankings and surveys, a
     bands.F850.qe=x0.8              "*" stands for any name: bands.*.qe, bands.F5*.qe
 """
 
+import functools
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -17,9 +18,10 @@ from typing import Any, Literal, Self, TypeAlias, cast
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
 from cpic_core import InputError
-from cpic_planner.queries.base import advice, children, matching, put, sections
+from cpic_planner.queries.base import Parts, advice, children, matching, put, sections
+from cpic_planner.queries.fields import asked
 from cpic_planner.queries.written_values import is_number, read_value, two_spellings, with_unit
-from simulator.config import Drift, FrozenModel, Instrument, canonical_json, unit_of
+from simulator.config import Drift, FrozenModel, Instrument, at, canonical_json, load_instrument, unit_of
 
 ALIASES = {
     "throughput": "bands.*.t_opt",
@@ -137,6 +139,14 @@ class Change(FrozenModel):
         if key == COMPANIONS and isinstance(value, bool):
             value = "on" if value else "off"
         return cls(key=key, value=value)
+
+    @classmethod
+    def written(cls, text: str, nominal: Instrument | None = None) -> Self:
+        """Return the change of a text ``KEY=VALUE``; see `read`."""
+        key, _, value = text.partition("=")
+        if not key.strip() or not value.strip():
+            raise InputError("", text, allowed="KEY=VALUE, as drift.visit_nm=0.1nm or throughput=x0.7")
+        return cls.read(key.strip(), value.strip(), nominal)
 
     def values(self, nominal: Instrument) -> list[tuple[str, Any, Any]]:
         """Return the keys of an instrument that it means, with their values before and after.
@@ -263,3 +273,60 @@ def _altered(change: Change, key: str, nominal: Any, instrument: Instrument) -> 
     if isinstance(nominal, bool) and change.value in ("on", "off"):
         return change.value == "on"
     return change.value_text if isinstance(nominal, str) and is_number(change.value) else change.value
+
+
+@functools.lru_cache(maxsize=1)
+def default_instrument() -> Instrument:
+    """Return the shipped instrument, always the same object."""
+    return load_instrument()
+
+
+def read_instrument(source: Any) -> Instrument:
+    """Return an instrument from what people write; see `simulator.load_instrument`."""
+    return source if isinstance(source, Instrument) else load_instrument(source)
+
+
+class InstrumentParts(Parts):
+    """Options of the instrument."""
+
+    instrument: str | None = asked(None, "Preset name or YAML file with what differs.", unset="cpic_default")
+    changes: tuple[str, ...] = asked(
+        (),
+        "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
+        "throughput=x0.7, bands.F850.qe=0.4; repeat for several.",
+        option="--set",
+        metavar="KEY=VALUE",
+    )
+
+    def made(self, base: Any) -> Instrument:
+        """Return the instrument with what is changed of it."""
+        given = base if self.instrument is None else self.instrument
+        built = default_instrument() if given is None else read_instrument(given)
+        try:
+            return changed(built, [Change.written(text, built) for text in self.changes])
+        except InputError as error:
+            raise at("changes", error) from None
+
+
+class SkyParts(InstrumentParts):
+    """Options of the instrument for questions about planets: two of its values have options of their own."""
+
+    exozodi_zodis: float | None = asked(
+        None,
+        "Dust around the star, in units of the solar system's.",
+        option="--exozodi",
+        unset="that of the instrument, 0",
+    )
+
+    drift_nm: float | None = asked(
+        None,
+        "Rms of the wavefront offset between two visits; the walk within a visit changes in the same ratio.",
+        option="--drift-nm",
+        unset="that of the instrument, 0.05",
+    )
+
+    def made(self, base: Any) -> Instrument:
+        """Return the instrument with what is changed of it."""
+        made = super().made(base)
+        new = {"sky.exozodi_zodis": self.exozodi_zodis, "drift": self.drift_nm}
+        return changed(made, tuple(Change(key=key, value=value) for key, value in new.items() if value is not None))

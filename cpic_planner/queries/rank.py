@@ -14,6 +14,7 @@ from cpic_core import InputError, read_text
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import Question, called
+from cpic_planner.queries.changes import InstrumentParts, default_instrument, read_instrument
 from cpic_planner.queries.ensemble import Ensemble, EnsembleChoice, load_ensemble
 from cpic_planner.queries.etc import check_visits
 from cpic_planner.queries.fields import asked
@@ -92,10 +93,10 @@ class VisibilityQuestion(shared.CatalogQuestion):
         accepts="VisibilityConfig, mapping, str or Path",
     )
     instrument: Instrument = asked(
-        shared.default_instrument,
+        default_instrument,
         "Preset name or YAML file with what differs; its mission has the orbit.",
-        option="--instrument",
-        read=shared.read_instrument,
+        parts=InstrumentParts,
+        read=read_instrument,
         unset="cpic_default",
         accepts="Instrument, mapping, str or Path",
     )
