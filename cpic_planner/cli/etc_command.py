@@ -91,26 +91,31 @@ def etc(
     """
     from catalogs import open_catalogue
     from cpic_planner.api import as_asked, closed_forms, model_of
+    from cpic_planner.api.named import named
     from cpic_planner.etc import etc_result
-    from cpic_planner.queries import observed_utc
-    from cpic_planner.targets import find_target
+    from cpic_planner.queries.etc import PLACES
 
     refuse_together({"--budget": budget, "--json": as_json}, "JSON holds every budget")
     refuse_together({"--explain": explain, "--json": as_json}, "JSON holds all gains")
     check_plot(plot)
     table = open_catalogue(question.catalog)
     note(*table.notes)
-    name, date_utc = question.target[0], observed_utc(question)
-    star, about = find_target(name, companions=question.companions, catalog=table, date_utc=date_utc)
+    star, about, known = named(question, question.target[0], table)
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
-    star, model = as_asked(question, star), model_of(question)
-    answers = _checked(question, model, star, closed_forms(question, model, star))
+    star, asked_for = as_asked(question, star), question.hashed()
+    if known is None:
+        model, found = model_of(question), closed_forms(question, model_of(question), star)
+    else:
+        question = known.question(question)
+        model, found = model_of(question), known.answers(question, star)
+        asked_for |= {"known_planet": known.content()}
+    answers = _checked(question, model, star, found)
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
-    hypothetical = None if question.contrast_limit or question.contrast is not None else planet
+    hypothetical = None if question.contrast_limit or question.contrast is not None or known else planet
     labels: dict[str, Any] = {"note": about, "catalogue": table.provenance, "planet": hypothetical}
     seed = 1 if question.seed is None else question.seed
-    result = etc_result(model, star, answers, asked=question.hashed(), dial=question.dial, seed=seed, **labels)
+    result = etc_result(model, star, answers, asked=asked_for, dial=question.dial, seed=seed, **labels)
     if plot is not None:
         best, allowed = report.best_row(result), question.wall_s
         if best is not None and best.time_s is not None and (question.asks_time or question.n_frames is not None):
@@ -121,7 +126,7 @@ def etc(
     if as_json:
         print_json(result)
         return
-    placed = question.separation_arcsec is not None or question.semi_major_axis_au is not None
+    placed = known is not None or any(getattr(question, place) is not None for place in PLACES)
     words = in_words(question)
     report.print_etc(result, console(), asked=words, placed=placed, every_budget=budget, explain=explain)
     report.print_fidelity(result, console())

@@ -6,7 +6,9 @@ from cpic_planner.results.answers import (
     EtcFidelity as EtcFidelity,
     EtcResult as EtcResult,
     ImageCheck as ImageCheck,
+    KnownPlanetLook as KnownPlanetLook,
     ModellingRecord as ModellingRecord,
+    OpenQuantiles as OpenQuantiles,
     Question as Question,
 )
 from cpic_planner.results.base import (
