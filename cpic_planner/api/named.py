@@ -1,4 +1,4 @@
-"""Known planets asked for by name: their place and light at the date, and what the errors of both mean for an answer."""
+"""Known planets asked for by name: their place and light at a date, and what the errors of both mean for an answer."""
 
 from __future__ import annotations
 
@@ -177,7 +177,9 @@ def planet_named(question: Any, name: str, unknown: InputError) -> NamedPlanet:
     try:
         return NamedPlanet(choice, choice.table.row_of(name))
     except InputError as error:
-        raise (error if error.hint else unknown) from None
+        if not error.hint:
+            raise unknown from None
+        raise InputError("target", name, allowed=f"a star, or {error.allowed}", hint=error.hint) from None
 
 
 def _three(draws: FloatArray) -> Quantiles:

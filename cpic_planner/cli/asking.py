@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperCommand
 
 from cpic_core import InputError
-from cpic_planner.cli.options import note
+from cpic_planner.cli.options import Output, note, output_of, output_options
 
 RENAMED = {"--photon-counting": ("--mode", "photon_counting")}
 """Former options, and what each is now."""
@@ -96,9 +96,13 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
 
     options, names = tuple(options_of(model)), option_names(model)
     own = list(inspect.signature(run, locals={model.__name__: model}, eval_str=True).parameters.values())[1:]
+    kind: type[Output] | None = next((one.annotation for one in own if one.name == "output"), None)
+    own = [one for one in own if one.name != "output"]
 
     def command(**given: Any) -> None:
         shown = {parameter.name: given.pop(parameter.name) for parameter in own}
+        if kind is not None:
+            shown["output"] = output_of(kind, given)
         with called_by_option(model):
             file = given.pop(_FILE)
             tree = answers(options, given, {} if file is None else model.load(file), names)
@@ -114,6 +118,8 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
     file = Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)]
     parameters.append(parameter(_FILE, annotation=file))
     parameters += [given.replace(kind=inspect.Parameter.KEYWORD_ONLY) for given in own]
+    if kind is not None:
+        parameters += [parameter(name, annotation=of_output) for name, of_output in output_options(kind).items()]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     command.__doc__ = run.__doc__

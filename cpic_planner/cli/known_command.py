@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cpic_planner import report
-from cpic_planner.cli.options import JsonOption, check_file, check_plot, note, print_result, write_out, write_plot
+from cpic_planner.cli.options import Answer, Output, check_file, check_plot, note, write_out, write_plot
 
 if TYPE_CHECKING:
     from catalogs import Catalogue
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 def known(
     question: KnownQuestion,
+    output: Output,
     limit: Annotated[int, typer.Option("--limit", min=1, help="Rows to print (--json holds all).")] = 40,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Draw separation against time into FILE.png, .pdf or .svg as well.")
@@ -32,7 +33,6 @@ def known(
             "--scene", help="Write one draw of the star's planets into FILE.yaml, for cpic simulate or confirm."
         ),
     ] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Say where the known planets are at a date, how bright, and when the dark hole covers them.
 
@@ -112,7 +112,7 @@ def known(
         write_plot(plot, report.known_figure(result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
-    print_result(result, as_json, partial(report.print_known, result, limit=limit))
+    output.show(result, partial(report.print_known, result, limit=limit))
 
 
 def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:
@@ -129,12 +129,12 @@ def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -
 
 def visibility(
     question: VisibilityQuestion,
+    output: Answer,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", help="Draw FILE.png, .pdf or .svg: the days of one star, a calendar of several."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Also write every step of every star to FILE.csv.")] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Say when stars can be seen from the orbit of the telescope, and for how long per orbit.
 
@@ -167,4 +167,5 @@ def visibility(
         write_out(out, lambda: report.visibility_csv(result), len(result.targets) * len(result.mjd))
     if plot is not None:
         write_plot(plot, report.visibility_figure(result))
-    print_result(result, as_json, partial(report.print_visibility, result))
+    seen = any(target.observable_days for target in result.targets)
+    output.show(result, partial(report.print_visibility, result), seen)

@@ -8,8 +8,10 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, cast
 
 import typer
 from pydantic import BaseModel
@@ -52,12 +54,83 @@ def print_json(result: BaseModel | Mapping[str, Any]) -> None:
     sys.stdout.write(dump_json(result.model_dump(mode="json") if isinstance(result, BaseModel) else dict(result)))
 
 
-def print_result(result: BaseModel, as_json: bool, tables: Callable[[Console], None]) -> None:
-    """Print a result as JSON, or as ``tables`` print it."""
-    if as_json:
-        print_json(result)
-    else:
-        tables(console())
+@dataclass(frozen=True)
+class Output:
+    """How a command writes its answer.
+
+    Attributes
+    ----------
+    form : str
+        One of `cpic_planner.report.files.FORMS`.
+    brief : bool
+        The main table alone.
+    """
+
+    form: str = "table"
+    brief: bool = False
+
+    @property
+    def as_json(self) -> bool:
+        """Whether the answer is JSON."""
+        return self.form == "json"
+
+    @property
+    def plain(self) -> bool:
+        """Whether more than a table is printed, for people."""
+        return self.form == "table" and not self.brief
+
+    def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
+        """Print a result as JSON, or as ``tables`` print it, or the first of these tables in another form.
+
+        Parameters
+        ----------
+        result : BaseModel
+        tables : callable
+        found : bool
+            Whether there is an answer, and of a planet a detection.
+
+        Raises
+        ------
+        InputError
+            If a form is asked for that the answer has no table for.
+        """
+        if self.as_json:
+            print_json(result)
+            return
+        screen = console()
+        if self.plain:
+            tables(screen)
+            return
+        sheet = report.Sheet(screen, self.form)
+        tables(cast("Console", sheet))
+        if self.form == "table":
+            return
+        if sheet.taken is None:
+            raise InputError("--format", self.form, allowed="table or json: this answer has no table")
+        sys.stdout.write(report.form_text(self.form, *sheet.taken))
+
+
+@dataclass(frozen=True)
+class Answer(Output):
+    """The same of a command that asks for something that may not be there.
+
+    Attributes
+    ----------
+    strict : bool
+        Whether the exit status tells that it is not.
+    """
+
+    strict: bool = False
+
+    def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
+        """As `Output.show`; then leave with `NOTHING_FOUND` where nothing is found and ``strict`` asks for it."""
+        super().show(result, tables)
+        if self.strict and not found:
+            raise typer.Exit(NOTHING_FOUND)
+
+
+NOTHING_FOUND = 3
+"""Exit status of --strict where there is no answer, or no detection."""
 
 
 def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool) -> None:
@@ -127,8 +200,42 @@ def version_text() -> str:
     return "\n".join(lines)
 
 
+Form = StrEnum("Form", [(form.upper(), form) for form in report.FORMS])  # type: ignore[misc]
+FormOption: TypeAlias = Annotated[
+    Form, typer.Option("--format", help="How the main table is written: for people, or for other programs.")
+]
+BriefOption: TypeAlias = Annotated[
+    bool, typer.Option("--brief", help="The main table alone, without what explains it.")
+]
+StrictOption: TypeAlias = Annotated[
+    bool, typer.Option("--strict", help="Leave with status 3 where there is no answer, or no planet is detected.")
+]
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
 DryRunOption: TypeAlias = Annotated[bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")]
+
+
+def output_options(kind: type[Output]) -> dict[str, Any]:
+    """Return the options of an output as annotations, by name."""
+    options: dict[str, Any] = {"form": FormOption, "brief": BriefOption, "as_json": JsonOption}
+    return options | ({"strict": StrictOption} if issubclass(kind, Answer) else {})
+
+
+def output_of(kind: type[Output], given: dict[str, Any]) -> Output:
+    """Take the options of an output out of what is given.
+
+    Raises
+    ------
+    InputError
+        For options that contradict each other.
+    """
+    form, brief, as_json = str(given.pop("form") or "table"), bool(given.pop("brief")), given.pop("as_json")
+    if as_json and form not in ("table", "json"):
+        raise InputError("--json", "given with --format", allowed="one of the two")
+    if brief and (as_json or form != "table"):
+        raise InputError("--brief", "given", allowed="with --format table: the other forms have the main table alone")
+    strict = {"strict": bool(given.pop("strict"))} if kind is Answer else {}
+    return kind("json" if as_json else form, brief, **strict)
+
 
 DIAL_HELP = """Speed against accuracy is one dial. --fidelity standard (the default) draws sums of frames where that is
 allowed and one realisation frame by frame; quick is coarser and checks nothing frame by frame; reference leaves nothing

@@ -11,7 +11,7 @@ import typer
 from cpic_core import InputError
 from cpic_planner import ranking, report
 from cpic_planner.cli import options
-from cpic_planner.cli.options import JsonOption, note, print_result, refuse_together
+from cpic_planner.cli.options import Answer, note, refuse_together
 
 if TYPE_CHECKING:
     from cpic_planner.queries import RankQuestion
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 def rank(
     question: RankQuestion,
+    output: Answer,
     limit: Annotated[
         int, typer.Option("--limit", min=1, help="Stars to print and to draw (--json and --out hold all).")
     ] = 20,
@@ -42,7 +43,6 @@ def rank(
         typer.Option("--plot", help="Draw the first --limit stars, at most 100, into FILE.png, .pdf or .svg as well."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Also write all rows to FILE.csv or FILE.ecsv.")] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Rank the whole catalogue (analytic, a few seconds; --explain, --sensitivity and --compare rank more than once).
 
@@ -122,7 +122,7 @@ def rank(
     options.check_plot(plot)
     if compare is not None:
         moved = compared(question, compare, key="--compare")
-        print_result(moved, as_json, partial(report.print_moves, moved, limit=limit))
+        output.show(moved, partial(report.print_moves, moved, limit=limit))
         return
     ready = prepared(question)
     note(*ready.stars.notes)
@@ -134,13 +134,13 @@ def rank(
             hint = "it is in the catalogue, but a cut leaves it out"
             raise InputError("--explain", explain, allowed="a star of the sample that is ranked", hint=hint)
         reasons = ranking.explain_star(ready.model, ready.stars.targets, name, **ready.asked)
-        print_result(reasons, as_json, partial(report.print_explanation, reasons))
+        output.show(reasons, partial(report.print_explanation, reasons))
         return
     if sensitivity:
         from cpic_planner.ranking.sensitivity import sensitivity as sensitivity_of
 
         firm = sensitivity_of(ready.model, ready.stars.answered, **ready.asked)
-        print_result(firm, as_json, partial(report.print_sensitivity, firm))
+        output.show(firm, partial(report.print_sensitivity, firm))
         return
     result = ready.ranked()
     if out is not None:
@@ -151,4 +151,5 @@ def rank(
         few = f" with the first {most} stars only: names of {shown} could not be read" * (shown > most)
         draw = report.rank_figure if result.ensemble is None else report.ensemble_figure
         options.write_plot(plot, draw(result, limit), few)
-    print_result(result, as_json, partial(report.print_rank, result, limit=limit))
+    detected = any(row.verdict == "detected" for row in result.targets)
+    output.show(result, partial(report.print_rank, result, limit=limit), detected)

@@ -14,7 +14,7 @@ import typer
 
 from cpic_core import InputError, cache_info, clear_cache
 from cpic_planner import report
-from cpic_planner.cli.options import JsonOption, print_json, print_result
+from cpic_planner.cli.options import JsonOption, Output, print_json
 
 app = typer.Typer(
     help="What the disk cache holds, and how to empty it. Emptying it is always safe.", no_args_is_help=True
@@ -99,6 +99,6 @@ def check(
         n_warnings=len(findings) - errors,
         findings=[FindingRecord.of(item, path=str(item.path)) for item in findings],
     )
-    print_result(result, as_json, partial(report.print_check, result))
+    Output("json" if as_json else "table").show(result, partial(report.print_check, result))
     if errors or (strict and findings):
         raise typer.Exit(1)

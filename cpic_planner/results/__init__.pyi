@@ -24,6 +24,7 @@ from cpic_planner.results.base import (
     column as column,
     column_of as column_of,
     columns_of as columns_of,
+    unit_of as unit_of,
 )
 from cpic_planner.results.doubted import (
     DoubtCell as DoubtCell,
