@@ -12,7 +12,8 @@ import typer
 from typer.core import TyperCommand
 
 from cpic_core import InputError
-from cpic_planner.cli.options import Output, note, output_of, output_options
+from cpic_planner.cli.options import note, shown
+from cpic_planner.cli.progress import heard
 
 RENAMED = {"--photon-counting": ("--mode", "photon_counting")}
 """Former options, and what each is now."""
@@ -38,7 +39,8 @@ def late(run: Callable[..., None], name: str) -> type[TyperCommand]:
         def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
             built = command_of(run, pkgutil.resolve_name(name))
             self.params, self.callback = built.params, built.callback
-            return super().make_context(info_name, _present(args, self.params), parent, **extra)
+            asked = args if extra.get("resilient_parsing") else _present(args, self.params)
+            return super().make_context(info_name, asked, parent, **extra)
 
     return Late
 
@@ -53,7 +55,7 @@ def command_of(run: Callable[..., None], model: Any) -> Any:
     model : type of Question
     """
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command()(_asking(run, model))
+    app.command()(heard(_asking(run, model)))
     return typer.main.get_command(app)
 
 
@@ -95,18 +97,15 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
     from cpic_planner.queries import called_by_option, option_names, options_of, spelled
 
     options, names = tuple(options_of(model)), option_names(model)
+    run = shown(run, **{model.__name__: model})
     own = list(inspect.signature(run, locals={model.__name__: model}, eval_str=True).parameters.values())[1:]
-    kind: type[Output] | None = next((one.annotation for one in own if one.name == "output"), None)
-    own = [one for one in own if one.name != "output"]
 
     def command(**given: Any) -> None:
-        shown = {parameter.name: given.pop(parameter.name) for parameter in own}
-        if kind is not None:
-            shown["output"] = output_of(kind, given)
+        others = {parameter.name: given.pop(parameter.name) for parameter in own}
         with called_by_option(model):
             file = given.pop(_FILE)
             tree = answers(options, given, {} if file is None else model.load(file), names)
-            run(model.of(tree), **shown)
+            run(model.of(tree), **others)
 
     parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY, default=None)
     parameters = [
@@ -118,8 +117,6 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
     file = Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)]
     parameters.append(parameter(_FILE, annotation=file))
     parameters += [given.replace(kind=inspect.Parameter.KEYWORD_ONLY) for given in own]
-    if kind is not None:
-        parameters += [parameter(name, annotation=of_output) for name, of_output in output_options(kind).items()]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     command.__doc__ = run.__doc__
@@ -135,16 +132,16 @@ def _annotation(option: Any, text: str) -> Any:
     kind = list[kind] if option.several else kind
     own = option.asked
     if own.argument:
-        shown = typer.Argument(metavar=own.metavar or option.flag, help=text, show_default=False)
-        return Annotated[kind if option.required else kind | None, shown]
+        argument = typer.Argument(metavar=own.metavar or option.flag, help=text, show_default=False)
+        return Annotated[kind if option.required else kind | None, argument]
     flags = [f"{option.flag}/--no-{option.flag[2:]}" if option.switchable else option.flag]
     metavar = own.metavar or None
     if kind is float and option.flag.endswith("-s"):  # the same with a unit: --time 2h
         flags.append(option.flag.removesuffix("-s"))
         metavar = metavar or "S|TIME"
         text += f" {flags[1]} takes a unit: s, min, h or d, as 2h."
-    shown = typer.Option(*flags, help=text, metavar=metavar, hidden=own.hidden, show_default=False)
-    return Annotated[kind | None, shown]
+    told = typer.Option(*flags, help=text, metavar=metavar, hidden=own.hidden, show_default=False)
+    return Annotated[kind | None, told]
 
 
 def answers(

@@ -6,6 +6,8 @@ Options of commands that are no part of a question, and paragraphs that several 
 from __future__ import annotations
 
 import contextlib
+import functools
+import inspect
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -42,6 +44,12 @@ def error_line(text: str, status: int) -> int:
     return status
 
 
+def help_alone(context: typer.Context) -> None:
+    """Show the help of a group of commands that is called without any."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
 def note(*texts: str) -> None:
     """Write remarks to stderr, a line each, unless quiet."""
     if not is_quiet():
@@ -61,7 +69,7 @@ class Output:
     Attributes
     ----------
     form : str
-        One of `cpic_planner.report.files.FORMS`.
+        One of `Form`.
     brief : bool
         The main table alone.
     """
@@ -200,7 +208,17 @@ def version_text() -> str:
     return "\n".join(lines)
 
 
-Form = StrEnum("Form", [(form.upper(), form) for form in report.FORMS])  # type: ignore[misc]
+class Form(StrEnum):
+    """How a command writes its main table."""
+
+    TABLE = "table"
+    CSV = "csv"
+    ECSV = "ecsv"
+    JSON = "json"
+    LATEX = "latex"
+    MARKDOWN = "markdown"
+
+
 FormOption: TypeAlias = Annotated[
     Form, typer.Option("--format", help="How the main table is written: for people, or for other programs.")
 ]
@@ -218,6 +236,33 @@ def output_options(kind: type[Output]) -> dict[str, Any]:
     """Return the options of an output as annotations, by name."""
     options: dict[str, Any] = {"form": FormOption, "brief": BriefOption, "as_json": JsonOption}
     return options | ({"strict": StrictOption} if issubclass(kind, Answer) else {})
+
+
+def shown(command: Callable[..., None], **where: Any) -> Callable[..., None]:
+    """Return a command with the options of its parameter ``output`` in the place of it; the same if it has none.
+
+    Parameters
+    ----------
+    command : callable
+    **where
+        What names of its annotations mean that its module imports for type checkers alone.
+    """
+    given = inspect.signature(command, locals=where, eval_str=True).parameters
+    if "output" not in given:
+        return command
+    kind: type[Output] = given["output"].annotation
+
+    @functools.wraps(command)
+    def told(*question: Any, **values: Any) -> None:
+        output = output_of(kind, values)
+        command(*question, output=output, **values)
+
+    only = inspect.Parameter.KEYWORD_ONLY
+    own = [item if item.name == "question" else item.replace(kind=only) for item in given.values()]
+    own = [item for item in own if item.name != "output"]
+    own += [inspect.Parameter(n, only, default=None, annotation=kind_of) for n, kind_of in output_options(kind).items()]
+    told.__signature__ = inspect.Signature(own)  # type: ignore[attr-defined]
+    return told
 
 
 def output_of(kind: type[Output], given: dict[str, Any]) -> Output:

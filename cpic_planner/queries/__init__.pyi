@@ -1,6 +1,7 @@
 from cpic_planner.queries.base import (
     Question as Question,
     called as called,
+    called_as as called_as,
     called_by_option as called_by_option,
     get as get,
     keys_of as keys_of,
@@ -11,7 +12,10 @@ from cpic_planner.queries.base import (
 from cpic_planner.queries.changes import (
     Change as Change,
     changed as changed,
+    changed_instrument as changed_instrument,
     default_instrument as default_instrument,
+    instrument_rows as instrument_rows,
+    instrument_title as instrument_title,
     read_instrument as read_instrument,
 )
 from cpic_planner.queries.ensemble import (

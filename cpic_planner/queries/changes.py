@@ -10,7 +10,7 @@ The one way in which simulator overrides, assumptions of rankings and surveys, a
 
 import functools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any, Literal, Self, TypeAlias, cast
@@ -21,6 +21,7 @@ from cpic_core import InputError
 from cpic_planner.queries.base import Parts, advice, children, matching, put, sections
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.written_values import is_number, read_value, two_spellings, with_unit
+from cpic_planner.results import InstrumentValue
 from simulator.config import Drift, FrozenModel, Instrument, at, canonical_json, load_instrument, unit_of
 
 ALIASES = {
@@ -301,11 +302,71 @@ class InstrumentParts(Parts):
     def made(self, base: Any) -> Instrument:
         """Return the instrument with what is changed of it."""
         given = base if self.instrument is None else self.instrument
-        built = default_instrument() if given is None else read_instrument(given)
-        try:
-            return changed(built, [Change.written(text, built) for text in self.changes])
-        except InputError as error:
-            raise at("changes", error) from None
+        return changed_instrument(default_instrument() if given is None else given, self.changes)
+
+
+def changed_instrument(source: Any, changes: Iterable[str]) -> Instrument:
+    """Return an instrument, as `read_instrument` reads it, after changes ``KEY=VALUE``."""
+    built = read_instrument(source)
+    try:
+        return changed(built, [Change.written(text, built) for text in changes])
+    except InputError as error:
+        raise at("changes", error) from None
+
+
+def instrument_title(instrument: Instrument) -> str:
+    """Return the name of an instrument and its hash."""
+    return f"{instrument.name} ({instrument.content_hash})"
+
+
+def instrument_rows(instrument: Instrument, key: str = "", *, other: Instrument | None = None) -> list[InstrumentValue]:
+    """Return values of an instrument with their sources; with another one only what differs from it.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    key : str
+        Only keys that begin so, or match it.
+    other : Instrument, optional
+
+    Raises
+    ------
+    InputError
+        For a key that the instrument does not have.
+    """
+    mine = dict(_plain_values(sections(instrument)))
+    theirs = None if other is None else dict(_plain_values(sections(other)))
+    every = dict.fromkeys((*mine, *(theirs or ())))
+    names = [name for name in every if not key or name == key or name.startswith(f"{key}.") or fnmatchcase(name, key)]
+    if not names:
+        raise InputError("key", key, allowed="a key of the instrument", hint=advice(sections(instrument), key, ()))
+    rows = []
+    for name in names:
+        if theirs is not None and mine.get(name) == theirs.get(name):
+            continue
+        origin = instrument.provenance.get(name)
+        rows.append(
+            InstrumentValue(
+                key=name,
+                value=mine.get(name, ""),
+                other=None if theirs is None else theirs.get(name, ""),
+                unit=unit_of(name) or ("" if origin is None else origin.unit),
+                short_name=next((short for short, long in ALIASES.items() if fnmatchcase(name, long)), ""),
+                confidence="" if origin is None else origin.confidence,
+                source="" if origin is None else origin.source,
+            )
+        )
+    return rows
+
+
+def _plain_values(node: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+    """Dotted keys with their values as text."""
+    for name, item in node.items():
+        below = children(item)
+        if below:
+            yield from _plain_values(below, f"{above}{name}.")
+        elif below is None:
+            yield f"{above}{name}", canonical_json(item).strip(chr(34))
 
 
 class SkyParts(InstrumentParts):

@@ -2,6 +2,7 @@ from cpic_planner.report.cells import Sheet as Sheet
 from cpic_planner.report.console import (
     print_check as print_check,
     print_confirm as print_confirm,
+    print_instrument as print_instrument,
     print_plan as print_plan,
     print_planned as print_planned,
     print_simulation as print_simulation,
@@ -29,7 +30,6 @@ from cpic_planner.report.etc_figures import (
     write_figure as write_figure,
 )
 from cpic_planner.report.files import (
-    FORMS as FORMS,
     form_text as form_text,
     ranking_csv as ranking_csv,
     ranking_ecsv as ranking_ecsv,

@@ -186,10 +186,10 @@ class Sheet:
         self.width, self.encoding = console.width, console.encoding
         self.taken: tuple[str, Sequence[Cells], list[Any]] | None = None
 
-    def print(self, *objects: Any) -> None:
+    def print(self, *objects: Any, **look: Any) -> None:
         """Print what stands before the table, and the table."""
         if self.form == "table" and self.taken is None:
-            self._console.print(*objects)
+            self._console.print(*objects, **look)
 
 
 _STYLE = {"ok": "green", "unreachable": "yellow", "saturated": "red", "outside_field": "magenta", "invalid": "red"}

@@ -16,8 +16,6 @@ from cpic_planner.report.cells import Cells
 from cpic_planner.report.words import STATUS_SYMBOLS
 from simulator.knobs import Quantity
 
-FORMS = ("table", "csv", "ecsv", "json", "latex", "markdown")
-"""How a command writes its main table."""
 _DIGITS = 4
 _MARKS = re.compile(f"^[→·{''.join(STATUS_SYMBOLS.values())}\\s]+")
 _POWER = re.compile(r"(\d\.?\d*)e([-+]\d+)")

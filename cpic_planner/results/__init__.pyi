@@ -93,6 +93,8 @@ from cpic_planner.results.ranked import (
 from cpic_planner.results.runs import (
     CheckResult as CheckResult,
     FindingRecord as FindingRecord,
+    InstrumentResult as InstrumentResult,
+    InstrumentValue as InstrumentValue,
     MachineRecord as MachineRecord,
     PlannedSequenceRow as PlannedSequenceRow,
     SimulatedProgramme as SimulatedProgramme,
