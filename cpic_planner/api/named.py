@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,13 +12,16 @@ from catalogs import Catalogue, resolve_star
 from cpic_core import FloatArray, InputError
 from cpic_planner.api.keywords import model_of
 from cpic_planner.etc import reference_notes
-from cpic_planner.planets import Planets, draw_known, known_uniforms, planets_of, quantiles
 from cpic_planner.queries import EtcQuestion, ReferencePlanet, called, observed_utc
-from cpic_planner.ranking import KnownChoice
-from cpic_planner.ranking.known_answer import planets_contrast
 from cpic_planner.results import EtcAnswer, KnownPlanetLook, OpenQuantiles, Quantiles
 from cpic_planner.targets import Targets, find_target
 
+if TYPE_CHECKING:
+    from cpic_planner.planets import Planets
+    from cpic_planner.ranking import KnownChoice
+
+N_DRAWS = 4000
+"""Draws of a planet."""
 N_LOOKS = 100
 """Draws of a planet of which each is asked about, evenly among all of them by contrast."""
 _PLACE = ("separation_arcsec", "separation_au", "semi_major_axis_au", "contrast", "distance_pc")
@@ -51,6 +54,8 @@ class NamedPlanet:
 
     def drawn(self) -> Planets:
         """Return its draws at the date."""
+        from cpic_planner.planets import draw_known, known_uniforms, planets_of
+
         choice = self.choice
         uniforms = known_uniforms(choice.table, [self.row], choice.n_draws, choice.seed)
         return planets_of(draw_known(choice.table, [self.row], uniforms, epoch_mjd=choice.mjd), 0, choice.albedo)
@@ -72,6 +77,7 @@ class NamedPlanet:
             The planet's, as asked for.
         """
         from cpic_planner.api.etc import closed_forms
+        from cpic_planner.ranking.known_answer import planets_contrast
 
         plain = self.question(question)
         model, drawn = model_of(plain), self.drawn()
@@ -142,7 +148,7 @@ def named(question: EtcQuestion, name: str, catalogue: Catalogue) -> tuple[Targe
     try:
         resolve_star(name, catalogue.table)
     except InputError as error:
-        planet = planet_named(question, name, error)
+        planet = planet_named(_choice(question), name, error)
     star, remark = find_target(name if planet is None else planet.star, **about)
     if planet is None:
         return star, remark, None
@@ -153,27 +159,16 @@ def named(question: EtcQuestion, name: str, catalogue: Catalogue) -> tuple[Targe
     return star, remark, planet
 
 
-def planet_named(question: Any, name: str, unknown: InputError) -> NamedPlanet:
+def planet_named(choice: KnownChoice, name: str, unknown: InputError) -> NamedPlanet:
     """Return the known planet of a name that no star has.
 
     Parameters
     ----------
-    question : EtcQuestion or KnownQuestion
+    choice : KnownChoice
     name : str
     unknown : InputError
         What is said of the name as that of a star; raised where the table does not know a planet of the star either.
     """
-    planet = getattr(question, "planet", question)
-    albedo = (planet[0] if isinstance(planet, tuple) else planet).albedo
-    choice = KnownChoice.at(
-        question.known_planets or "snapshot",
-        question.date_utc,
-        albedo,
-        question.instrument,
-        n_draws=getattr(question, "n_draws", 4000),
-        seed=1,
-        candidates=question.candidates,
-    )
     try:
         return NamedPlanet(choice, choice.table.row_of(name))
     except InputError as error:
@@ -182,7 +177,25 @@ def planet_named(question: Any, name: str, unknown: InputError) -> NamedPlanet:
         raise InputError("target", name, allowed=f"a star, or {error.allowed}", hint=error.hint) from None
 
 
+def _choice(question: EtcQuestion) -> KnownChoice:
+    """Known planets of a question, at its date."""
+    from cpic_planner.ranking import KnownChoice
+
+    planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
+    return KnownChoice.at(
+        question.known_planets or "snapshot",
+        question.date_utc,
+        planet.albedo,
+        question.instrument,
+        n_draws=N_DRAWS,
+        seed=1,
+        candidates=question.candidates,
+    )
+
+
 def _three(draws: FloatArray) -> Quantiles:
+    from cpic_planner.planets import quantiles
+
     low, median, high = quantiles(draws).tolist()
     return Quantiles(low=low, median=median, high=high)
 

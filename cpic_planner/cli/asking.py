@@ -132,7 +132,8 @@ def _annotation(option: Any, text: str) -> Any:
     kind = list[kind] if option.several else kind
     own = option.asked
     if own.argument:
-        argument = typer.Argument(metavar=own.metavar or option.flag, help=text, show_default=False)
+        metavar = own.metavar or option.flag
+        argument = typer.Argument(metavar=metavar, help=text, show_default=False, autocompletion=_completed(own))
         return Annotated[kind if option.required else kind | None, argument]
     flags = [f"{option.flag}/--no-{option.flag[2:]}" if option.switchable else option.flag]
     metavar = own.metavar or None
@@ -140,8 +141,17 @@ def _annotation(option: Any, text: str) -> Any:
         flags.append(option.flag.removesuffix("-s"))
         metavar = metavar or "S|TIME"
         text += f" {flags[1]} takes a unit: s, min, h or d, as 2h."
-    told = typer.Option(*flags, help=text, metavar=metavar, hidden=own.hidden, show_default=False)
+    told = typer.Option(
+        *flags, help=text, metavar=metavar, hidden=own.hidden, show_default=False, autocompletion=_completed(own)
+    )
     return Annotated[kind | None, told]
+
+
+def _completed(own: Any) -> Callable[[str], list[str]] | None:
+    """What a shell completes a value to; None for nothing."""
+    if own.completes is None:
+        return None
+    return lambda incomplete: [word for word in own.completes() if word.casefold().startswith(incomplete.casefold())]
 
 
 def answers(

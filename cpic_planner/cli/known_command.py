@@ -71,6 +71,7 @@ def known(
     """
     from catalogs import open_catalogue
     from cpic_core import InputError
+    from cpic_planner.api.named import planet_named
     from cpic_planner.etc import build_model
     from cpic_planner.queries import DEFAULT_YEARS
     from cpic_planner.ranking import KnownChoice
@@ -95,10 +96,15 @@ def known(
         candidates=question.candidates,
     )
     note(*table.notes, *choice.table.notes)
+    only = None
     if star is None:
         targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max, date_utc=choice.date_utc)
     else:
-        targets, remark = find_target(star, catalog=table, date_utc=choice.date_utc)
+        try:
+            targets, remark = find_target(star, catalog=table, date_utc=choice.date_utc)
+        except InputError as error:
+            only = planet_named(choice, star, error)
+            targets, remark = find_target(only.star, catalog=table, date_utc=choice.date_utc)
         note(*filter(None, [remark]))
         name = str(targets.name[0])
         if not choice.table.listed_rows_of(name):
@@ -108,6 +114,9 @@ def known(
             raise InputError("--plot" if scene is None else "--scene", star, hint=hint, allowed=allowed)
     span = None if star is None else DEFAULT_YEARS if question.years is None else question.years
     result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=question.bands)
+    if only is not None:
+        mine = [row for row in result.planets if row.planet == only.name]
+        result = result.model_copy(update={"planets": mine})
     if plot is not None:
         write_plot(plot, report.known_figure(result))
     if scene is not None:

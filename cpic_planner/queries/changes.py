@@ -339,7 +339,9 @@ def instrument_rows(instrument: Instrument, key: str = "", *, other: Instrument 
     every = dict.fromkeys((*mine, *(theirs or ())))
     names = [name for name in every if not key or name == key or name.startswith(f"{key}.") or fnmatchcase(name, key)]
     if not names:
-        raise InputError("key", key, allowed="a key of the instrument", hint=advice(sections(instrument), key, ()))
+        raise InputError(
+            "key", key, allowed="a key of the instrument", hint=advice(sections(instrument), key, tuple(ALIASES))
+        )
     rows = []
     for name in names:
         if theirs is not None and mine.get(name) == theirs.get(name):
@@ -366,7 +368,8 @@ def _plain_values(node: Mapping[str, Any], above: str = "") -> Iterator[tuple[st
         if below:
             yield from _plain_values(below, f"{above}{name}.")
         elif below is None:
-            yield f"{above}{name}", canonical_json(item).strip(chr(34))
+            plain = f"{item:.12g}" if isinstance(item, float) else canonical_json(item).strip(chr(34))
+            yield f"{above}{name}", plain
 
 
 class SkyParts(InstrumentParts):

@@ -64,6 +64,7 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
         command=str,
         several=False,
         accepts="str or sequence of str",
+        completes=shared.star_names,
     )
     snr: float | None = asked(None, "Level: photometric SNR.")
     sigma: float | None = asked(

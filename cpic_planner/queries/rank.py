@@ -29,7 +29,9 @@ class KnownQuestion(shared.InstrumentQuestion, shared.CatalogQuestion, KnownPlan
 
     KIND: ClassVar[str] = "known"
 
-    star: str | None = asked(None, 'Star: "eps Eri", "HIP 16537" ...', argument=True, metavar="[STAR]")
+    star: str | None = asked(
+        None, 'Star: "eps Eri", "HIP 16537" ...', argument=True, metavar="[STAR]", completes=shared.star_names
+    )
     years: float | None = asked(None, "How long the star's planets are followed.", unset=f"{DEFAULT_YEARS:g}")
     albedo: AlbedoValue = asked(MeasuredAlbedo(model="jupiter"), "What the planets reflect.", parts=shared.AlbedoParts)
     v_mag_max: float | None = asked(None, "Faintest V magnitude.", unset="7; none for a table of your own")
@@ -60,6 +62,7 @@ class VisibilityQuestion(shared.CatalogQuestion):
         argument=True,
         metavar="TARGET...",
         accepts="str or sequence of str",
+        completes=shared.star_names,
     )
     start_utc: str | None = asked(
         None, "First day, UTC, e.g. 2028-01-01.", option="--start", unset="{date_utc}, else that of the mission"

@@ -7,11 +7,13 @@ Fields that several questions share: the instrument and its bands, the stars, ru
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from catalogs import load_stars
 from cpic_core import InputError, digest_of
 from cpic_planner.jobs import check_address
 from cpic_planner.queries.base import Parts, Question, called
@@ -268,6 +270,11 @@ def several(value: Any) -> Any:
     return tuple(value) if isinstance(value, list | set) or hasattr(value, "tolist") else (value,)
 
 
+def star_names() -> list[str]:
+    """Return the names of the embedded stars, which shells complete."""
+    return [re.sub(r"^(?:\*\*?|V\*|NAME) +", "", str(name)) for name in load_stars().column("name")]
+
+
 Texts = Annotated[tuple[str, ...], BeforeValidator(several)]
 
 
@@ -287,6 +294,7 @@ class InstrumentQuestion(Question):
         option="--band",
         unset="all visible bands",
         accepts="sequence of str",
+        completes=lambda: (*default_instrument().bands, ALL),
     )
 
     @classmethod
