@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
 from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.model import EtcModel
@@ -357,6 +356,8 @@ def _planet_left(model: EtcModel, band: str, x: FloatArray, y: FloatArray) -> Fl
     rolls_deg = model.strategy.rolls_deg
     if len(rolls_deg) == 1:
         return np.ones((1,) * x.ndim)
+    from scipy import ndimage
+
     first, second = (np.exp(1j * np.radians(roll)) for roll in rolls_deg)
     apart = (x + 1j * y) * (second - first)
     metrics = model.metrics[band]
@@ -369,6 +370,8 @@ def _planet_left(model: EtcModel, band: str, x: FloatArray, y: FloatArray) -> Fl
 @functools.lru_cache(maxsize=16)
 def _spline(metrics: PsfMetrics) -> FloatArray:
     """Coefficients of the cubic spline through a source's light in apertures: straight lines miss 0.1 of its middle."""
+    from scipy import ndimage
+
     return np.asarray(ndimage.spline_filter(metrics.aperture_map, order=3))
 
 
