@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
+import scipy
 
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_finite, check_whole, compute_once, stream
 from simulator.config import Instrument, content_hash
@@ -189,10 +190,8 @@ class SpeckleModes:
         most_here = min(most, r - 1)
         values, vectors = np.ones(0), np.ones((r, 0))
         if most_here:
-            from scipy.linalg import eigh
-
             scatter = library @ library.T + beside @ beside.T
-            values, vectors = eigh(scatter, subset_by_index=(r - most_here, r - 1), check_finite=False)
+            values, vectors = scipy.linalg.eigh(scatter, subset_by_index=(r - most_here, r - 1), check_finite=False)
         n = int(np.count_nonzero(values > 1e-9 * values[-1:]))
         modes = (vectors[:, ::-1][:, :n] / np.sqrt(values[::-1][:n])).T @ library
         own, planets = (part @ modes.T for part in (self._own, self._planets))
