@@ -15,7 +15,7 @@ from cpic_core import InputError
 from cpic_planner.cli.options import note, shown
 from cpic_planner.cli.progress import heard
 
-RENAMED = {"--photon-counting": ("--mode", "photon_counting")}
+RENAMED = {"--photon-counting": ("--mode", "photon_counting"), "--draws": ("--planets",)}
 """Former options, and what each is now."""
 _FILE = "question_file"
 _FILE_HELP = (
@@ -71,7 +71,7 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
             arguments += [f"{name}-s", _seconds(name, text)]
             continue
         new = RENAMED.get(arg)
-        if new is None or arg in known:
+        if new is None or arg in known or (new[0] not in known and len(new) == 1):
             arguments.append(arg)
             continue
         if new[0] not in known:

@@ -143,7 +143,9 @@ def visibility(
         Path | None,
         typer.Option("--plot", help="Draw FILE.png, .pdf or .svg: the days of one star, a calendar of several."),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Also write every step of every star to FILE.csv.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Also write every step of every star to FILE.csv.")
+    ] = None,
 ) -> None:
     """Say when stars can be seen from the orbit of the telescope, and for how long per orbit.
 

@@ -359,7 +359,26 @@ def write_plot(plot: Path, figure: Figure, remark: str = "") -> None:
 def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:
     """Refuse a file whose name does not end in what is written."""
     if path is not None and path.suffix not in endings:
-        raise InputError(option, str(path), allowed=f"a name that ends in {' or '.join(endings)}")
+        raise InputError(
+            option,
+            str(path),
+            allowed=f"a name that ends in {' or '.join(filter(None, [', '.join(endings[:-1]), endings[-1]]))}",
+        )
+
+
+FORM_OF_ENDING = {".json": "json", ".tex": "latex", ".md": "markdown"}
+"""Forms in which a table of the terminal is written to a file, by the ending of its name."""
+
+
+def file_text(path: Path, result: BaseModel, tables: Callable[[Console], None]) -> str:
+    """Return a result as JSON, or its main table, in the form that the ending of a file's name asks for."""
+    form = FORM_OF_ENDING[path.suffix]
+    if form == "json":
+        return dump_json(result.model_dump(mode="json"))
+    sheet = report.Sheet(console(), form)
+    tables(cast("Console", sheet))
+    assert sheet.taken is not None
+    return report.form_text(form, *sheet.taken)
 
 
 def write_out(path: Path, text: Callable[[], str], rows: int) -> None:

@@ -42,7 +42,14 @@ def rank(
         Path | None,
         typer.Option("--plot", help="Draw the first --limit stars, at most 100, into FILE.png, .pdf or .svg as well."),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Also write all rows to FILE.csv or FILE.ecsv.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Also write all rows to FILE.csv, .ecsv or .json (all columns), .tex or .md (those of the screen).",
+        ),
+    ] = None,
 ) -> None:
     """Rank the whole catalogue (analytic, a few seconds; --explain, --sensitivity and --compare rank more than once).
 
@@ -118,7 +125,7 @@ def rank(
     if explain is not None and question.filters:
         hint = "its rank is that among all stars of the sample"
         raise InputError("--explain", explain, allowed=f"without {called(question.filters[0])}", hint=hint)
-    options.check_file(out, (".csv", ".ecsv"), "--out")
+    options.check_file(out, (".csv", ".ecsv", *options.FORM_OF_ENDING), "--out")
     options.check_plot(plot)
     if compare is not None:
         moved = compared(question, compare, key="--compare")
@@ -144,8 +151,11 @@ def rank(
         return
     result = ready.ranked()
     if out is not None:
-        table = report.ranking_csv if out.suffix == ".csv" else report.ranking_ecsv
-        options.write_out(out, lambda: table(result), len(result.targets))
+        rows = len(result.targets)
+        whole = partial(report.print_rank, result, limit=rows)
+        own = {".csv": report.ranking_csv, ".ecsv": report.ranking_ecsv}.get(out.suffix)
+        text = partial(options.file_text, out, result, whole) if own is None else partial(own, result)
+        options.write_out(out, text, rows)
     if plot is not None:
         shown, most = min(limit, len(result.targets)), report.MOST_STARS
         few = f" with the first {most} stars only: names of {shown} could not be read" * (shown > most)

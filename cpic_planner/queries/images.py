@@ -204,7 +204,7 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
     audit: bool | None = asked(
         None, "Run one more realisation frame by frame, with every effect.", unset="with {fidelity} standard"
     )
-    out: Path | None = asked(None, "Output folder.", unset="print only", physics=False)
+    out: Path | None = asked(None, "Output folder.", unset="print only", physics=False, metavar="DIR")
 
     @property
     def visits(self) -> int:

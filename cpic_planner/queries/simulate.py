@@ -180,7 +180,9 @@ class SimulateQuestion(RunQuestion):
         unset="{start_utc}",
     )
     truth: bool = asked(True, "Write the truth beside the products.")
-    out: Path = asked(Path("out/simulate"), "Output folder; an interrupted run continues there.", physics=False)
+    out: Path = asked(
+        Path("out/simulate"), "Output folder; an interrupted run continues there.", physics=False, metavar="DIR"
+    )
 
     @property
     def given(self) -> dict[str, Any]:

@@ -280,14 +280,9 @@ def _bar(share: float, room: int, console: Console) -> str:
 
 
 def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
-    held = [
-        f"the {name} by {words.limit_text(limit)}"
-        for name, limit in (("exposure", row.exposure_limited_by), ("EM gain", row.gain_limited_by))
-        if limit
-    ]
-    if held:
-        text = " and ".join(held)
-        print_note(console, f"Held: {text}.")
+    limits = ("exposure", row.exposure_limited_by), ("EM gain", row.gain_limited_by)
+    if held := [f"the {name} is held by {words.limit_text(limit)}" for name, limit in limits if limit]:
+        print_note(console, words.sentence("; ".join(held)))
     helpful = words.remedies_text(row.remedies)
     if row.remedies.get("twice_the_time", 2.0) < 1.0:
         helpful += "; longer visits would lower it: the wavefront walks away"

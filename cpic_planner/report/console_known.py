@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from catalogs.known_planet_columns import FLAGS
-from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
+from cpic_planner.report.cells import Cells, Sheet, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, ratio_text
 from cpic_planner.report.priorities import known_planet_name
 from cpic_planner.report.summary import day_text, pointing_sentence
@@ -151,7 +151,7 @@ def print_visibility(result: VisibilityResult, console: Console) -> None:
     result : VisibilityResult
     console : Console
     """
-    several = len(result.targets) > 1
+    several = len(result.targets) > 1 or (isinstance(console, Sheet) and console.form != "table")
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
         title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {day_text(result.start_utc)}"
