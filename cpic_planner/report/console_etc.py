@@ -68,7 +68,7 @@ def print_etc(
     """
     best = best_row(result)
     _print_answers(result, console, best, asked)
-    print_note(console, *_verdict_sentences(result, best, placed))
+    print_note(console, *_verdict_sentences(result, best, placed, explain))
     if explain:
         _explain(result, console)
     budgeted = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
@@ -86,7 +86,7 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
     cells = row_cells(
         EtcAnswer,
         f"band value {'range ' * known}separation_arcsec/1 contrast/4 visits/2 frames/5 em_gain/9 time_s/7 snr/3 "
-        "significance/5 detection_probability/6 held/8 status",
+        "significance/5 detection_probability/6 detection_probability_known_place/7 held/8 status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
         value=_ANSWER,
         range=_RANGE,
@@ -148,7 +148,7 @@ def _about_text(result: EtcResult) -> str:
     return f"{radius.median:.2f} R_J, phase {phase.median:.0f} deg (medians), {look.albedo} albedo, {where}"
 
 
-def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool) -> list[str]:
+def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, explained: bool) -> list[str]:
     """Say in at most two sentences what is a detection, or why not, and the least change that would make it one."""
     rated = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
     missed = [row for row in rated if row.verdict == "measured_not_detected"]
@@ -172,7 +172,7 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool) 
     if len(told) < _SENTENCES and (causes := _causes(missed)):
         told.append(f"Not detected in this time; limited: {causes}.")
     reasons = dict.fromkeys(row.message for row in result.answers if row.message)
-    if len(told) < _SENTENCES and reasons:
+    if len(told) < _SENTENCES and reasons and not explained:
         parts = []
         for text in reasons:
             bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))

@@ -18,7 +18,8 @@ def result(done, *arguments):
 
 
 @pytest.mark.parametrize(
-    ("written", "seconds"), [("2h", "7200"), ("120min", "7200"), ("7200s", "7200"), ("0.5d", "43200"), ("1.5 h", "5400")]
+    ("written", "seconds"),
+    [("2h", "7200"), ("120min", "7200"), ("7200s", "7200"), ("0.5d", "43200"), ("1.5 h", "5400")],
 )
 def test_a_time_with_a_unit(done, written, seconds):
     plain = result(done, *HERE, "--time-s", seconds)

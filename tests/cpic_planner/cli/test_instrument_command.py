@@ -48,7 +48,7 @@ def test_a_change_is_all_that_differs(done):
 
 def test_forms(done):
     text = done("show", "--key", "drift", "--format", "csv")[0]
-    assert [row["key"] for row in csv.DictReader(io.StringIO(text))][0] == "drift.visit_nm"
+    assert next(row["key"] for row in csv.DictReader(io.StringIO(text))) == "drift.visit_nm"
     assert done("show", "--key", "drift", "--format", "latex")[0].count(r"\\") == 10
 
 

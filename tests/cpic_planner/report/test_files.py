@@ -4,10 +4,10 @@ import csv
 import io
 
 import pytest
+from rich.console import Console
 
 from cpic_planner.report import Sheet, form_text, print_etc, print_rank
 from cpic_planner.report.files import latex_text
-from rich.console import Console
 
 
 @pytest.fixture
