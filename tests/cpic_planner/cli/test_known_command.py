@@ -12,7 +12,7 @@ from cpic_planner.cli.main import main
 from cpic_planner.results import KnownResult, RankResult
 from simulator import load_scene
 
-FEW = ["--draws", "200"]
+FEW = ["--planets", "200"]
 MINE = "star,planet,a,e,mass,inclination,radius,star_mass\neps Eri,eps Eri q,1.5,0,1,30,1.1,0.83\n"
 
 
@@ -137,7 +137,7 @@ def test_a_table_of_one_s_own(call, done, tmp_path):
         (["eps Eri", "--v-mag-max", "5"], "only without a STAR"),
         (["eps Eri", "--date", "soon"], "--date = soon UTC"),
         (["eps Eri", "--years", "0"], "years = 0"),
-        (["eps Eri", "--draws", "0"], "--draws = 0"),
+        (["eps Eri", "--planets", "0"], "--planets = 0"),
         (["eps Eri", "--known-planets", "nowhere.csv"], "nowhere.csv"),
         (["eps Eri", "--band", "F999"], "F999"),
     ],
