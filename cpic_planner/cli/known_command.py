@@ -13,6 +13,7 @@ import typer
 
 from cpic_planner import report
 from cpic_planner.cli.options import Answer, Output, check_file, check_plot, note, write_out, write_plot
+from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
     from catalogs import Catalogue
@@ -38,7 +39,8 @@ def known(
 
     Published orbits are drawn within their errors: with time the place of a planet gets less certain, and where no
     time of periastron or conjunction is published its phase is unknown. Without a star all stars with known planets
-    are listed, with one also the days of the next years on which it stands in the dark hole of each band.
+    are listed (with -v also why some planets are not counted), with one also the days of the next years on which it
+    stands in the dark hole of each band.
 
     Examples:
 
@@ -121,7 +123,7 @@ def known(
         write_plot(plot, report.known_figure(result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
-    output.show(result, partial(report.print_known, result, limit=limit))
+    output.show(result, partial(report.print_known, result, limit=limit, full=is_verbose()))
 
 
 def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:

@@ -72,6 +72,11 @@ def is_quiet() -> bool:
     return logging.getLogger("cpic_planner").getEffectiveLevel() >= logging.ERROR
 
 
+def is_verbose() -> bool:
+    """Whether ``-v`` was given."""
+    return logging.getLogger("cpic_planner").getEffectiveLevel() <= logging.INFO
+
+
 @dataclass
 class Work:
     """One piece of work: its title, how far it has come, and what was shown of it (times in s)."""

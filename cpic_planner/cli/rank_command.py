@@ -12,6 +12,7 @@ from cpic_core import InputError
 from cpic_planner import ranking, report
 from cpic_planner.cli import options
 from cpic_planner.cli.options import Answer, note, refuse_together
+from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
     from cpic_planner.queries import RankQuestion
@@ -70,6 +71,8 @@ def rank(
     that pass all that are given: scores and seeds stay those of the whole ranking, and the rank in it stands beside the
     rank among the chosen (rank_in_catalogue).
     --compare says which stars move from another ranking to this one, by how much their scores change, and why.
+
+    Under the table stands what its headings mean, and what is detected; with -v all that its numbers refer to.
 
     Examples:
 
@@ -162,4 +165,4 @@ def rank(
         draw = report.rank_figure if result.ensemble is None else report.ensemble_figure
         options.write_plot(plot, draw(result, limit), few)
     detected = any(row.verdict == "detected" for row in result.targets)
-    output.show(result, partial(report.print_rank, result, limit=limit), detected)
+    output.show(result, partial(report.print_rank, result, limit=limit, full=is_verbose()), detected)

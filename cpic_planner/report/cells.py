@@ -115,7 +115,7 @@ def _column_cells(
     text = own or _through(of, _cell_text(column, page))
     form = column.look.format
     unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
-    legend = column.look.meaning.partition(";")[0] if column.look.short else ""
+    legend = column.look.meaning.partition(";")[0] if column.look.short and column.right else ""
     return Cells(column.heading, text, column.right, 0, column.label, unit, legend, (column.name,), of)
 
 

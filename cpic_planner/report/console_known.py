@@ -31,8 +31,11 @@ _WINDOWS = 6
 """Windows of a planet that are printed."""
 
 
-def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
-    """Print the planets, widest on the sky first unless a star was asked for, and what the numbers mean."""
+def print_known(result: KnownResult, console: Console, limit: int = 40, *, full: bool = True) -> None:
+    """Print the planets, widest on the sky first unless a star was asked for, and what the numbers mean.
+
+    Without ``full``, and without a star, planets that are not counted are not told one by one.
+    """
     band = result.holes[0].band
     counted = [row for row in result.planets if row.counted]
     listed = [row for row in result.planets if not row.counted]
@@ -56,7 +59,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
         for row in counted[:limit]:
             _print_windows(row, result, console)
             _print_standing(row, console)
-    for row in listed:
+    for row in listed if full or result.years is not None else ():
         _print_standing(row, console)
     lacking: dict[str, list[str]] = {}
     for row in shown if result.years is not None else ():

@@ -144,7 +144,7 @@ _PROBABILITY = (
     "probability that a blind search finds the planet, by the law of simulated images; null where no law was measured "
     "(near-infrared camera, photon counting) or there is no answer"
 )
-_KNOWN_PLACE = Look("at its place", "known %", "%", "the same for a look at the planet's known place")
+_KNOWN_PLACE = Look("at its place", "place %", "%", "the same for a look at the planet's known place")
 VOCABULARY: Mapping[str, Look] = {
     "hip": Look("HIP", meaning="Hipparcos number"),
     "v_mag": Look("V", "V mag", ".2f", "Johnson V (Vega), mag"),
