@@ -24,7 +24,7 @@ from cpic_planner.etc import (
 from cpic_planner.queries import MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet
 from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer
-from cpic_planner.targets import Targets
+from cpic_planner.targets import Targets, as_catalogue
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,6 +90,9 @@ def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
     question : EtcQuestion
     star : Targets
     """
+    if question.separation_au is not None:
+        own = [check_range("separation_au", place, 0.0, 1e5, "au") for place in question.separation_au]
+        return [place / float(star.distance_pc[0]) for place in own]
     if question.semi_major_axis_au is None:
         return question.separation_arcsec
     axis = check_range("semi_major_axis_au", question.semi_major_axis_au, 1e-3, 1e5, "au")
@@ -219,16 +222,29 @@ def checked(
 
 def _answered(question: EtcQuestion) -> list[EtcAnswer]:
     """The answers about all stars of a question."""
-    model = model_of(question)
-    stars = [as_asked(question, star) for star in stars_named(question)]
+    from cpic_planner.api.named import named
+
+    model, plain = model_of(question), question.fidelity is None and question.tolerance is None
+    try:
+        stars = [as_asked(question, star) for star in stars_named(question)]
+    except InputError:
+        # A name that no star has may be that of a planet.
+        answers, catalogue = [], as_catalogue(question.catalog)
+        for name in question.target:
+            star, _, planet = named(question, name, catalogue)
+            if planet is None:
+                answers += _answered(question.model_copy(update={"target": (str(star.name[0]),)}))
+                continue
+            one, star = planet.question(question), as_asked(question, star)
+            found = planet.answers(one, star)
+            answers += found if plain else checked(one, model_of(one), [star], found)
+        return answers
     if not stars:
         return []
     together = question.separation_arcsec is not None and question.n_frames is None
     groups = [Targets.joined(stars)] if together else stars
     answers = [answer for group in groups for answer in closed_forms(question, model, group)]
-    if question.fidelity is None and question.tolerance is None:
-        return answers
-    return checked(question, model, stars, answers)
+    return answers if plain else checked(question, model, stars, answers)
 
 
 def _timed(question: EtcQuestion) -> EtcQuestion:

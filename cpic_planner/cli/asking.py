@@ -12,9 +12,10 @@ import typer
 from typer.core import TyperCommand
 
 from cpic_core import InputError
-from cpic_planner.cli.options import note
+from cpic_planner.cli.options import note, shown
+from cpic_planner.cli.progress import heard
 
-RENAMED = {"--photon-counting": ("--mode", "photon_counting")}
+RENAMED = {"--photon-counting": ("--mode", "photon_counting"), "--draws": ("--planets",)}
 """Former options, and what each is now."""
 _FILE = "question_file"
 _FILE_HELP = (
@@ -38,7 +39,8 @@ def late(run: Callable[..., None], name: str) -> type[TyperCommand]:
         def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
             built = command_of(run, pkgutil.resolve_name(name))
             self.params, self.callback = built.params, built.callback
-            return super().make_context(info_name, _present(args, self.params), parent, **extra)
+            asked = args if extra.get("resilient_parsing") else _present(args, self.params)
+            return super().make_context(info_name, asked, parent, **extra)
 
     return Late
 
@@ -53,17 +55,23 @@ def command_of(run: Callable[..., None], model: Any) -> Any:
     model : type of Question
     """
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command()(_asking(run, model))
+    app.command()(heard(_asking(run, model)))
     return typer.main.get_command(app)
 
 
 def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
-    """Arguments with the present names of options, each told once."""
+    """Arguments with the present names of options, each told once, and times in seconds."""
     arguments: list[str] = []
     known = {name for param in params for name in param.opts}
-    for arg in args:
+    rest = iter(args)
+    for arg in rest:
+        name, equals, text = arg.partition("=")
+        if name in known and f"{name}-s" in known:
+            text = text if equals else next(rest, "")
+            arguments += [f"{name}-s", _seconds(name, text)]
+            continue
         new = RENAMED.get(arg)
-        if new is None or arg in known:
+        if new is None or arg in known or (new[0] not in known and len(new) == 1):
             arguments.append(arg)
             continue
         if new[0] not in known:
@@ -74,19 +82,30 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
     return arguments
 
 
+def _seconds(name: str, text: str) -> str:
+    """Seconds of a time with a unit."""
+    from cpic_planner.queries import read_value
+
+    written = read_value(name, text, "s")
+    if written.bare or written.action != "set" or not isinstance(written.value, float):
+        raise InputError(name, text or "nothing", allowed="a time with a unit: s, min, h or d, as 2h")
+    return repr(written.value)
+
+
 def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
     """The function with an option for every field of the question in the place of its first parameter."""
     from cpic_planner.queries import called_by_option, option_names, options_of, spelled
 
     options, names = tuple(options_of(model)), option_names(model)
+    run = shown(run, **{model.__name__: model})
     own = list(inspect.signature(run, locals={model.__name__: model}, eval_str=True).parameters.values())[1:]
 
     def command(**given: Any) -> None:
-        shown = {parameter.name: given.pop(parameter.name) for parameter in own}
+        others = {parameter.name: given.pop(parameter.name) for parameter in own}
         with called_by_option(model):
             file = given.pop(_FILE)
             tree = answers(options, given, {} if file is None else model.load(file), names)
-            run(model.of(tree), **shown)
+            run(model.of(tree), **others)
 
     parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY, default=None)
     parameters = [
@@ -113,11 +132,26 @@ def _annotation(option: Any, text: str) -> Any:
     kind = list[kind] if option.several else kind
     own = option.asked
     if own.argument:
-        shown = typer.Argument(metavar=own.metavar or option.flag, help=text, show_default=False)
-        return Annotated[kind if option.required else kind | None, shown]
-    flag = f"{option.flag}/--no-{option.flag[2:]}" if option.switchable else option.flag
+        metavar = own.metavar or option.flag
+        argument = typer.Argument(metavar=metavar, help=text, show_default=False, autocompletion=_completed(own))
+        return Annotated[kind if option.required else kind | None, argument]
+    flags = [f"{option.flag}/--no-{option.flag[2:]}" if option.switchable else option.flag]
     metavar = own.metavar or None
-    return Annotated[kind | None, typer.Option(flag, help=text, metavar=metavar, hidden=own.hidden, show_default=False)]
+    if kind is float and option.flag.endswith("-s"):  # the same with a unit: --time 2h
+        flags.append(option.flag.removesuffix("-s"))
+        metavar = metavar or "S|TIME"
+        text += f" {flags[1]} takes a unit: s, min, h or d, as 2h."
+    told = typer.Option(
+        *flags, help=text, metavar=metavar, hidden=own.hidden, show_default=False, autocompletion=_completed(own)
+    )
+    return Annotated[kind | None, told]
+
+
+def _completed(own: Any) -> Callable[[str], list[str]] | None:
+    """What a shell completes a value to; None for nothing."""
+    if own.completes is None:
+        return None
+    return lambda incomplete: [word for word in own.completes() if word.casefold().startswith(incomplete.casefold())]
 
 
 def answers(

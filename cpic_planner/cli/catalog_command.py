@@ -10,7 +10,8 @@ import typer
 
 import catalogs
 from catalogs import POSITION_ERROR_ARCSEC, data_dir
-from cpic_planner.cli.options import JsonOption, console, print_json
+from cpic_planner.cli.options import JsonOption, console, help_alone, print_json
+from cpic_planner.cli.progress import heard
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,17 +20,16 @@ if TYPE_CHECKING:
 
 
 HELP = "The tables of stars and planets: what ships with the package, and fresh ones from their archives."
-app = typer.Typer(help=HELP, no_args_is_help=True)
+app = typer.Typer(help=HELP, invoke_without_command=True)
 
 _REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}
 
 
-@app.callback()
-def root() -> None:
-    """Group of catalogue commands."""
+app.callback(invoke_without_command=True)(help_alone)
 
 
 @app.command("info")
+@heard
 def info(as_json: JsonOption = False) -> None:
     """Show the tables: the snapshot's vintage, counts, sources and licences, and refreshed ones of stars and planets.
 
@@ -84,6 +84,7 @@ def _about(item: StoredTable) -> dict[str, Any]:
 
 
 @app.command("columns")
+@heard
 def columns(as_json: JsonOption = False) -> None:
     """Show which columns a table of your own may have: of stars (--catalog FILE), of planets (--known-planets FILE).
 

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cpic_planner import report
-from cpic_planner.cli.options import JsonOption, check_plot, console, note, print_json, refuse_together, write_plot
+from cpic_planner.cli.options import Answer, check_plot, note, refuse_together, write_plot
 from cpic_planner.cli.progress import progress
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from rich.console import Console
 
     from cpic_planner.etc import EtcModel
     from cpic_planner.queries import EtcQuestion
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
 def etc(
     question: EtcQuestion,
+    output: Answer,
     budget: Annotated[
         bool, typer.Option("--budget", help="Print the noise budget of every answer [default: of the best].")
     ] = False,
@@ -29,7 +32,6 @@ def etc(
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
     ] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
 
@@ -91,26 +93,35 @@ def etc(
     """
     from catalogs import open_catalogue
     from cpic_planner.api import as_asked, closed_forms, model_of
+    from cpic_planner.api.named import named
     from cpic_planner.etc import etc_result
-    from cpic_planner.queries import observed_utc
-    from cpic_planner.targets import find_target
+    from cpic_planner.queries.etc import PLACES
 
-    refuse_together({"--budget": budget, "--json": as_json}, "JSON holds every budget")
-    refuse_together({"--explain": explain, "--json": as_json}, "JSON holds all gains")
+    for name, value, held in (
+        ("--budget", budget, "JSON holds every budget"),
+        ("--explain", explain, "JSON holds all"),
+    ):
+        refuse_together({name: value, "--json": output.as_json}, held)
+        refuse_together({name: value, "--brief": output.brief, "--format": output.form != "table"}, "it has one table")
     check_plot(plot)
     table = open_catalogue(question.catalog)
     note(*table.notes)
-    name, date_utc = question.target[0], observed_utc(question)
-    star, about = find_target(name, companions=question.companions, catalog=table, date_utc=date_utc)
+    star, about, known = named(question, question.target[0], table)
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
-    star, model = as_asked(question, star), model_of(question)
-    answers = _checked(question, model, star, closed_forms(question, model, star))
+    star, asked_for = as_asked(question, star), question.hashed()
+    if known is None:
+        model, found = model_of(question), closed_forms(question, model_of(question), star)
+    else:
+        question = known.question(question)
+        model, found = model_of(question), known.answers(question, star)
+        asked_for |= {"known_planet": known.content()}
+    answers = _checked(question, model, star, found)
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
-    hypothetical = None if question.contrast_limit or question.contrast is not None else planet
+    hypothetical = None if question.contrast_limit or question.contrast is not None or known else planet
     labels: dict[str, Any] = {"note": about, "catalogue": table.provenance, "planet": hypothetical}
     seed = 1 if question.seed is None else question.seed
-    result = etc_result(model, star, answers, asked=question.hashed(), dial=question.dial, seed=seed, **labels)
+    result = etc_result(model, star, answers, asked=asked_for, dial=question.dial, seed=seed, **labels)
     if plot is not None:
         best, allowed = report.best_row(result), question.wall_s
         if best is not None and best.time_s is not None and (question.asks_time or question.n_frames is not None):
@@ -118,13 +129,15 @@ def etc(
         settings: dict[str, Any] = {name: getattr(question, name) for name in ("snr", "sigma", "exposure_s", "em_gain")}
         curves = report.etc_curves(model, star, answers, time_s=allowed, best_band=result.best_band, **settings)
         write_plot(plot, report.etc_figure(result, curves))
-    if as_json:
-        print_json(result)
-        return
-    placed = question.separation_arcsec is not None or question.semi_major_axis_au is not None
+    good = [row.status == "ok" if row.verdict is None else row.verdict == "detected" for row in result.answers]
+    placed = known is not None or any(getattr(question, place) is not None for place in PLACES)
     words = in_words(question)
-    report.print_etc(result, console(), asked=words, placed=placed, every_budget=budget, explain=explain)
-    report.print_fidelity(result, console())
+
+    def tables(console: Console) -> None:
+        report.print_etc(result, console, asked=words, placed=placed, every_budget=budget, explain=explain)
+        report.print_fidelity(result, console)
+
+    output.show(result, tables, any(good))
 
 
 def in_words(question: EtcQuestion) -> str:

@@ -14,13 +14,13 @@ import typer
 
 from cpic_planner import report
 from cpic_planner.cli import options
-from cpic_planner.cli.options import DryRunOption, JsonOption, note, print_cost, print_result, with_progress
+from cpic_planner.cli.options import Answer, DryRunOption, Output, note, print_cost, with_progress
 
 if TYPE_CHECKING:
     from cpic_planner.queries import ConfirmQuestion, PlanQuestion, SimulateQuestion
 
 
-def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOption = False) -> None:
+def plan(question: PlanQuestion, output: Answer, dry_run: DryRunOption = False) -> None:
     """The main job: rank the catalogue, confirm the best targets with simulated images, write the report.
 
     Each of the best targets is simulated in every band with the frames that the exposure-time calculator chooses,
@@ -79,12 +79,13 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
     if dry_run:
         cost = estimate(plan_job(question, table), workers=question.workers)
         what = f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)"
-        print_cost(cost, what, question.workers, as_json)
+        print_cost(cost, what, question.workers, output.as_json)
         return
     start = partial(make_plan, question, question.out, catalog=table, **question.how)
     done = with_progress("confirming", _n_bands(question), start)
-    print_result(done.result, as_json, partial(report.print_plan, done.result))
-    if not as_json:
+    confirmed = any(band.detected for target in done.result.targets for band in target.bands)
+    output.show(done.result, partial(report.print_plan, done.result), confirmed)
+    if output.plain:
         typer.echo(f"report: {question.out / 'report.html'}")
 
 
@@ -100,7 +101,7 @@ def _n_bands(question: PlanQuestion) -> int:
     return sum(star in first for star, _ in pairs)
 
 
-def confirm(question: ConfirmQuestion, dry_run: DryRunOption = False, as_json: JsonOption = False) -> None:
+def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = False) -> None:
     """Observe one scene in simulated images and measure it blind, beside what the exposure-time calculator expects.
 
     SCENE is a preset or a YAML file, with any number of planets (none: the blind search alone) and other stars.
@@ -139,12 +140,13 @@ def confirm(question: ConfirmQuestion, dry_run: DryRunOption = False, as_json: J
     if dry_run:
         cost = estimate(confirm_job(question), workers=question.workers)
         what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
-        print_cost(cost, what, question.workers, as_json)
+        print_cost(cost, what, question.workers, output.as_json)
         return
     start = partial(confirm_scene, question, question.out, **question.how)
     done = with_progress("confirming", len(question.band_names()), start, "band")
-    print_result(done.result, as_json, partial(report.print_confirm, done.result))
-    if as_json:
+    confirmed = any(band.detected for band in done.result.bands)
+    output.show(done.result, partial(report.print_confirm, done.result), confirmed)
+    if not output.plain:
         return
     if question.out is None:
         note("--out DIR writes a report with the images")
@@ -154,11 +156,11 @@ def confirm(question: ConfirmQuestion, dry_run: DryRunOption = False, as_json: J
 
 def simulate(
     question: SimulateQuestion,
+    output: Output,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show sequences, time, memory and disk, then stop.")
     ] = False,
     list_presets: Annotated[bool, typer.Option("--list-presets", help="Show the presets, then stop.")] = False,
-    as_json: JsonOption = False,
 ) -> None:
     """Make Level-0 data with truth: scenes, whole simulations, every star of a table, or calibration frames.
 
@@ -199,7 +201,7 @@ def simulate(
       cpic simulate --list-presets
     """
     if list_presets:
-        _print_presets(as_json)
+        _print_presets(output.as_json)
         return
     from cpic_planner import simulation
 
@@ -207,12 +209,12 @@ def simulate(
     note(*remarks)
     if dry_run:
         planned = simulation.simulation_estimate(made, truth=question.truth, workers=question.workers)
-        print_result(planned, as_json, partial(report.print_planned, planned))
+        output.show(planned, partial(report.print_planned, planned))
         return
     total = sum(entry.total_frames for entry in made.sequences)
     start = partial(simulation.simulate, made, question.out, truth=question.truth, **question.how)
     done = with_progress("frames", total, start, "sequence")
-    print_result(done.result, as_json, partial(report.print_simulation, done.result, question.out))
+    output.show(done.result, partial(report.print_simulation, done.result, question.out))
 
 
 def _print_presets(as_json: bool) -> None:

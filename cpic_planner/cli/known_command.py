@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cpic_planner import report
-from cpic_planner.cli.options import JsonOption, check_file, check_plot, note, print_result, write_out, write_plot
+from cpic_planner.cli.options import Answer, Output, check_file, check_plot, note, write_out, write_plot
+from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
     from catalogs import Catalogue
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 def known(
     question: KnownQuestion,
+    output: Output,
     limit: Annotated[int, typer.Option("--limit", min=1, help="Rows to print (--json holds all).")] = 40,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Draw separation against time into FILE.png, .pdf or .svg as well.")
@@ -32,13 +34,13 @@ def known(
             "--scene", help="Write one draw of the star's planets into FILE.yaml, for cpic simulate or confirm."
         ),
     ] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Say where the known planets are at a date, how bright, and when the dark hole covers them.
 
     Published orbits are drawn within their errors: with time the place of a planet gets less certain, and where no
     time of periastron or conjunction is published its phase is unknown. Without a star all stars with known planets
-    are listed, with one also the days of the next years on which it stands in the dark hole of each band.
+    are listed (with -v also why some planets are not counted), with one also the days of the next years on which it
+    stands in the dark hole of each band.
 
     Examples:
 
@@ -71,6 +73,7 @@ def known(
     """
     from catalogs import open_catalogue
     from cpic_core import InputError
+    from cpic_planner.api.named import planet_named
     from cpic_planner.etc import build_model
     from cpic_planner.queries import DEFAULT_YEARS
     from cpic_planner.ranking import KnownChoice
@@ -95,10 +98,15 @@ def known(
         candidates=question.candidates,
     )
     note(*table.notes, *choice.table.notes)
+    only = None
     if star is None:
         targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max, date_utc=choice.date_utc)
     else:
-        targets, remark = find_target(star, catalog=table, date_utc=choice.date_utc)
+        try:
+            targets, remark = find_target(star, catalog=table, date_utc=choice.date_utc)
+        except InputError as error:
+            only = planet_named(choice, star, error)
+            targets, remark = find_target(only.star, catalog=table, date_utc=choice.date_utc)
         note(*filter(None, [remark]))
         name = str(targets.name[0])
         if not choice.table.listed_rows_of(name):
@@ -108,11 +116,14 @@ def known(
             raise InputError("--plot" if scene is None else "--scene", star, hint=hint, allowed=allowed)
     span = None if star is None else DEFAULT_YEARS if question.years is None else question.years
     result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=question.bands)
+    if only is not None:
+        mine = [row for row in result.planets if row.planet == only.name]
+        result = result.model_copy(update={"planets": mine})
     if plot is not None:
         write_plot(plot, report.known_figure(result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
-    print_result(result, as_json, partial(report.print_known, result, limit=limit))
+    output.show(result, partial(report.print_known, result, limit=limit, full=is_verbose()))
 
 
 def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:
@@ -129,12 +140,14 @@ def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -
 
 def visibility(
     question: VisibilityQuestion,
+    output: Answer,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", help="Draw FILE.png, .pdf or .svg: the days of one star, a calendar of several."),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Also write every step of every star to FILE.csv.")] = None,
-    as_json: JsonOption = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Also write every step of every star to FILE.csv.")
+    ] = None,
 ) -> None:
     """Say when stars can be seen from the orbit of the telescope, and for how long per orbit.
 
@@ -167,4 +180,5 @@ def visibility(
         write_out(out, lambda: report.visibility_csv(result), len(result.targets) * len(result.mjd))
     if plot is not None:
         write_plot(plot, report.visibility_figure(result))
-    print_result(result, as_json, partial(report.print_visibility, result))
+    seen = any(target.observable_days for target in result.targets)
+    output.show(result, partial(report.print_visibility, result), seen)

@@ -1,8 +1,4 @@
-"""``cpic``: the command-line entry point and how it fails.
-
-Exit status: 0 success (an unreachable target is an answer), 2 bad input with one clear line, 1 failure,
-130 interrupted.
-"""
+"""``cpic``: the command-line entry point and how it fails."""
 
 import inspect
 import logging
@@ -18,6 +14,7 @@ from cpic_planner.cli import (
     catalog_command,
     etc_command,
     image_commands,
+    instrument_command,
     known_command,
     rank_command,
     refresh_command,
@@ -26,14 +23,16 @@ from cpic_planner.cli import (
 )
 from cpic_planner.cli.asking import late
 from cpic_planner.cli.options import DIAL_HELP, OVERRIDES_HELP, error_line, version_text
-from cpic_planner.cli.progress import watch
+from cpic_planner.cli.progress import QuietOption, VerboseOption, heard, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
 
+EXIT_HELP = """Exit status: 0 an answer, an unreachable target or a planet that is not detected included; 1 a failure,
+or findings of cpic check; 2 a question that cannot be asked, with one line that says why; 3 no answer, or no detection,
+with --strict; 130 interrupted."""
 app = typer.Typer(
     name="cpic",
     help="Exposure times, survey planning and simulated images for CPI-C, the coronagraph of the 2 m CSST.",
-    no_args_is_help=True,
-    add_completion=False,
+    epilog=f"{' '.join(EXIT_HELP.split())} cpic COMMAND --help says more.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -46,22 +45,24 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def root(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show version, data vintage and owner.")
+        bool,
+        typer.Option("--version", "-V", callback=_version, is_eager=True, help="Show version, data vintage and owner."),
     ] = False,
-    verbose: Annotated[int, typer.Option("-v", "--verbose", count=True, help="More messages (twice: debug).")] = 0,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Errors only, no progress.")] = False,
+    verbose: VerboseOption = 0,
+    quiet: QuietOption = False,
 ) -> None:
     """Set the level of messages for every command."""
-    level = logging.ERROR if quiet else (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+        return
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
-    for package in ("cpic_core", "catalogs", "simulator", "cpic_planner"):
-        logging.getLogger(package).setLevel(level)
+    set_loudness(verbose, quiet)
     if not quiet:
-        context.with_resource(watch(context.invoked_subcommand or "working"))
+        context.with_resource(watch(context.invoked_subcommand))
 
 
 def _add(run: Callable[..., None], *more: str) -> None:
@@ -79,11 +80,12 @@ _add(image_commands.simulate)
 _add(known_command.visibility)
 _add(study_commands.whatif)
 _add(study_commands.tradeoff)
-app.command("check")(upkeep_command.check)
-catalog_command.app.command("refresh")(refresh_command.refresh)
+app.command("check")(heard(upkeep_command.check))
+catalog_command.app.command("refresh")(heard(refresh_command.refresh))
+app.add_typer(instrument_command.app, name="instrument")
 app.add_typer(catalog_command.app, name="catalog")
 app.add_typer(upkeep_command.app, name="cache")
-app.command("schema")(upkeep_command.schema)
+app.command("schema")(heard(upkeep_command.schema))
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -126,7 +128,8 @@ def _failed(error: Exception) -> int:
         return error_line("interrupted", 130)
     message = getattr(error, "format_message", None)
     if message is not None:  # what the option parser refuses
-        return error_line(f"{message()} (see cpic --help)" if message() else "see cpic --help", 2)
+        where = getattr(getattr(error, "ctx", None), "command_path", "cpic")
+        return error_line(f"{message()} (see {where} --help)" if message() else f"see {where} --help", 2)
     if logging.getLogger("cpic_planner").isEnabledFor(logging.DEBUG):
         raise error
     return error_line(f"{type(error).__name__}: {error} (cpic -vv shows where)", 1)

@@ -6,10 +6,14 @@ Options of commands that are no part of a question, and paragraphs that several 
 from __future__ import annotations
 
 import contextlib
+import functools
+import inspect
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, cast
 
 import typer
 from pydantic import BaseModel
@@ -40,6 +44,12 @@ def error_line(text: str, status: int) -> int:
     return status
 
 
+def help_alone(context: typer.Context) -> None:
+    """Show the help of a group of commands that is called without any."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
 def note(*texts: str) -> None:
     """Write remarks to stderr, a line each, unless quiet."""
     if not is_quiet():
@@ -52,12 +62,83 @@ def print_json(result: BaseModel | Mapping[str, Any]) -> None:
     sys.stdout.write(dump_json(result.model_dump(mode="json") if isinstance(result, BaseModel) else dict(result)))
 
 
-def print_result(result: BaseModel, as_json: bool, tables: Callable[[Console], None]) -> None:
-    """Print a result as JSON, or as ``tables`` print it."""
-    if as_json:
-        print_json(result)
-    else:
-        tables(console())
+@dataclass(frozen=True)
+class Output:
+    """How a command writes its answer.
+
+    Attributes
+    ----------
+    form : str
+        One of `Form`.
+    brief : bool
+        The main table alone.
+    """
+
+    form: str = "table"
+    brief: bool = False
+
+    @property
+    def as_json(self) -> bool:
+        """Whether the answer is JSON."""
+        return self.form == "json"
+
+    @property
+    def plain(self) -> bool:
+        """Whether more than a table is printed, for people."""
+        return self.form == "table" and not self.brief
+
+    def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
+        """Print a result as JSON, or as ``tables`` print it, or the first of these tables in another form.
+
+        Parameters
+        ----------
+        result : BaseModel
+        tables : callable
+        found : bool
+            Whether there is an answer, and of a planet a detection.
+
+        Raises
+        ------
+        InputError
+            If a form is asked for that the answer has no table for.
+        """
+        if self.as_json:
+            print_json(result)
+            return
+        screen = console()
+        if self.plain:
+            tables(screen)
+            return
+        sheet = report.Sheet(screen, self.form)
+        tables(cast("Console", sheet))
+        if self.form == "table":
+            return
+        if sheet.taken is None:
+            raise InputError("--format", self.form, allowed="table or json: this answer has no table")
+        sys.stdout.write(report.form_text(self.form, *sheet.taken))
+
+
+@dataclass(frozen=True)
+class Answer(Output):
+    """The same of a command that asks for something that may not be there.
+
+    Attributes
+    ----------
+    strict : bool
+        Whether the exit status tells that it is not.
+    """
+
+    strict: bool = False
+
+    def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
+        """As `Output.show`; then leave with `NOTHING_FOUND` where nothing is found and ``strict`` asks for it."""
+        super().show(result, tables)
+        if self.strict and not found:
+            raise typer.Exit(NOTHING_FOUND)
+
+
+NOTHING_FOUND = 3
+"""Exit status of --strict where there is no answer, or no detection."""
 
 
 def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool) -> None:
@@ -127,8 +208,79 @@ def version_text() -> str:
     return "\n".join(lines)
 
 
+class Form(StrEnum):
+    """How a command writes its main table."""
+
+    TABLE = "table"
+    CSV = "csv"
+    ECSV = "ecsv"
+    JSON = "json"
+    LATEX = "latex"
+    MARKDOWN = "markdown"
+
+
+FormOption: TypeAlias = Annotated[
+    Form, typer.Option("--format", help="How the main table is written: for people, or for other programs.")
+]
+BriefOption: TypeAlias = Annotated[
+    bool, typer.Option("--brief", help="The main table alone, without what explains it.")
+]
+StrictOption: TypeAlias = Annotated[
+    bool, typer.Option("--strict", help="Leave with status 3 where there is no answer, or no planet is detected.")
+]
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
 DryRunOption: TypeAlias = Annotated[bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")]
+
+
+def output_options(kind: type[Output]) -> dict[str, Any]:
+    """Return the options of an output as annotations, by name."""
+    options: dict[str, Any] = {"form": FormOption, "brief": BriefOption, "as_json": JsonOption}
+    return options | ({"strict": StrictOption} if issubclass(kind, Answer) else {})
+
+
+def shown(command: Callable[..., None], **where: Any) -> Callable[..., None]:
+    """Return a command with the options of its parameter ``output`` in the place of it; the same if it has none.
+
+    Parameters
+    ----------
+    command : callable
+    **where
+        What names of its annotations mean that its module imports for type checkers alone.
+    """
+    given = inspect.signature(command, locals=where, eval_str=True).parameters
+    if "output" not in given:
+        return command
+    kind: type[Output] = given["output"].annotation
+
+    @functools.wraps(command)
+    def told(*question: Any, **values: Any) -> None:
+        output = output_of(kind, values)
+        command(*question, output=output, **values)
+
+    only = inspect.Parameter.KEYWORD_ONLY
+    own = [item if item.name == "question" else item.replace(kind=only) for item in given.values()]
+    own = [item for item in own if item.name != "output"]
+    own += [inspect.Parameter(n, only, default=None, annotation=kind_of) for n, kind_of in output_options(kind).items()]
+    told.__signature__ = inspect.Signature(own)  # type: ignore[attr-defined]
+    return told
+
+
+def output_of(kind: type[Output], given: dict[str, Any]) -> Output:
+    """Take the options of an output out of what is given.
+
+    Raises
+    ------
+    InputError
+        For options that contradict each other.
+    """
+    form, brief, as_json = str(given.pop("form") or "table"), bool(given.pop("brief")), given.pop("as_json")
+    if as_json and form not in ("table", "json"):
+        raise InputError("--json", "given with --format", allowed="one of the two")
+    if brief and (as_json or form != "table"):
+        raise InputError("--brief", "given", allowed="with --format table: the other forms have the main table alone")
+    strict = {"strict": bool(given.pop("strict"))} if kind is Answer else {}
+    return kind("json" if as_json else form, brief, **strict)
+
 
 DIAL_HELP = """Speed against accuracy is one dial. --fidelity standard (the default) draws sums of frames where that is
 allowed and one realisation frame by frame; quick is coarser and checks nothing frame by frame; reference leaves nothing
@@ -207,7 +359,26 @@ def write_plot(plot: Path, figure: Figure, remark: str = "") -> None:
 def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:
     """Refuse a file whose name does not end in what is written."""
     if path is not None and path.suffix not in endings:
-        raise InputError(option, str(path), allowed=f"a name that ends in {' or '.join(endings)}")
+        raise InputError(
+            option,
+            str(path),
+            allowed=f"a name that ends in {' or '.join(filter(None, [', '.join(endings[:-1]), endings[-1]]))}",
+        )
+
+
+FORM_OF_ENDING = {".json": "json", ".tex": "latex", ".md": "markdown"}
+"""Forms in which a table of the terminal is written to a file, by the ending of its name."""
+
+
+def file_text(path: Path, result: BaseModel, tables: Callable[[Console], None]) -> str:
+    """Return a result as JSON, or its main table, in the form that the ending of a file's name asks for."""
+    form = FORM_OF_ENDING[path.suffix]
+    if form == "json":
+        return dump_json(result.model_dump(mode="json"))
+    sheet = report.Sheet(console(), form)
+    tables(cast("Console", sheet))
+    assert sheet.taken is not None
+    return report.form_text(form, *sheet.taken)
 
 
 def write_out(path: Path, text: Callable[[], str], rows: int) -> None:

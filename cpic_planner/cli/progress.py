@@ -7,18 +7,57 @@ every ten seconds, and after the first minute only with a tenth of the pieces, a
 from __future__ import annotations
 
 import contextlib
+import functools
+import inspect
 import logging
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeAlias
+
+import typer
 
 from cpic_core import LOGGER, Advance, untold
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
+
+
+VerboseOption: TypeAlias = Annotated[
+    int, typer.Option("-v", "--verbose", count=True, help="More messages (twice: debug).", show_default=False)
+]
+QuietOption: TypeAlias = Annotated[bool, typer.Option("-q", "--quiet", help="Errors only, no progress.")]
+
+
+def set_loudness(verbose: int, quiet: bool) -> None:
+    """Set the level of messages."""
+    level = logging.ERROR if quiet else (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
+    for package in ("cpic_core", "catalogs", "simulator", "cpic_planner"):
+        logging.getLogger(package).setLevel(level)
+
+
+def heard(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command that takes -v and -q itself, as ``cpic`` does before its name."""
+    given = list(inspect.signature(command, eval_str=True).parameters.values())
+
+    @functools.wraps(command)
+    def loud(**values: Any) -> None:
+        verbose, quiet = values.pop("verbose"), values.pop("quiet")
+        if verbose or quiet:
+            set_loudness(verbose, quiet)
+        command(**values)
+
+    only = inspect.Parameter.KEYWORD_ONLY
+    own = [
+        inspect.Parameter("verbose", only, default=0, annotation=VerboseOption),
+        inspect.Parameter("quiet", only, default=False, annotation=QuietOption),
+    ]
+    every = [parameter.replace(kind=only) for parameter in given] + own
+    loud.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]
+    loud.__annotations__ = {parameter.name: parameter.annotation for parameter in every}
+    return loud
 
 
 SHOW_AFTER_S = 2.0
@@ -31,6 +70,11 @@ _TICK_S = 0.25
 def is_quiet() -> bool:
     """Whether ``-q`` was given."""
     return logging.getLogger("cpic_planner").getEffectiveLevel() >= logging.ERROR
+
+
+def is_verbose() -> bool:
+    """Whether ``-v`` was given."""
+    return logging.getLogger("cpic_planner").getEffectiveLevel() <= logging.INFO
 
 
 @dataclass
@@ -182,7 +226,8 @@ class Reporter(logging.Handler):
     def tick(self) -> None:
         """Show what is due now."""
         with self._mutex:
-            self._display.tick(self._stack[-1], self._clock())
+            if not is_quiet():
+                self._display.tick(self._stack[-1], self._clock())
 
     def emit(self, record: logging.LogRecord) -> None:
         """Take an announcement as what is done from now on."""

@@ -11,7 +11,8 @@ import typer
 from cpic_core import InputError
 from cpic_planner import ranking, report
 from cpic_planner.cli import options
-from cpic_planner.cli.options import JsonOption, note, print_result, refuse_together
+from cpic_planner.cli.options import Answer, note, refuse_together
+from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
     from cpic_planner.queries import RankQuestion
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 def rank(
     question: RankQuestion,
+    output: Answer,
     limit: Annotated[
         int, typer.Option("--limit", min=1, help="Stars to print and to draw (--json and --out hold all).")
     ] = 20,
@@ -41,8 +43,14 @@ def rank(
         Path | None,
         typer.Option("--plot", help="Draw the first --limit stars, at most 100, into FILE.png, .pdf or .svg as well."),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Also write all rows to FILE.csv or FILE.ecsv.")] = None,
-    as_json: JsonOption = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Also write all rows to FILE.csv, .ecsv or .json (all columns), .tex or .md (those of the screen).",
+        ),
+    ] = None,
 ) -> None:
     """Rank the whole catalogue (analytic, a few seconds; --explain, --sensitivity and --compare rank more than once).
 
@@ -63,6 +71,8 @@ def rank(
     that pass all that are given: scores and seeds stay those of the whole ranking, and the rank in it stands beside the
     rank among the chosen (rank_in_catalogue).
     --compare says which stars move from another ranking to this one, by how much their scores change, and why.
+
+    Under the table stands what its headings mean, and what is detected; with -v all that its numbers refer to.
 
     Examples:
 
@@ -118,11 +128,11 @@ def rank(
     if explain is not None and question.filters:
         hint = "its rank is that among all stars of the sample"
         raise InputError("--explain", explain, allowed=f"without {called(question.filters[0])}", hint=hint)
-    options.check_file(out, (".csv", ".ecsv"), "--out")
+    options.check_file(out, (".csv", ".ecsv", *options.FORM_OF_ENDING), "--out")
     options.check_plot(plot)
     if compare is not None:
         moved = compared(question, compare, key="--compare")
-        print_result(moved, as_json, partial(report.print_moves, moved, limit=limit))
+        output.show(moved, partial(report.print_moves, moved, limit=limit))
         return
     ready = prepared(question)
     note(*ready.stars.notes)
@@ -134,21 +144,25 @@ def rank(
             hint = "it is in the catalogue, but a cut leaves it out"
             raise InputError("--explain", explain, allowed="a star of the sample that is ranked", hint=hint)
         reasons = ranking.explain_star(ready.model, ready.stars.targets, name, **ready.asked)
-        print_result(reasons, as_json, partial(report.print_explanation, reasons))
+        output.show(reasons, partial(report.print_explanation, reasons))
         return
     if sensitivity:
         from cpic_planner.ranking.sensitivity import sensitivity as sensitivity_of
 
         firm = sensitivity_of(ready.model, ready.stars.answered, **ready.asked)
-        print_result(firm, as_json, partial(report.print_sensitivity, firm))
+        output.show(firm, partial(report.print_sensitivity, firm))
         return
     result = ready.ranked()
     if out is not None:
-        table = report.ranking_csv if out.suffix == ".csv" else report.ranking_ecsv
-        options.write_out(out, lambda: table(result), len(result.targets))
+        rows = len(result.targets)
+        whole = partial(report.print_rank, result, limit=rows)
+        own = {".csv": report.ranking_csv, ".ecsv": report.ranking_ecsv}.get(out.suffix)
+        text = partial(options.file_text, out, result, whole) if own is None else partial(own, result)
+        options.write_out(out, text, rows)
     if plot is not None:
         shown, most = min(limit, len(result.targets)), report.MOST_STARS
         few = f" with the first {most} stars only: names of {shown} could not be read" * (shown > most)
         draw = report.rank_figure if result.ensemble is None else report.ensemble_figure
         options.write_plot(plot, draw(result, limit), few)
-    print_result(result, as_json, partial(report.print_rank, result, limit=limit))
+    detected = any(row.verdict == "detected" for row in result.targets)
+    output.show(result, partial(report.print_rank, result, limit=limit, full=is_verbose()), detected)

@@ -14,7 +14,7 @@ import typer
 
 from cpic_core import InputError
 from cpic_planner import report
-from cpic_planner.cli.options import JsonOption, note, print_json, print_line_or_json, print_result, with_progress
+from cpic_planner.cli.options import Output, note, print_json, print_line_or_json, with_progress
 
 if TYPE_CHECKING:
     from cpic_planner.queries import TradeoffQuestion, WhatIfQuestion
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 def whatif(
     question: WhatIfQuestion,
+    output: Output,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done and how long it takes.")] = False,
-    as_json: JsonOption = False,
 ) -> None:
     """Compare survey strategies over the same synthetic universes: planets found, time used, and how sure that is.
 
@@ -123,13 +123,13 @@ def whatif(
             f"{cost['n_images']} sets of images: about {cost['wall_s']:.0f} s with {question.workers} worker(s), "
             f"{cost['memory_mb']:.0f} MB memory, {cost['disk_mb']:.1f} MB disk\n"
         )
-        print_line_or_json(line, cost, as_json)
+        print_line_or_json(line, cost, output.as_json)
         return
     out = question.out or Path("cpic-whatif")
     start = partial(run_whatif, config, out, n_images=question.images, **question.how)
     done = with_progress("what if", int(cost["n_steps"]), start)
-    print_result(done.result, as_json, partial(report.print_whatif, done.result))
-    if not as_json:
+    output.show(done.result, partial(report.print_whatif, done.result))
+    if output.plain:
         typer.echo(f"visits: {out / 'visits.csv'}\nreport: {out / 'report.html'}")
 
 
@@ -146,8 +146,8 @@ def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfi
 
 def tradeoff(
     question: TradeoffQuestion,
+    output: Output,
     listed: Annotated[bool, typer.Option("--list", help="Say which scenes and ways there are, and stop.")] = False,
-    as_json: JsonOption = False,
 ) -> None:
     """Measure speed against accuracy on this machine: time, memory and error of every tier, tolerance and knob.
 
@@ -174,13 +174,13 @@ def tradeoff(
 
     work = chosen(question.scenes, question.only, quick_look=question.quick_look)
     if listed:
-        _print_list(work, as_json)
+        _print_list(work, output.as_json)
         return
     earlier = read_result(question.out) if question.only or question.scenes else None
     job = tradeoff_job(work, earlier=earlier, quick_look=question.quick_look, at_once=question.workers)
     result = with_progress("rows", n_rows(work), partial(run, job, question.out, force=question.force)).result
     note(f"{', '.join((RESULT, *FILES))} written to {question.out}")
-    print_result(result, as_json, partial(report.print_tradeoff, result))
+    output.show(result, partial(report.print_tradeoff, result))
 
 
 def _print_list(work: Sequence[tuple[FixedScene, tuple[Point, ...]]], as_json: bool) -> None:

@@ -14,14 +14,17 @@ import typer
 
 from cpic_core import InputError, cache_info, clear_cache
 from cpic_planner import report
-from cpic_planner.cli.options import JsonOption, print_json, print_result
+from cpic_planner.cli.options import JsonOption, Output, help_alone, print_json
+from cpic_planner.cli.progress import heard
 
 app = typer.Typer(
-    help="What the disk cache holds, and how to empty it. Emptying it is always safe.", no_args_is_help=True
+    help="What the disk cache holds, and how to empty it. Emptying it is always safe.", invoke_without_command=True
 )
+app.callback(invoke_without_command=True)(help_alone)
 
 
 @app.command("info")
+@heard
 def info(as_json: JsonOption = False) -> None:
     """Show folder, entries and size (example: cpic cache info)."""
     cache = cache_info()
@@ -33,6 +36,7 @@ def info(as_json: JsonOption = False) -> None:
 
 
 @app.command("clear")
+@heard
 def clear() -> None:
     """Remove every entry (example: cpic cache clear)."""
     was = clear_cache()
@@ -99,6 +103,6 @@ def check(
         n_warnings=len(findings) - errors,
         findings=[FindingRecord.of(item, path=str(item.path)) for item in findings],
     )
-    print_result(result, as_json, partial(report.print_check, result))
+    Output("json" if as_json else "table").show(result, partial(report.print_check, result))
     if errors or (strict and findings):
         raise typer.Exit(1)

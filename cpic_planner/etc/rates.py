@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.model import EtcModel
@@ -362,14 +362,14 @@ def _planet_left(model: EtcModel, band: str, x: FloatArray, y: FloatArray) -> Fl
     metrics = model.metrics[band]
     middle = len(metrics.aperture_map) // 2
     at = [part / metrics.aperture_map_step_arcsec + middle for part in (apart.imag, apart.real)]
-    source = ndimage.map_coordinates(_spline(metrics), at, order=3, prefilter=False, mode="nearest")
+    source = scipy.ndimage.map_coordinates(_spline(metrics), at, order=3, prefilter=False, mode="nearest")
     return np.asarray(1.0 - source / metrics.aperture_map[middle, middle])
 
 
 @functools.lru_cache(maxsize=16)
 def _spline(metrics: PsfMetrics) -> FloatArray:
     """Coefficients of the cubic spline through a source's light in apertures: straight lines miss 0.1 of its middle."""
-    return np.asarray(ndimage.spline_filter(metrics.aperture_map, order=3))
+    return np.asarray(scipy.ndimage.spline_filter(metrics.aperture_map, order=3))
 
 
 class _Smear(NamedTuple):

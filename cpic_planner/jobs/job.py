@@ -17,7 +17,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -106,6 +106,12 @@ class Cost:
     disk_mb: float
     pool_s: float = 0.0
     worker_mb: float = 0.0
+
+    def times(self, number: int, **counts: float) -> "Cost":
+        """Return the cost of as much work again, ``number`` times in all, with further counts."""
+        times_s, disk_mb = [*self.times_s] * number, self.disk_mb * number
+        every = {name: count * number for name, count in self.counts.items()}
+        return replace(self, counts=every | counts, times_s=times_s, disk_mb=disk_mb)
 
     def at(self, workers: int) -> dict[str, float]:
         """Return counts, wall time, memory and disk with so many workers; none ends before the longest task."""

@@ -1,6 +1,7 @@
 from cpic_planner.queries.base import (
     Question as Question,
     called as called,
+    called_as as called_as,
     called_by_option as called_by_option,
     get as get,
     keys_of as keys_of,
@@ -8,7 +9,15 @@ from cpic_planner.queries.base import (
     put as put,
     scaled as scaled,
 )
-from cpic_planner.queries.changes import Change as Change, changed as changed
+from cpic_planner.queries.changes import (
+    Change as Change,
+    changed as changed,
+    changed_instrument as changed_instrument,
+    default_instrument as default_instrument,
+    instrument_rows as instrument_rows,
+    instrument_title as instrument_title,
+    read_instrument as read_instrument,
+)
 from cpic_planner.queries.ensemble import (
     CONTRAST as CONTRAST,
     OCCURRENCE as OCCURRENCE,
@@ -60,9 +69,7 @@ from cpic_planner.queries.shared import (
     FluxFilter as FluxFilter,
     ReferencePlanet as ReferencePlanet,
     Strategy as Strategy,
-    default_instrument as default_instrument,
     observed_utc as observed_utc,
-    read_instrument as read_instrument,
 )
 from cpic_planner.queries.simulate import SimulateQuestion as SimulateQuestion
 from cpic_planner.queries.written_values import (

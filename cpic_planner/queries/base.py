@@ -163,7 +163,13 @@ def called_by_option(model: type[FrozenModel]) -> Iterator[None]:
     InputError
         Those of the body, with the name of the option where the key is a field of the question.
     """
-    names = option_names(model)
+    with called_as(option_names(model)):
+        yield
+
+
+@contextlib.contextmanager
+def called_as(names: Mapping[str, str]) -> Iterator[None]:
+    """Let refusals name options by the fields that they are of; see `called_by_option`."""
     token = _OPTIONS.set(names)
     try:
         yield

@@ -8,8 +8,9 @@ The one way in which simulator overrides, assumptions of rankings and surveys, a
     bands.F850.qe=x0.8              "*" stands for any name: bands.*.qe, bands.F5*.qe
 """
 
+import functools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any, Literal, Self, TypeAlias, cast
@@ -17,9 +18,11 @@ from typing import Any, Literal, Self, TypeAlias, cast
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
 from cpic_core import InputError
-from cpic_planner.queries.base import advice, children, matching, put, sections
+from cpic_planner.queries.base import Parts, advice, children, matching, put, sections
+from cpic_planner.queries.fields import asked
 from cpic_planner.queries.written_values import is_number, read_value, two_spellings, with_unit
-from simulator.config import Drift, FrozenModel, Instrument, canonical_json, unit_of
+from cpic_planner.results import InstrumentValue
+from simulator.config import Drift, FrozenModel, Instrument, at, canonical_json, load_instrument, unit_of
 
 ALIASES = {
     "throughput": "bands.*.t_opt",
@@ -137,6 +140,14 @@ class Change(FrozenModel):
         if key == COMPANIONS and isinstance(value, bool):
             value = "on" if value else "off"
         return cls(key=key, value=value)
+
+    @classmethod
+    def written(cls, text: str, nominal: Instrument | None = None) -> Self:
+        """Return the change of a text ``KEY=VALUE``; see `read`."""
+        key, _, value = text.partition("=")
+        if not key.strip() or not value.strip():
+            raise InputError("", text, allowed="KEY=VALUE, as drift.visit_nm=0.1nm or throughput=x0.7")
+        return cls.read(key.strip(), value.strip(), nominal)
 
     def values(self, nominal: Instrument) -> list[tuple[str, Any, Any]]:
         """Return the keys of an instrument that it means, with their values before and after.
@@ -263,3 +274,123 @@ def _altered(change: Change, key: str, nominal: Any, instrument: Instrument) -> 
     if isinstance(nominal, bool) and change.value in ("on", "off"):
         return change.value == "on"
     return change.value_text if isinstance(nominal, str) and is_number(change.value) else change.value
+
+
+@functools.lru_cache(maxsize=1)
+def default_instrument() -> Instrument:
+    """Return the shipped instrument, always the same object."""
+    return load_instrument()
+
+
+def read_instrument(source: Any) -> Instrument:
+    """Return an instrument from what people write; see `simulator.load_instrument`."""
+    return source if isinstance(source, Instrument) else load_instrument(source)
+
+
+class InstrumentParts(Parts):
+    """Options of the instrument."""
+
+    instrument: str | None = asked(None, "Preset name or YAML file with what differs.", unset="cpic_default")
+    changes: tuple[str, ...] = asked(
+        (),
+        "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
+        "throughput=x0.7, bands.F850.qe=0.4; repeat for several.",
+        option="--set",
+        metavar="KEY=VALUE",
+    )
+
+    def made(self, base: Any) -> Instrument:
+        """Return the instrument with what is changed of it."""
+        given = base if self.instrument is None else self.instrument
+        return changed_instrument(default_instrument() if given is None else given, self.changes)
+
+
+def changed_instrument(source: Any, changes: Iterable[str]) -> Instrument:
+    """Return an instrument, as `read_instrument` reads it, after changes ``KEY=VALUE``."""
+    built = read_instrument(source)
+    try:
+        return changed(built, [Change.written(text, built) for text in changes])
+    except InputError as error:
+        raise at("changes", error) from None
+
+
+def instrument_title(instrument: Instrument) -> str:
+    """Return the name of an instrument and its hash."""
+    return f"{instrument.name} ({instrument.content_hash})"
+
+
+def instrument_rows(instrument: Instrument, key: str = "", *, other: Instrument | None = None) -> list[InstrumentValue]:
+    """Return values of an instrument with their sources; with another one only what differs from it.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    key : str
+        Only keys that begin so, or match it.
+    other : Instrument, optional
+
+    Raises
+    ------
+    InputError
+        For a key that the instrument does not have.
+    """
+    mine = dict(_plain_values(sections(instrument)))
+    theirs = None if other is None else dict(_plain_values(sections(other)))
+    every = dict.fromkeys((*mine, *(theirs or ())))
+    names = [name for name in every if not key or name == key or name.startswith(f"{key}.") or fnmatchcase(name, key)]
+    if not names:
+        raise InputError(
+            "key", key, allowed="a key of the instrument", hint=advice(sections(instrument), key, tuple(ALIASES))
+        )
+    rows = []
+    for name in names:
+        if theirs is not None and mine.get(name) == theirs.get(name):
+            continue
+        origin = instrument.provenance.get(name)
+        rows.append(
+            InstrumentValue(
+                key=name,
+                value=mine.get(name, ""),
+                other=None if theirs is None else theirs.get(name, ""),
+                unit=unit_of(name) or ("" if origin is None else origin.unit),
+                short_name=next((short for short, long in ALIASES.items() if fnmatchcase(name, long)), ""),
+                confidence="" if origin is None else origin.confidence,
+                source="" if origin is None else origin.source,
+            )
+        )
+    return rows
+
+
+def _plain_values(node: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+    """Dotted keys with their values as text."""
+    for name, item in node.items():
+        below = children(item)
+        if below:
+            yield from _plain_values(below, f"{above}{name}.")
+        elif below is None:
+            plain = f"{item:.12g}" if isinstance(item, float) else canonical_json(item).strip(chr(34))
+            yield f"{above}{name}", plain
+
+
+class SkyParts(InstrumentParts):
+    """Options of the instrument for questions about planets: two of its values have options of their own."""
+
+    exozodi_zodis: float | None = asked(
+        None,
+        "Dust around the star, in units of the solar system's.",
+        option="--exozodi",
+        unset="that of the instrument, 0",
+    )
+
+    drift_nm: float | None = asked(
+        None,
+        "Rms of the wavefront offset between two visits; the walk within a visit changes in the same ratio.",
+        option="--drift-nm",
+        unset="that of the instrument, 0.05",
+    )
+
+    def made(self, base: Any) -> Instrument:
+        """Return the instrument with what is changed of it."""
+        made = super().made(base)
+        new = {"sky.exozodi_zodis": self.exozodi_zodis, "drift": self.drift_nm}
+        return changed(made, tuple(Change(key=key, value=value) for key, value in new.items() if value is not None))

@@ -1,4 +1,7 @@
-"""The question of ``cpic etc``: time for a level, SNR for a time, or the contrast limit of one star."""
+"""The question of ``cpic etc``: time for a level, SNR for a time, or the contrast limit of one star.
+
+Known planets, which several questions can be about.
+"""
 
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Self
@@ -7,12 +10,14 @@ from pydantic import BeforeValidator, model_validator
 
 from cpic_core import InputError
 from cpic_planner.queries import shared
-from cpic_planner.queries.base import called
+from cpic_planner.queries.base import Question, called
 from cpic_planner.queries.fields import asked
 from simulator.config import validate
 from simulator.knobs import Dial, dial_of
 
 Numbers = Annotated[tuple[float, ...], BeforeValidator(shared.several)]
+PLACES = ("separation_arcsec", "separation_au", "semi_major_axis_au")
+"""What places a planet."""
 _LEVELS = ("snr", "sigma", "detect")
 
 
@@ -24,7 +29,25 @@ def _planets(given: Any) -> Any:
     return given if isinstance(given, planet) else validate(planet, given, where="planet")
 
 
-class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
+class KnownPlanetsQuestion(Question):
+    """A question that known planets at a date can be part of."""
+
+    # They count by what is read of them, which is in the hash of the ranking.
+    known_planets: str | None = asked(
+        None,
+        "Table of known planets: snapshot (NASA Exoplanet Archive of 2019 with the updates since), archive_2019 "
+        "(without them), latest (made by cpic catalog refresh --planets), or a CSV, ECSV, VOTable or FITS file, which "
+        "is laid over the snapshot planet by planet; none+FILE takes the file alone. In a ranking or a plan it stands "
+        "instead of a population; whatif counts them beside it, and off leaves them out.",
+        physics=False,
+        read=str,
+    )
+    candidates: bool = asked(
+        False, "Count candidates among the known planets too, not only confirmed and controversial ones.", physics=False
+    )
+
+
+class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQuestion):
     """Ask the exposure-time calculator.
 
     With ``contrast_limit`` the answer is the faintest contrast that reaches the level, else with a level the least
@@ -35,11 +58,13 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
 
     target: shared.Texts = asked(
         ...,
-        'Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700", "61 Cyg A" ...',
+        'Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700" ...; or known planet: "eps Eri b", "47 UMa c" ..., at '
+        "its place and contrast of {date_utc}.",
         argument=True,
         command=str,
         several=False,
         accepts="str or sequence of str",
+        completes=shared.star_names,
     )
     snr: float | None = asked(None, "Level: photometric SNR.")
     sigma: float | None = asked(
@@ -67,6 +92,9 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
         "Projected separation, on the diagonal of a quadrant; repeat for several.",
         accepts="float or sequence of float",
         unset="where the answer is best",
+    )
+    separation_au: Numbers | None = asked(
+        None, "The same in au, at the distance of the star; repeat for several.", accepts="float or sequence of float"
     )
     semi_major_axis_au: float | None = asked(
         None, "Radius of a circular orbit; gives separation and distance at the phase angle."
@@ -124,7 +152,7 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
             raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
 
     def _check_planet(self) -> None:
-        self.refuse_together(("separation_arcsec", "semi_major_axis_au"), "both place the planet")
+        self.refuse_together(PLACES, "both place the planet")
         self.refuse_together(("contrast_limit", "contrast"), "the limit is the answer")
         planet = self.planet
         paths = ["planet"] if isinstance(planet, tuple) else [f"planet.{name}" for name in planet.model_fields_set]
@@ -133,9 +161,10 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
                 continue
             self.refuse_together((path, "contrast"), "a given contrast needs no planet")
             self.refuse_together((path, "contrast_limit"), "the limit holds for any planet")
-        places, ratios = len(self.separation_arcsec or ()), len(self.contrast or ())
+        given = "separation_au" if self.separation_arcsec is None else "separation_arcsec"
+        places, ratios = len(getattr(self, given) or ()), len(self.contrast or ())
         if min(places, ratios) > 1 and places != ratios:
-            allowed = f"once, or {places} times as {called('separation_arcsec')}"
+            allowed = f"once, or {places} times as {called(given)}"
             raise InputError("contrast", f"{ratios} times", allowed=allowed)
 
     def _check_images(self) -> None:

@@ -6,7 +6,7 @@ import functools
 import inspect
 import re
 import types
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin
@@ -58,6 +58,8 @@ class Asked:
         Options that are put together to the value, in place of one option.
     group : type of FrozenModel, optional
         The model whose fields are asked one by one, where it is not that of the field.
+    completes : callable, optional
+        ``completes()``: words that a shell completes on the command line.
     """
 
     option: str = ""
@@ -74,6 +76,7 @@ class Asked:
     several: bool | None = None
     parts: type[Parts] | None = None
     group: type[FrozenModel] | None = None
+    completes: Callable[[], Iterable[str]] | None = None
 
     def __call__(self, schema: dict[str, Any]) -> None:
         """Add to the JSON Schema of the field what is said here."""

@@ -12,7 +12,7 @@ from catalogs import resolve_star
 from cpic_core import InputError
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import Parts, called
-from cpic_planner.queries.changes import Change, changed
+from cpic_planner.queries.changes import Change, changed, read_instrument
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.overrides import SimulatorOverrides
 from simulator.config import Scene, Utc, checked_utc, load_scene
@@ -204,7 +204,7 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
     audit: bool | None = asked(
         None, "Run one more realisation frame by frame, with every effect.", unset="with {fidelity} standard"
     )
-    out: Path | None = asked(None, "Output folder.", unset="print only", physics=False)
+    out: Path | None = asked(None, "Output folder.", unset="print only", physics=False, metavar="DIR")
 
     @property
     def visits(self) -> int:
@@ -222,7 +222,7 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
         if "date_utc" in tree:
             start = Change(key="mission.start_utc", value=checked_utc("date_utc", tree["date_utc"]))
-            tree["instrument"] = changed(shared.read_instrument(tree.get("instrument")), (start,))
+            tree["instrument"] = changed(read_instrument(tree.get("instrument")), (start,))
         return super()._read(tree)
 
     @model_validator(mode="after")

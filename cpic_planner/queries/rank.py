@@ -13,9 +13,10 @@ from pydantic import model_validator
 from cpic_core import InputError, read_text
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import shared
-from cpic_planner.queries.base import Question, called
+from cpic_planner.queries.base import called
+from cpic_planner.queries.changes import InstrumentParts, default_instrument, read_instrument
 from cpic_planner.queries.ensemble import Ensemble, EnsembleChoice, load_ensemble
-from cpic_planner.queries.etc import check_visits
+from cpic_planner.queries.etc import KnownPlanetsQuestion, check_visits
 from cpic_planner.queries.fields import asked
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo
@@ -23,34 +24,18 @@ from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo
 DEFAULT_YEARS = 5.0
 
 
-class KnownPlanetsQuestion(Question):
-    """A question that known planets at a date can be part of."""
-
-    # They count by what is read of them, which is in the hash of the ranking.
-    known_planets: str | None = asked(
-        None,
-        "Table of known planets: snapshot (NASA Exoplanet Archive of 2019 with the updates since), archive_2019 "
-        "(without them), latest (made by cpic catalog refresh --planets), or a CSV, ECSV, VOTable or FITS file, which "
-        "is laid over the snapshot planet by planet; none+FILE takes the file alone. In a ranking or a plan it stands "
-        "instead of a population; whatif counts them beside it, and off leaves them out.",
-        physics=False,
-        read=str,
-    )
-    candidates: bool = asked(
-        False, "Count candidates among the known planets too, not only confirmed and controversial ones.", physics=False
-    )
-
-
 class KnownQuestion(shared.InstrumentQuestion, shared.CatalogQuestion, KnownPlanetsQuestion):
     """Say where the known planets are at a date, how bright, and when the dark hole covers them."""
 
     KIND: ClassVar[str] = "known"
 
-    star: str | None = asked(None, 'Star: "eps Eri", "HIP 16537" ...', argument=True, metavar="[STAR]")
+    star: str | None = asked(
+        None, 'Star: "eps Eri", "HIP 16537" ...', argument=True, metavar="[STAR]", completes=shared.star_names
+    )
     years: float | None = asked(None, "How long the star's planets are followed.", unset=f"{DEFAULT_YEARS:g}")
     albedo: AlbedoValue = asked(MeasuredAlbedo(model="jupiter"), "What the planets reflect.", parts=shared.AlbedoParts)
     v_mag_max: float | None = asked(None, "Faintest V magnitude.", unset="7; none for a table of your own")
-    n_draws: int = asked(4000, "Draws of each planet.", ge=1, le=100_000, option="--draws")
+    n_draws: int = asked(4000, "Draws of each planet.", ge=1, le=100_000, option="--planets")
     seed: shared.Seed = asked(1, "Seed of every random number.")
 
     @model_validator(mode="after")
@@ -77,6 +62,7 @@ class VisibilityQuestion(shared.CatalogQuestion):
         argument=True,
         metavar="TARGET...",
         accepts="str or sequence of str",
+        completes=shared.star_names,
     )
     start_utc: str | None = asked(
         None, "First day, UTC, e.g. 2028-01-01.", option="--start", unset="{date_utc}, else that of the mission"
@@ -92,10 +78,10 @@ class VisibilityQuestion(shared.CatalogQuestion):
         accepts="VisibilityConfig, mapping, str or Path",
     )
     instrument: Instrument = asked(
-        shared.default_instrument,
+        default_instrument,
         "Preset name or YAML file with what differs; its mission has the orbit.",
-        option="--instrument",
-        read=shared.read_instrument,
+        parts=InstrumentParts,
+        read=read_instrument,
         unset="cpic_default",
         accepts="Instrument, mapping, str or Path",
     )

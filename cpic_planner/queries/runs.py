@@ -57,7 +57,9 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
     schedule_strategy: str | None = asked(
         None, "Strategy of {schedule} whose visits are meant, where it has several.", option="--strategy", physics=False
     )
-    out: Path = asked(Path("cpic-plan"), "Output folder; an interrupted run continues there.", physics=False)
+    out: Path = asked(
+        Path("cpic-plan"), "Output folder; an interrupted run continues there.", physics=False, metavar="DIR"
+    )
 
     @model_validator(mode="after")
     def _of_a_schedule(self) -> Self:
@@ -148,6 +150,7 @@ class WhatIfQuestion(RunQuestion):
     out: Path | None = asked(
         None,
         "Output folder; an interrupted run continues there.",
+        metavar="DIR",
         unset="cpic-whatif; none in Python, where nothing is kept without",
         physics=False,
         accepts="str or Path",
@@ -170,4 +173,4 @@ class TradeoffQuestion(Question):
     force: bool = asked(
         False, "Remove what a run of another configuration wrote into {out}, and nothing else.", physics=False
     )
-    out: Path = asked(Path("out/tradeoff"), "Folder of the results.", physics=False)
+    out: Path = asked(Path("out/tradeoff"), "Folder of the results.", physics=False, metavar="DIR")

@@ -7,16 +7,17 @@ Fields that several questions share: the instrument and its bands, the stars, ru
 
 from __future__ import annotations
 
-import functools
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from catalogs import load_stars
 from cpic_core import InputError, digest_of
 from cpic_planner.jobs import check_address
 from cpic_planner.queries.base import Parts, Question, called
-from cpic_planner.queries.changes import Change, changed
+from cpic_planner.queries.changes import SkyParts, default_instrument, read_instrument
 from cpic_planner.queries.fields import asked
 from cpic_planner.registry import DEFAULT_LIBRARY, LIBRARIES, Library, LibraryName
 from simulator import config
@@ -254,6 +255,8 @@ def asked_strategy(text: str = "How the observation is made and reduced.", **set
 
 
 DEFAULT_TIME_S = 36000.0
+ALL = "all"
+"""Every band of the instrument, of both cameras."""
 MAX_REALISATIONS = 100_000
 OnOff = Literal["on", "off"]
 Fidelity = Literal["quick", "standard", "reference"]
@@ -267,45 +270,12 @@ def several(value: Any) -> Any:
     return tuple(value) if isinstance(value, list | set) or hasattr(value, "tolist") else (value,)
 
 
+def star_names() -> list[str]:
+    """Return the names of the embedded stars, which shells complete."""
+    return [re.sub(r"^(?:\*\*?|V\*|NAME) +", "", str(name)) for name in load_stars().column("name")]
+
+
 Texts = Annotated[tuple[str, ...], BeforeValidator(several)]
-
-
-@functools.lru_cache(maxsize=1)
-def default_instrument() -> Instrument:
-    """Return the shipped instrument, always the same object."""
-    return config.load_instrument()
-
-
-def read_instrument(source: Any) -> Instrument:
-    """Return an instrument from what people write; see `simulator.load_instrument`."""
-    return source if isinstance(source, Instrument) else config.load_instrument(source)
-
-
-class InstrumentParts(Parts):
-    """Options of the instrument."""
-
-    instrument: str | None = asked(None, "Preset name or YAML file with what differs.", unset="cpic_default")
-    exozodi_zodis: float | None = asked(
-        None,
-        "Dust around the star, in units of the solar system's.",
-        option="--exozodi",
-        unset="that of the instrument, 0",
-    )
-
-    drift_nm: float | None = asked(
-        None,
-        "Rms of the wavefront offset between two visits; the walk within a visit changes in the same ratio.",
-        option="--drift-nm",
-        unset="that of the instrument, 0.05",
-    )
-
-    def made(self, base: Any) -> Instrument:
-        """Return the instrument with what is changed of it."""
-        given = base if self.instrument is None else self.instrument
-        built = default_instrument() if given is None else read_instrument(given)
-        new = {"sky.exozodi_zodis": self.exozodi_zodis, "drift": self.drift_nm}
-        changes = tuple(Change(key=key, value=value) for key, value in new.items() if value is not None)
-        return changed(built, changes) if changes else built
 
 
 class InstrumentQuestion(Question):
@@ -314,17 +284,28 @@ class InstrumentQuestion(Question):
     instrument: Instrument = asked(
         default_instrument,
         "The instrument: a preset, a YAML file or a mapping with what differs.",
-        parts=InstrumentParts,
+        parts=SkyParts,
         read=read_instrument,
         accepts="Instrument, mapping, str or Path",
     )
     bands: Texts | None = asked(
         None,
-        "Band, e.g. F662; repeat for several.",
+        "Band, e.g. F662; repeat for several, or all for those of both cameras.",
         option="--band",
         unset="all visible bands",
         accepts="sequence of str",
+        completes=lambda: (*default_instrument().bands, ALL),
     )
+
+    @classmethod
+    def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
+        tree = super()._read(tree)
+        bands = several(tree.get("bands"))
+        if bands is not None and ALL in bands:
+            if len(bands) > 1:
+                raise InputError("bands", ", ".join(map(str, bands)), allowed=f"{ALL} alone, or names of bands")
+            tree["bands"] = tuple(tree.get("instrument", default_instrument()).bands)
+        return tree
 
     def band_names(self) -> tuple[str, ...]:
         """Return the bands that are asked for, all of the visible camera without any."""

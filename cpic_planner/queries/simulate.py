@@ -7,6 +7,7 @@ from pydantic import BeforeValidator
 
 from cpic_core import InputError
 from cpic_planner.queries.base import Parts
+from cpic_planner.queries.changes import InstrumentParts
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.shared import MAX_VISITS, Fidelity, Reduction, RunQuestion, several
 from simulator.config import ReferenceScheme, SequenceConfig, SequenceKind
@@ -56,6 +57,14 @@ class SwitchParts(Parts):
     def made(self, base: Any) -> dict[str, bool]:
         """Return the effects that are left out as switches."""
         return dict(base or {}) | dict.fromkeys(self.off or (), False)
+
+
+class NamedInstrumentParts(InstrumentParts):
+    """Options of an instrument that is only named where nothing of it is changed."""
+
+    def made(self, base: Any) -> Any:
+        """Return the instrument, or what names it."""
+        return super().made(base) if self.changes else base if self.instrument is None else self.instrument
 
 
 def _of_programme(name: str, *, unset: str, **settings: Any) -> Any:
@@ -148,7 +157,7 @@ class SimulateQuestion(RunQuestion):
     instrument: Any = asked(
         None,
         "Preset name or YAML file with what differs.",
-        command=str,
+        parts=NamedInstrumentParts,
         unset="cpic_default",
         accepts="Instrument, mapping, str or Path",
     )
@@ -171,7 +180,9 @@ class SimulateQuestion(RunQuestion):
         unset="{start_utc}",
     )
     truth: bool = asked(True, "Write the truth beside the products.")
-    out: Path = asked(Path("out/simulate"), "Output folder; an interrupted run continues there.", physics=False)
+    out: Path = asked(
+        Path("out/simulate"), "Output folder; an interrupted run continues there.", physics=False, metavar="DIR"
+    )
 
     @property
     def given(self) -> dict[str, Any]:

@@ -1,11 +1,8 @@
-from cpic_planner.report.cells import (
-    ranking_csv as ranking_csv,
-    ranking_ecsv as ranking_ecsv,
-    visibility_csv as visibility_csv,
-)
+from cpic_planner.report.cells import Sheet as Sheet
 from cpic_planner.report.console import (
     print_check as print_check,
     print_confirm as print_confirm,
+    print_instrument as print_instrument,
     print_plan as print_plan,
     print_planned as print_planned,
     print_simulation as print_simulation,
@@ -13,8 +10,8 @@ from cpic_planner.report.console import (
 from cpic_planner.report.console_etc import (
     best_row as best_row,
     print_etc as print_etc,
-    print_fidelity as print_fidelity,
 )
+from cpic_planner.report.console_fidelity import print_fidelity as print_fidelity
 from cpic_planner.report.console_known import print_known as print_known, print_visibility as print_visibility
 from cpic_planner.report.console_runs import (
     print_explanation as print_explanation,
@@ -31,6 +28,12 @@ from cpic_planner.report.etc_figures import (
     etc_figure as etc_figure,
     level_text as level_text,
     write_figure as write_figure,
+)
+from cpic_planner.report.files import (
+    form_text as form_text,
+    ranking_csv as ranking_csv,
+    ranking_ecsv as ranking_ecsv,
+    visibility_csv as visibility_csv,
 )
 from cpic_planner.report.numbers import duration_text as duration_text
 from cpic_planner.report.priorities import ensemble_figure as ensemble_figure

@@ -1,8 +1,6 @@
 """Cells of tables for people: made from the columns of rows, for terminals and for pages alike.
 
 Tables on a terminal: columns that give way where it is narrow, and what its encoding can show.
-
-Results as files: the ranking, every measurement of images, targets of survey strategies, visibility.
 """
 
 from __future__ import annotations
@@ -14,7 +12,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from cpic_planner import results
 from cpic_planner.report.numbers import MISSING, contrast_text, formatted, significant
 from cpic_planner.report.words import LIMITED_BY, STATUS_SYMBOLS, VERDICTS, status_text
-from simulator.knobs import Quantity
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -43,6 +40,12 @@ class Cells:
         How soon the column gives way on a narrow terminal; 0: never; the highest goes first.
     label, unit : str
         Heading in pages, and the unit below it.
+    legend : str
+        What the heading means, for the legend below a table.
+    fields : tuple of str
+        Fields of the row that stand in files for the column; none: its text does.
+    of : callable
+        The row of an entry of the table.
     """
 
     header: str
@@ -51,6 +54,9 @@ class Cells:
     gives_way: int = 0
     label: str = ""
     unit: str = ""
+    legend: str = ""
+    fields: tuple[str, ...] = ()
+    of: Callable[[Any], Any] = lambda row: row
 
 
 Special: TypeAlias = Callable[[Any], Any] | Cells
@@ -93,7 +99,7 @@ def row_cells(
         name, _, way = word.partition("/")
         own = special.get(name)
         if own is None and name in shared:
-            own = replace(shared[name], text=_through(of, shared[name].text))
+            own = replace(shared[name], text=_through(of, shared[name].text), of=of)
         if not isinstance(own, Cells):
             own = _column_cells(results.column_of(kind, name), own, of, page)
         columns.append(replace(own, gives_way=int(way or 0)))
@@ -109,7 +115,8 @@ def _column_cells(
     text = own or _through(of, _cell_text(column, page))
     form = column.look.format
     unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
-    return Cells(column.heading, text, column.right, label=column.label, unit=unit)
+    legend = column.look.meaning.partition(";")[0] if column.look.short and column.right else ""
+    return Cells(column.heading, text, column.right, 0, column.label, unit, legend, (column.name,), of)
 
 
 def _through(of: Callable[[Any], Any], text: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -158,9 +165,31 @@ def frames_text(
 
 
 _SHARED = {
-    "frames": Cells("frames × s", frames_text, label="frames × exposure", unit="s"),
-    "status": Cells("status", verdict_cell, right=False, label="status"),
+    "frames": Cells("frames × s", frames_text, label="frames × exposure", unit="s", fields=("n_frames", "exposure_s")),
+    "status": Cells("status", verdict_cell, right=False, label="status", fields=("verdict", "status", "reason")),
 }
+
+
+class Sheet:
+    """Stands where a console does, and takes the first table alone: what follows it is left out.
+
+    Parameters
+    ----------
+    console : Console
+    form : str
+        ``table``: printed on the console with what stands before it; else kept in ``taken`` for
+        `cpic_planner.report.files.form_text`, with all columns.
+    """
+
+    def __init__(self, console: Console, form: str = "table") -> None:
+        self._console, self.form = console, form
+        self.width, self.encoding = console.width, console.encoding
+        self.taken: tuple[str, Sequence[Cells], list[Any]] | None = None
+
+    def print(self, *objects: Any, **look: Any) -> None:
+        """Print what stands before the table, and the table."""
+        if self.form == "table" and self.taken is None:
+            self._console.print(*objects, **look)
 
 
 _STYLE = {"ok": "green", "unreachable": "yellow", "saturated": "red", "outside_field": "magenta", "invalid": "red"}
@@ -176,6 +205,7 @@ def print_table(
     *,
     last_width: int = _LAST_COLUMN,
     explained: bool = False,
+    legend: bool = False,
 ) -> None:
     """Print a table of the columns that fit; the last one (status) always stays and may wrap.
 
@@ -190,6 +220,8 @@ def print_table(
         Width beyond which the last column wraps.
     explained : bool
         Explain the symbols of the rows' statuses below the table.
+    legend : bool
+        Explain the headings below the table.
     """
     from rich import box
     from rich.cells import cell_len
@@ -197,6 +229,10 @@ def print_table(
     from rich.text import Text
 
     entries = list(rows)
+    sheet = console if isinstance(console, Sheet) else None
+    if sheet is not None and (sheet.taken is not None or sheet.form != "table"):
+        sheet.taken = sheet.taken or (title, columns, entries)
+        return
     rows = [[column.text(row) for column in columns] for row in entries]
     widths = [max([cell_len(c.header), *(cell_len(row[i]) for row in rows)]) + _GAP for i, c in enumerate(columns)]
     widths[-1] = min(widths[-1], last_width + _GAP)
@@ -215,8 +251,13 @@ def print_table(
     for row in rows:
         table.add_row(*(_cell(console, row[i]) for i in shown))
     console.print(table)
+    if sheet is not None:
+        sheet.taken = title, columns, entries
     if explained:
         explain_symbols(console, [entry.status for entry in entries if entry.status != "ok"])
+    if legend:
+        said = [f"{columns[i].header}: {columns[i].legend}" for i in shown if columns[i].legend]
+        print_note(console, "; ".join(said))
 
 
 def _fitting(console: Console, text: str) -> str:
@@ -255,80 +296,3 @@ def explain_symbols(console: Console, statuses: list[str]) -> None:
     used = [status for status in STATUS_SYMBOLS if status in statuses]
     if used and used != ["ok"]:
         print_note(console, "   ".join(f"{STATUS_SYMBOLS[status]} {status_text(status)}" for status in used))
-
-
-_MODEL_COLUMNS = ("fidelity", "region", "epochs")
-_KNOB_COLUMNS = ("pupil_samples", "wavelength_nodes", "pixel_nodes", "precision")
-_ERROR_COLUMNS: tuple[Quantity, ...] = ("planet_flux", "snr")
-MEASUREMENT_COLUMNS: tuple[str, ...] = (
-    "target",
-    "hip",
-    "chosen",
-    *(name for name in results.names_of(results.BandConfirmation) if name != "image"),
-    *_MODEL_COLUMNS,
-    *_KNOB_COLUMNS,
-    *(f"predicted_error_{name}" for name in _ERROR_COLUMNS),
-    *results.names_of(results.AuditRecord, before="audit_"),
-)
-"""Columns, in order: those of `BandConfirmation`, of its `ModellingRecord`, and, with ``audit_`` before their names, of
-`AuditRecord`."""
-
-
-def ranking_csv(rank: results.RankResult) -> str:
-    """Return the ranking as CSV: one line a target, header with units in the names, empty cells for null.
-
-    Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``.
-    """
-    names = results.names_of(results.RankedTarget)
-    return results.csv_text(names, map(results.values_of, rank.targets), joined=results.FLAG_SEPARATOR)
-
-
-def ranking_ecsv(rank: results.RankResult) -> str:
-    """Return the ranking as ECSV 1.0: units and descriptions of every column, and what the ranking is, in the header.
-
-    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked.
-    """
-    meta = rank.model_dump(mode="json", exclude={"targets"}) | {"flag_separator": results.FLAG_SEPARATOR}
-    return results.ecsv_text(results.RankedTarget, rank.targets, meta, joined=results.FLAG_SEPARATOR)
-
-
-def measurements_csv(result: results.PlanResult | results.ConfirmResult) -> str:
-    """Return one line for each planet and band; units stand in the names, missing numbers are empty."""
-    if isinstance(result, results.ConfirmResult):
-        rows = [_measured(band) | {"target": result.scene} for band in result.bands]
-    else:
-        rows = [
-            _measured(band) | {"target": target.name, "hip": target.hip, "chosen": band.band == target.chosen_band}
-            for target in result.targets
-            for band in target.bands
-        ]
-    return results.csv_text(MEASUREMENT_COLUMNS, rows)
-
-
-def _measured(band: results.BandConfirmation) -> dict[str, Any]:
-    cells = results.values_of(band)
-    if (made := band.modelled) is not None:
-        cells |= {name: getattr(made, name) for name in _MODEL_COLUMNS}
-        cells |= {name: getattr(made.knobs, name) for name in _KNOB_COLUMNS}
-        cells |= {f"predicted_error_{name}": made.predicted_error.get(name) for name in _ERROR_COLUMNS}
-    return cells | ({} if band.audit is None else results.values_of(band.audit, before="audit_"))
-
-
-def targets_csv(result: results.WhatIfResult) -> str:
-    """Return one line for each strategy and star; units stand in the names, lists are joined with semicolons."""
-    rows = []
-    for item in result.strategies:
-        rows += [{"strategy": item.name} | results.values_of(target) for target in item.targets]
-    return results.csv_text(("strategy", *results.names_of(results.SurveyTarget)), rows)
-
-
-def visibility_csv(result: results.VisibilityResult) -> str:
-    """Return visibility as CSV: one line a target and step."""
-    days = ("blocked_by", "visible_s", "window_s", "roll_half_range_deg", "sun_deg", "moon_deg")
-    names = ("name", "mjd", *days)
-    rows = (
-        dict(zip(names, (target.name, *step), strict=True))
-        for target in result.targets
-        for step in zip(result.mjd, *(getattr(target.days, name) for name in days), strict=True)
-    )
-    return results.csv_text(names, rows)

@@ -345,3 +345,16 @@ def print_check(result: results.CheckResult, console: Console) -> None:
     numbered = (result.n_errors, "error"), (result.n_warnings, "warning")
     severities = ", ".join(f"{number} {word}{'s' * (number != 1)}" for number, word in numbered)
     console.print(f"{count}: {severities if result.findings else 'nothing wrong'}", markup=False)
+
+
+def print_instrument(result: results.InstrumentResult, layout: str, console: Console) -> None:
+    """Print values of an instrument.
+
+    Parameters
+    ----------
+    result : InstrumentResult
+    layout : str
+        Names of the columns.
+    console : Console
+    """
+    print_table(console, result.title, row_cells(results.InstrumentValue, layout), result.values, last_width=60)

@@ -1,23 +1,32 @@
-"""Answers of the exposure-time calculator on the terminal: table, noise budget, what binds and what would help.
-
-How firm answers of the exposure-time calculator are, on the terminal: stated errors, and checks in images.
-"""
+"""Answers of the exposure-time calculator on the terminal: table, noise budget, what binds and what would help."""
 
 from __future__ import annotations
 
-from operator import itemgetter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from catalogs.known_planet_columns import FLAGS as KNOWN_FLAGS
 from cpic_planner.report import words
-from cpic_planner.report.cells import Cells, explain_symbols, print_note, print_table, row_cells, status_cell
-from cpic_planner.report.numbers import MISSING, duration_text, full_name, ratio_text, share_text, significant
-from cpic_planner.report.summary import error_text
-from cpic_planner.results import AnswerFidelity, EtcAnswer, EtcFidelity, EtcResult, ImageCheck
+from cpic_planner.report.cells import Cells, print_note, print_table, row_cells
+from cpic_planner.report.numbers import (
+    MISSING,
+    duration_text,
+    full_name,
+    pretty_name,
+    ratio_text,
+    share_text,
+    significant,
+)
+from cpic_planner.results import EtcAnswer, EtcResult
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 
+_ENDS = ("low", "high")
+_SENTENCES = 2
+"""Most sentences under a table."""
 _QUESTION = {"exposure_time": "wall time", "signal_to_noise": "SNR", "contrast_limit": "contrast limit"}
 _BAR_CELLS, _FEWEST_CELLS = 24, 6
 _SMALLEST_SHARE = 5e-4
@@ -55,76 +64,157 @@ def print_etc(
     every_budget : bool
         Print the noise budget of every answer, not of the best one only.
     explain : bool
-        Say which gains spare what.
+        Say more: which gains spare what, how likely detections are, what the visits are, how messages go on.
     """
     best = best_row(result)
     _print_answers(result, console, best, asked)
-    _print_verdicts(result, console, best, placed)
+    print_note(console, *_verdict_sentences(result, best, placed, explain))
+    if explain:
+        _explain(result, console)
     budgeted = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
     for row in budgeted:
         console.print()
         _print_budget(row, console)
         _print_binding(row, console, explain)
-    console.print()
-    _print_remarks(result, console)
+    _print_flags(result, console)
 
 
 def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, asked: str) -> None:
+    errors = {item.answer: item.predicted_error or {} for item in result.fidelity.answers} if result.fidelity else {}
+    own = {id(row): errors.get(number, {}).get("snr") for number, row in enumerate(result.answers)}
+    known = any(row.known_planet is not None for row in result.answers)
     cells = row_cells(
         EtcAnswer,
-        "band value separation_arcsec/1 contrast/4 visits/2 frames/5 em_gain/9 time_s/7 snr/4 significance/5 "
-        "detection_probability/6 held/8 status",
+        f"band value {'range ' * known}separation_arcsec/1 contrast/4 visits/2 frames/5 em_gain/9 time_s/7 snr/3 "
+        "significance/5 detection_probability/6 detection_probability_known_place/7 held/8 status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
-        value=Cells("answer", _answer),
-        held=Cells("held by", _limits_cell, right=False),
+        value=_ANSWER,
+        range=_RANGE,
+        separation_arcsec=_within("separation_arcsec", 3),
+        contrast=_within("contrast", 0),
+        snr=replace(_SNR, text=lambda row: _with_error(row.snr, own[id(row)])),
+        held=Cells("held by", _limits_cell, right=False, legend="what binds exposure (t) and gain (g)"),
     )
     question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
+    look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
     star = f"{full_name(result.target, result.hip)}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc"
-    print_table(console, f"{star}; {question}", cells, result.answers, explained=True)
-    for text in dict.fromkeys(row.message for row in result.answers if row.message):
-        bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))
-        print_note(console, f"{bands}: {text}.")
+    if look is not None:
+        star = f"{pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
+    title = f"{star}; {question}\n{_about_text(result)}"
+    print_table(console, title, cells, result.answers, explained=True, legend=True)
 
 
-def _print_verdicts(result: EtcResult, console: Console, best: EtcAnswer | None, placed: bool) -> None:
-    """Say what of the answers is a detection, how likely it is, and what is missing."""
+def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
+    """Cell of a number of a planet with half of the width that holds 68 % of the draws of a known one."""
+
+    def text(row: EtcAnswer) -> str:
+        value = getattr(row, name)
+        told = MISSING if value is None else f"{value:.{places}f}" if places else ratio_text(value)
+        if row.known_planet is None or value is None:
+            return told
+        spread = getattr(row.known_planet, name)
+        half = 0.5 * (spread.high - spread.low)
+        return f"{told} ± {half:.{places}f}" if places else f"{told} ± {half:.0e}"
+
+    return text
+
+
+def _with_error(value: float | None, share: float | None) -> str:
+    if value is None or not share:
+        return significant(value)
+    told = significant(value)
+    return f"{told} ± {value * share:.{len(told.partition('.')[2])}f}"
+
+
+def _range_text(row: EtcAnswer) -> str:
+    """Answers that the errors of a known planet leave open."""
+    look = row.known_planet
+    if look is None or not look.value.answered_share:
+        return MISSING
+    low, high = (_value_text(row, value) for value in (look.value.low, look.value.high))
+    return f"{low} to {high}"
+
+
+def _about_text(result: EtcResult) -> str:
+    """What the answers are about: planet and place."""
+    where = f"on the diagonal of {_quadrant_text(result)}"
+    planet = result.reference_planet
+    if planet is not None:
+        return f"{planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, {planet.albedo} albedo, {where}"
+    look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
+    if look is None:
+        return f"{where[0].upper()}{where[1:]}"
+    radius, phase = look.radius_rjup, look.phase_deg
+    return f"{radius.median:.2f} R_J, phase {phase.median:.0f} deg (medians), {look.albedo} albedo, {where}"
+
+
+def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, explained: bool) -> list[str]:
+    """Say in at most two sentences what is a detection, or why not, and the least change that would make it one."""
     rated = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
-    if not rated:
-        return
-    many = len({row.band for row in rated}) < len(rated)
+    missed = [row for row in rated if row.verdict == "measured_not_detected"]
+    told = []
     if best is not None and best.verdict == "measured_not_detected":
         searched = best.verdict_mode == "blind"
         chance = best.detection_probability if searched else best.detection_probability_known_place
         levels = f"the significance is {significant(best.significance)} and the threshold {significant(best.threshold)}"
         why = levels if chance is None else f"{share_text(chance)} % of such programmes show the planet"
-        text = f"The answer in {_answer_name(best, many)} is not a detection: {why}."
-        if best.question == "exposure_time" and not placed:
-            text += (
-                " The planet was put where the level takes the least time, often at the inner edge of the dark "
-                "hole, where the threshold is highest; --detect asks for a detection."
-            )
-        print_note(console, text)
-    missed = [row for row in rated if row.verdict == "measured_not_detected"]
+        inner = (
+            "; it was put where the level takes the least time, often at the inner edge of the dark hole, where the "
+            "threshold is highest (--detect asks for a detection)"
+        )
+        text = f"The answer in {best.band} is not a detection: {why}"
+        told.append(f"{text}{inner * (best.question == 'exposure_time' and not placed)}.")
+        if needed := _required_text(best):
+            told.append(f"Limited by {words.LIMITED_BY[best.limited_by or 'none'][1]}; enough alone: {needed}.")
+    elif best is not None and best.verdict == "detected":
+        how = "by a search that knows no place" if best.verdict_mode == "blind" else "where one knows to look"
+        told.append(f"Detected: at least half of such programmes show the planet {how}.")
+    if len(told) < _SENTENCES and (causes := _causes(missed)):
+        told.append(f"Not detected in this time; limited: {causes}.")
+    reasons = dict.fromkeys(row.message for row in result.answers if row.message)
+    if len(told) < _SENTENCES and reasons and not explained:
+        parts = []
+        for text in reasons:
+            bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))
+            parts.append(f"{bands}: {text}")
+        told.append(f"{'; '.join(parts)}.")
+    return told
+
+
+def _causes(missed: Sequence[EtcAnswer]) -> str:
+    """What limits answers that are no detection, bands of one cause together."""
     causes = []
     for limit in dict.fromkeys(row.limited_by for row in missed if row.limited_by is not None):
-        where = ", ".join(_answer_name(row, many) for row in missed if row.limited_by == limit)
+        where = ", ".join(dict.fromkeys(row.band for row in missed if row.limited_by == limit))
         causes.append(f"{where} by {words.LIMITED_BY[limit][1]}")
-    if causes:
-        print_note(console, f"Not detected in this time; limited: {'; '.join(causes)}.")
+    return "; ".join(causes)
+
+
+def _explain(result: EtcResult, console: Console) -> None:
+    """Print what the two sentences leave out: probabilities, changes that would detect planets, visits and orbits."""
+    rated = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
     odds = []
     for row in rated:
         blind, known_place = row.detection_probability, row.detection_probability_known_place
         if blind is not None and known_place is not None:
-            odds.append(f"{_answer_name(row, many)} {share_text(blind)} and {share_text(known_place)} %")
+            odds.append(f"{answer_name(row)} {share_text(blind)} and {share_text(known_place)} %")
     if odds:
         print_note(console, f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
-    wanted = [needed for row in rated if (needed := _required_text(row)) and row.verdict != "detected"]
+    needs = [(row, _required_text(row)) for row in rated if row.verdict != "detected"]
+    wanted = [f"{answer_name(row)} {needed}" for row, needed in needs if needed]
     if wanted:
         print_note(console, f"One of these alone would make it a detection: {'; '.join(wanted)}.")
-    modes = [row.verdict_mode for row in rated if row.verdict == "detected"]
-    for mode in dict.fromkeys(modes):
-        how = "by a search that knows no place" if mode == "blind" else "if one knows where to look"
-        print_note(console, f"Detected: at least half of such programmes show the planet {how}.")
+    for text in dict.fromkeys(row.message for row in result.answers if row.message):
+        bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))
+        print_note(console, f"{bands}: {text}.")
+    if programme := _programme_text(result.answers):
+        print_note(console, f"Each visit has a wavefront of its own and all are reduced together: {programme}.")
+    days = [row.span_days for row in result.answers if row.span_days is not None]
+    if days and (paid := words.orbits_text(result.answers)):
+        print_note(console, f"They span up to {significant(max(days), 2)} days; {paid}.")
+    look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
+    if look is not None:
+        print_note(console, f"Orbit from {look.reference}; {look.planets_table}.")
 
 
 def _required_text(row: EtcAnswer) -> str:
@@ -138,7 +228,7 @@ def _required_text(row: EtcAnswer) -> str:
         parts.append(f"{significant(row.required_drift_factor, 2)} of the drift")
     if row.required_contrast_factor is not None:
         parts.append(f"a contrast {significant(row.required_contrast_factor, 3)} times as high")
-    return f"{_answer_name(row)} {', '.join(parts)}" if parts else ""
+    return ", ".join(parts)
 
 
 def _programme_text(rows: list[EtcAnswer]) -> str:
@@ -175,7 +265,7 @@ def _print_budget(row: EtcAnswer, console: Console) -> None:
     if room >= _FEWEST_CELLS:
         cells.append(Cells("", lambda name: _bar(terms[name] / largest, room, console), right=False))
     signal = significant(row.budget.get("signal_e"))
-    title = f"Noise in {_answer_name(row)}: {significant(total**0.5)} e- rms under a signal of {signal} e-"
+    title = f"Noise in {answer_name(row)}: {significant(total**0.5)} e- rms under a signal of {signal} e-"
     print_table(console, title, cells, shown, last_width=_BAR_CELLS)
 
 
@@ -190,40 +280,34 @@ def _bar(share: float, room: int, console: Console) -> str:
 
 
 def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
-    for name, limit in (("exposure", row.exposure_limited_by), ("EM gain", row.gain_limited_by)):
-        if limit:
-            print_note(console, f"The {name} is held by {words.limit_text(limit)}.")
+    limits = ("exposure", row.exposure_limited_by), ("EM gain", row.gain_limited_by)
+    if held := [f"the {name} is held by {words.limit_text(limit)}" for name, limit in limits if limit]:
+        print_note(console, words.sentence("; ".join(held)))
+    helpful = words.remedies_text(row.remedies)
+    if row.remedies.get("twice_the_time", 2.0) < 1.0:
+        helpful += "; longer visits would lower it: the wavefront walks away"
+    if helpful:
+        print_note(console, f"What would raise the SNR: {helpful.removeprefix('; ')}.")
     if explain and row.gain_caps and row.exposure_s is not None:
         print_note(console, f"In frames of {significant(row.exposure_s)} s:")
         for name, gain in row.gain_caps.items():
             print_note(console, f"  {words.cap_sentence(name, gain)}.")
-    if helpful := words.remedies_text(row.remedies):
-        print_note(console, f"What would raise the SNR: {helpful}.")
-    if row.remedies.get("twice_the_time", 2.0) < 1.0:
-        print_note(console, "Longer visits would lower it: the wavefront walks away.")
 
 
-def _print_remarks(result: EtcResult, console: Console) -> None:
-    if result.reference_planet is not None:
-        planet = result.reference_planet
-        shown = f"{planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, {planet.albedo} albedo"
-        print_note(console, f"Reference planet: {shown}.")
-    for flag in dict.fromkeys(flag for row in result.answers for flag in row.flags):
-        bands = list(dict.fromkeys(row.band for row in result.answers if flag in row.flags))
-        where = "" if len(bands) == len({row.band for row in result.answers}) else f"{', '.join(bands)}: "
-        print_note(console, f"! {where}{words.flag_text(flag)} ({flag}).")
-    if result.note:
-        print_note(console, f"Note: {result.note}")
-    print_note(
-        console,
-        f"Positions on the diagonal of {_quadrant_text(result)}. Wall time is that of all visits: readouts, reference "
-        "frames and the overhead of each. SNR has the planet's own noise, significance has not.",
-    )
-    if programme := _programme_text(result.answers):
-        print_note(console, f"Each visit has a wavefront of its own and all are reduced together: {programme}.")
-    days = [row.span_days for row in result.answers if row.span_days is not None]
-    if days and (paid := words.orbits_text(result.answers)):
-        print_note(console, f"They span up to {significant(max(days), 2)} days; {paid}.")
+def _print_flags(result: EtcResult, console: Console) -> None:
+    """Print what is to be known of star, planet and bands beside the numbers."""
+    flags = dict.fromkeys(flag for row in result.answers for flag in row.flags)
+    bands = {row.band for row in result.answers}
+    lines = [f"Note: {result.note}"] if result.note else []
+    for flag in flags:
+        mine = list(dict.fromkeys(row.band for row in result.answers if flag in row.flags))
+        where = "" if len(mine) == len(bands) else f"{', '.join(mine)}: "
+        lines.append(f"! {where}{words.flag_text(flag)} ({flag})")
+    look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
+    lines += [f"! {KNOWN_FLAGS[flag]} ({flag})" for flag in (look.flags if look is not None else ())]
+    if lines:
+        console.print()
+        print_note(console, *lines)
 
 
 def _quadrant_text(result: EtcResult) -> str:
@@ -241,81 +325,32 @@ def _quadrant_text(result: EtcResult) -> str:
     return f"{' and '.join(parts)} quadrant {roll}"
 
 
-def _answer(row: EtcAnswer) -> str:
-    if row.value is None:
-        return MISSING
+def _value_text(row: EtcAnswer, value: float | None) -> str:
+    """A value in the unit of an answer."""
     if row.unit == "s":
-        return duration_text(row.value)
-    return ratio_text(row.value) if row.unit == "contrast" else significant(row.value)
+        return "never" if value is None else duration_text(value)
+    return ratio_text(value) if row.unit == "contrast" else significant(value)
 
 
-_DRAWS = {"sums": "sums of frames", "frames": "every frame, every effect"}
+def _answer(row: EtcAnswer) -> str:
+    return MISSING if row.value is None else _value_text(row, row.value)
 
 
-def print_fidelity(result: EtcResult, console: Console) -> None:
-    """Print what images say of the answers, and the stated error of those that need none; nothing for ``quick``.
-
-    Parameters
-    ----------
-    result : EtcResult
-    console : Console
-    """
-    record = result.fidelity
-    if record is None or record.fidelity == "quick":
-        return
-    console.print()
-    rows = [(item, result.answers[item.answer]) for item in record.answers]
-    alone = [pair for pair in rows if pair[0].fidelity == "quick" and pair[0].status == "ok"]
-    asked = [pair for pair in rows if pair not in alone]
-    if asked:
-        _print_checks(record, asked, console)
-    for item, row in alone:
-        error = error_text(item.predicted_error or {})
-        print_note(console, f"{_answer_name(row)}: closed forms are enough; their stated error is at most {error}.")
-    for text in dict.fromkeys(item.message for item, _ in rows if item.message):
-        names = ", ".join(_answer_name(row) for item, row in rows if item.message == text)
-        print_note(console, f"{names}: {text}.")
-    if not rows:
-        print_note(console, "No answer has frames that could be checked in images.")
+_ANSWER = Cells("answer", _answer, fields=("value", "unit"))
+_RANGE = Cells(
+    "range",
+    _range_text,
+    legend="16 to 84 % of what the errors of place and light leave open",
+    fields=tuple(f"known_planet.{name}.{end}" for name in ("value", "separation_arcsec", "contrast") for end in _ENDS),
+)
+_SNR = Cells(
+    "SNR",
+    lambda row: significant(row.snr),
+    legend="photometric SNR of the stack, with the planet's own noise, and its predicted error",
+    fields=("snr",),
+)
 
 
-def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswer]], console: Console) -> None:
-    cells = [
-        *row_cells(EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
-        *row_cells(
-            ImageCheck,
-            "predicted_snr snr snr_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",
-            of=lambda pair: pair[0].images,
-            predicted_snr=lambda pair: significant(pair[0].images.predicted_snr if pair[0].images else pair[1].snr),
-            n_found=_detections,
-            agrees=Cells("", _agreement, right=False),
-        ),
-    ]
-    drawn = [item.images.draw for item, _ in rows if item.images is not None]
-    how = " and ".join(_DRAWS[name] for name in dict.fromkeys(drawn))
-    dial = f"tolerance {record.tolerance:g}" if record.tolerance else record.fidelity
-    print_table(console, f"Checked in images ({dial}{f': {how}' if how else ''})", cells, rows)
-    explain_symbols(console, [item.status for item, _ in rows])
-    if not drawn:
-        return
-    print_note(
-        console,
-        "Errors of one sigma. SNR: closed form of what the images hold; of images: mean flux over its measured error. "
-        "Light: planet's light in images without noise over that of the closed form. Found: by a blind search.",
-    )
-
-
-def _detections(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
-    images = pair[0].images
-    return MISSING if images is None else f"{images.n_found} of {images.realisations}"
-
-
-def _agreement(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
-    item = pair[0]
-    if item.images is None:
-        return status_cell(item.status, item.reason)
-    return "agrees" if item.images.agrees else "differs"
-
-
-def _answer_name(row: EtcAnswer, placed: bool = True) -> str:
-    return f"{row.band} at {row.separation_arcsec:.3f}″" if placed else row.band
+def answer_name(row: EtcAnswer) -> str:
+    """Return band and separation of an answer."""
+    return f"{row.band} at {row.separation_arcsec:.3f}″"

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from catalogs.known_planet_columns import FLAGS
-from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
+from cpic_planner.report.cells import Cells, Sheet, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, ratio_text
 from cpic_planner.report.priorities import known_planet_name
 from cpic_planner.report.summary import day_text, pointing_sentence
@@ -31,8 +31,11 @@ _WINDOWS = 6
 """Windows of a planet that are printed."""
 
 
-def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
-    """Print the planets, widest on the sky first unless a star was asked for, and what the numbers mean."""
+def print_known(result: KnownResult, console: Console, limit: int = 40, *, full: bool = True) -> None:
+    """Print the planets, widest on the sky first unless a star was asked for, and what the numbers mean.
+
+    Without ``full``, and without a star, planets that are not counted are not told one by one.
+    """
     band = result.holes[0].band
     counted = [row for row in result.planets if row.counted]
     listed = [row for row in result.planets if not row.counted]
@@ -56,7 +59,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
         for row in counted[:limit]:
             _print_windows(row, result, console)
             _print_standing(row, console)
-    for row in listed:
+    for row in listed if full or result.years is not None else ():
         _print_standing(row, console)
     lacking: dict[str, list[str]] = {}
     for row in shown if result.years is not None else ():
@@ -151,7 +154,7 @@ def print_visibility(result: VisibilityResult, console: Console) -> None:
     result : VisibilityResult
     console : Console
     """
-    several = len(result.targets) > 1
+    several = len(result.targets) > 1 or (isinstance(console, Sheet) and console.form != "table")
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
         title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {day_text(result.start_utc)}"

@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> None:
-    """Print the first ``limit`` rows of a ranking, and what its numbers refer to."""
+def print_rank(rank: results.RankResult, console: Console, limit: int = 20, *, full: bool = True) -> None:
+    """Print the first ``limit`` rows of a ranking, and what its numbers refer to; in two sentences unless ``full``."""
     shown, total = rank.targets[:limit], len(rank.targets)
     some = f"first {len(shown)} of " if total > 1 else ""
     stars = chosen_text(total, rank.n_in_catalogue)
@@ -69,13 +69,19 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> N
         "time_s/10 snr/4 detection_margin/2 detection_probability detection_probability_known_place/3 status",
         score=_score_cells(rank.score_name),
     )
-    print_table(console, title, cells, shown, explained=True)
-    planet = rank.reference_planet
+    print_table(console, title, cells, shown, explained=True, legend=not full)
     if rank.counts_limited_by:
         limits = limits_text(rank.counts_limited_by)
         print_note(console, f"Reference planets in {duration_text(rank.time_s)}, {programme_text(rank)}: {limits}.")
-    print_note(
-        console,
+    print_note(console, *(_about_rank(rank, limit) if full else filter(None, [_zeros(rank).strip()])))
+    if rank.ensemble is not None:
+        print_ensemble(rank.ensemble, shown, console)
+
+
+def _about_rank(rank: results.RankResult, limit: int) -> list[str]:
+    """What the numbers of a ranking refer to."""
+    planet = rank.reference_planet
+    return [
         f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}",
         f"Population (compl %): {population_text(rank.population)}, by a blind search; known %: each planet looked for "
         f"at its place; of all %: whatever is known of the star, blind. The score counts {SEARCHES[rank.search]}.",
@@ -84,13 +90,11 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20) -> N
         f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
         f"{planet.albedo} albedo, {planet.position}; wall time up to {duration_text(rank.time_s)} per target and band.",
         f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
-        f"Detected: at least half of such observations show the planet {SEARCHES[mode_of(rank)]}; blind %, known %: "
+        f"Detected: at least half of such observations show the planet {SEARCHES[mode_of(rank)]}; blind %, place %: "
         "probability that a search finds it that does not know its place, and one that does. "
         f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
         f"Stars{f' on {rank.date_utc[:10]}' * bool(rank.date_utc)}: {rank.sample}. {rank.catalogue}",
-    )
-    if rank.ensemble is not None:
-        print_ensemble(rank.ensemble, shown, console)
+    ]
 
 
 def _zeros(rank: results.RankResult) -> str:

@@ -11,11 +11,11 @@ import numpy as np
 
 from cpic_planner.etc import EtcModel, contrast_limit
 from cpic_planner.jobs import RunFolder
-from cpic_planner.report.cells import measurements_csv, ranking_csv, ranking_ecsv, targets_csv
 from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.document import Document
 from cpic_planner.report.drawing import Picture
+from cpic_planner.report.files import measurements_csv, ranking_csv, ranking_ecsv, targets_csv
 from cpic_planner.report.numbers import pretty_name
 from cpic_planner.report.panels import Mark, MarkKind, Panels
 from cpic_planner.report.plan_sections import PlanReport, plan_document

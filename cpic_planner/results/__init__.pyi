@@ -6,7 +6,9 @@ from cpic_planner.results.answers import (
     EtcFidelity as EtcFidelity,
     EtcResult as EtcResult,
     ImageCheck as ImageCheck,
+    KnownPlanetLook as KnownPlanetLook,
     ModellingRecord as ModellingRecord,
+    OpenQuantiles as OpenQuantiles,
     Question as Question,
 )
 from cpic_planner.results.base import (
@@ -22,6 +24,7 @@ from cpic_planner.results.base import (
     column as column,
     column_of as column_of,
     columns_of as columns_of,
+    unit_of as unit_of,
 )
 from cpic_planner.results.doubted import (
     DoubtCell as DoubtCell,
@@ -90,6 +93,8 @@ from cpic_planner.results.ranked import (
 from cpic_planner.results.runs import (
     CheckResult as CheckResult,
     FindingRecord as FindingRecord,
+    InstrumentResult as InstrumentResult,
+    InstrumentValue as InstrumentValue,
     MachineRecord as MachineRecord,
     PlannedSequenceRow as PlannedSequenceRow,
     SimulatedProgramme as SimulatedProgramme,

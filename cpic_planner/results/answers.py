@@ -11,6 +11,7 @@ from pydantic import Field, PrivateAttr
 
 from cpic_core import Reason, Status
 from cpic_planner.results.base import ProgrammeColumns, Result, Row, StatusText, VerdictColumns, column, optional
+from cpic_planner.results.known import Quantiles
 from cpic_planner.results.ranked import ReferencePlanetRecord
 from simulator.knobs import Knobs, Quantity
 
@@ -102,6 +103,40 @@ class EtcFidelity(Result):
     answers: list[AnswerFidelity]
 
 
+class OpenQuantiles(Result):
+    """What the errors of a planet's place and light leave open: 16, 50 and 84 % of the draws lie below.
+
+    A draw without a value (outside the dark hole, out of reach) counts as an SNR of 0, and as a time or a limit without
+    end, which is null.
+    """
+
+    low: float | None
+    median: float | None
+    high: float | None
+    answered_share: float = Field(description="share of the draws that have a value")
+
+
+class KnownPlanetLook(Result):
+    """A known planet that was asked for by its name, in one band, at the date."""
+
+    planet: str
+    status: str = Field(description="confirmed, controversial, candidate or refuted")
+    reference: str = Field(description="where the orbit was published; of several the one of the largest weight")
+    planets_table: str
+    flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planet_columns.FLAGS")
+    date_utc: str
+    separation_arcsec: Quantiles = Field(description="projected; the answer is for the median")
+    contrast: Quantiles = Field(description="true planet-to-star ratio of detected rates; the answer is for the median")
+    value: OpenQuantiles = Field(description="of the answer, place and contrast drawn together")
+    distance_au: Quantiles = Field(description="true distance from the star")
+    phase_deg: Quantiles
+    radius_rjup: Quantiles
+    albedo: str
+    hole_share: float = Field(description="share of the draws between inner and outer corner of the dark hole")
+    n_draws: int
+    seed: int
+
+
 Question = Literal["exposure_time", "signal_to_noise", "contrast_limit"]
 
 
@@ -162,6 +197,9 @@ class EtcAnswer(ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns
     dominant: str = ""
     remedies: dict[str, float] = column(default={})
     flags: tuple[str, ...] = ()
+    known_planet: KnownPlanetLook | None = optional(
+        "the known planet that the answer is about; null where it is about a place and a contrast"
+    )
     _fidelity: AnswerFidelity | None = PrivateAttr(default=None)
 
     @property

@@ -40,7 +40,7 @@ _ABSENT = object()
 class Result(BaseModel):
     """Base of results: immutable, unknown keys refused, NaN and inf refused."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -144,7 +144,7 @@ _PROBABILITY = (
     "probability that a blind search finds the planet, by the law of simulated images; null where no law was measured "
     "(near-infrared camera, photon counting) or there is no answer"
 )
-_KNOWN_PLACE = Look("at its place", "known %", "%", "the same for a look at the planet's known place")
+_KNOWN_PLACE = Look("at its place", "place %", "%", "the same for a look at the planet's known place")
 VOCABULARY: Mapping[str, Look] = {
     "hip": Look("HIP", meaning="Hipparcos number"),
     "v_mag": Look("V", "V mag", ".2f", "Johnson V (Vega), mag"),

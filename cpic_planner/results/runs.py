@@ -227,3 +227,26 @@ class TradeoffResult(Result):
     speed_ups: dict[str, float] = Field(
         default_factory=dict, description="wall clock of the reference over that of one closed-form call, by scene"
     )
+
+
+class InstrumentValue(Row):
+    """One value of an instrument."""
+
+    key: str = column("dotted key, as --set takes it")
+    value: str
+    other: str | None = optional("value of the other instrument; null where there is none")
+    unit: str = ""
+    short_name: str = column("what --set and --simulator-overrides call it as well", short="short name", default="")
+    confidence: str = column(
+        "P published, I inferred, A assumed; empty for what is the user's", short="sure", default=""
+    )
+    source: str = ""
+
+
+class InstrumentResult(Result):
+    """Values of an instrument, or those in which two differ."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["instrument"] = "instrument"
+    title: str = Field(description="names and hashes")
+    values: list[InstrumentValue]

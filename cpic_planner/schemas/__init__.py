@@ -31,6 +31,7 @@ RESULTS = {
         ("run", "RunRecord"),
         ("simulation", "SimulationResult"),
         ("check", "CheckResult"),
+        ("instrument", "InstrumentResult"),
         ("tradeoff", "TradeoffResult"),
         ("known", "KnownResult"),
         ("visibility", "VisibilityResult"),

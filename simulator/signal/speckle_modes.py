@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_finite, check_whole, compute_once, stream
 from simulator.config import Instrument, content_hash

@@ -12,7 +12,7 @@ from cpic_planner.cli.main import main
 from cpic_planner.results import KnownResult, RankResult
 from simulator import load_scene
 
-FEW = ["--draws", "200"]
+FEW = ["--planets", "200"]
 MINE = "star,planet,a,e,mass,inclination,radius,star_mass\neps Eri,eps Eri q,1.5,0,1,30,1.1,0.83\n"
 
 
@@ -46,6 +46,9 @@ def test_refuted_planets_are_shown_with_who_says_so(call, tmp_path):
     assert "refuted, not counted. Status from Burrows et al. 2024 (arXiv:2404.17494)" in told
     assert "in the dark hole" not in told
     status, out, _ = call("known", "--limit", "1", *FEW)
+    assert "listed and not counted" in out
+    assert "refuted" not in out
+    status, out, _ = call("known", "--limit", "1", "-v", *FEW)
     assert out.count("refuted, not counted") == 3
     for option, file in (("--plot", "x.png"), ("--scene", "x.yaml")):
         status, _, err = call("known", "omi2 Eri", option, str(tmp_path / file), *FEW)
@@ -137,7 +140,7 @@ def test_a_table_of_one_s_own(call, done, tmp_path):
         (["eps Eri", "--v-mag-max", "5"], "only without a STAR"),
         (["eps Eri", "--date", "soon"], "--date = soon UTC"),
         (["eps Eri", "--years", "0"], "years = 0"),
-        (["eps Eri", "--draws", "0"], "--draws = 0"),
+        (["eps Eri", "--planets", "0"], "--planets = 0"),
         (["eps Eri", "--known-planets", "nowhere.csv"], "nowhere.csv"),
         (["eps Eri", "--band", "F999"], "F999"),
     ],
@@ -168,7 +171,7 @@ def test_ranking_of_stars_with_known_planets(done, tmp_path):
     assert 0.0 < result.targets[0].completeness < 1.0
     assert "2030-06-01" in result.population.description
     assert "those with known planets only" in result.sample
-    out, _ = done(*options)
+    out, _ = done(*options, "-v")
     assert "at least one of the star's own planets is detected" in " ".join(out.split())
 
 

@@ -54,7 +54,7 @@ def test_known_takes_the_latest_table(done, archive, data_folder):
     done(*REFRESH, "--planets", "--url", archive.url)
     table = load_known_planets("latest")
     assert table.number("eccentricity")[table.row_of("eps Eri b")] == 0.7
-    out, _ = done("known", "eps Eri", "--known-planets", "latest", "--json", "--draws", "100")
+    out, _ = done("known", "eps Eri", "--known-planets", "latest", "--json", "--planets", "100")
     assert "archive_" in out
 
 

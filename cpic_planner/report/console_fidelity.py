@@ -1,0 +1,83 @@
+"""How firm answers of the exposure-time calculator are, on the terminal: stated errors, and checks in images."""
+
+from __future__ import annotations
+
+from operator import itemgetter
+from typing import TYPE_CHECKING
+
+from cpic_planner.report.cells import Cells, explain_symbols, print_note, print_table, row_cells, status_cell
+from cpic_planner.report.console_etc import answer_name
+from cpic_planner.report.numbers import MISSING, significant
+from cpic_planner.report.summary import error_text
+from cpic_planner.results import AnswerFidelity, EtcAnswer, EtcFidelity, EtcResult, ImageCheck
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+_DRAWS = {"sums": "sums of frames", "frames": "every frame, every effect"}
+
+
+def print_fidelity(result: EtcResult, console: Console) -> None:
+    """Print what images say of the answers, and the stated error of those that need none; nothing for ``quick``.
+
+    Parameters
+    ----------
+    result : EtcResult
+    console : Console
+    """
+    record = result.fidelity
+    if record is None or record.fidelity == "quick":
+        return
+    console.print()
+    rows = [(item, result.answers[item.answer]) for item in record.answers]
+    alone = [pair for pair in rows if pair[0].fidelity == "quick" and pair[0].status == "ok"]
+    asked = [pair for pair in rows if pair not in alone]
+    if asked:
+        _print_checks(record, asked, console)
+    for item, row in alone:
+        error = error_text(item.predicted_error or {})
+        print_note(console, f"{answer_name(row)}: closed forms are enough; their stated error is at most {error}.")
+    for text in dict.fromkeys(item.message for item, _ in rows if item.message):
+        names = ", ".join(answer_name(row) for item, row in rows if item.message == text)
+        print_note(console, f"{names}: {text}.")
+    if not rows:
+        print_note(console, "No answer has frames that could be checked in images.")
+
+
+def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswer]], console: Console) -> None:
+    cells = [
+        *row_cells(EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
+        *row_cells(
+            ImageCheck,
+            "predicted_snr snr snr_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",
+            of=lambda pair: pair[0].images,
+            predicted_snr=lambda pair: significant(pair[0].images.predicted_snr if pair[0].images else pair[1].snr),
+            n_found=_detections,
+            agrees=Cells("", _agreement, right=False),
+        ),
+    ]
+    drawn = [item.images.draw for item, _ in rows if item.images is not None]
+    how = " and ".join(_DRAWS[name] for name in dict.fromkeys(drawn))
+    dial = f"tolerance {record.tolerance:g}" if record.tolerance else record.fidelity
+    print_table(console, f"Checked in images ({dial}{f': {how}' if how else ''})", cells, rows)
+    explain_symbols(console, [item.status for item, _ in rows])
+    if not drawn:
+        return
+    print_note(
+        console,
+        "Errors of one sigma. SNR: closed form of what the images hold; of images: mean flux over its measured error. "
+        "Light: planet's light in images without noise over that of the closed form. Found: by a blind search.",
+    )
+
+
+def _detections(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
+    images = pair[0].images
+    return MISSING if images is None else f"{images.n_found} of {images.realisations}"
+
+
+def _agreement(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
+    item = pair[0]
+    if item.images is None:
+        return status_cell(item.status, item.reason)
+    return "agrees" if item.images.agrees else "differs"
