@@ -28,7 +28,7 @@ from simulator.config import content_hash
 from simulator.products import mjd_of
 
 _START_S, _PREPARE_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.9, 5.0, 0.0015, 2.2
-RESULT_VERSION = 6
+RESULT_VERSION = 7
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
     "planets of one star are independent of each other; beside known planets and companion stars they are left out "

@@ -108,11 +108,20 @@ def shipped_file(kind: str, key: str, band: str) -> Path:
     return Path(str(files("simulator.imaging") / "data" / f"{kind}_{band}_{key}.npz"))
 
 
+@functools.lru_cache(maxsize=8)
+def _shipped_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Arrays of a file in the package, read-only: it takes longer to unpack them than to use them."""
+    arrays = read_npz(path)
+    for array in arrays.values():
+        array.flags.writeable = False
+    return arrays
+
+
 def _stored(kind: str, key: str, band: str, compute: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
     """Arrays of a content key: from the file in the package, the cache, or computed now."""
     path = shipped_file(kind, key, band)
     if band.isalnum() and path.is_file():
-        return read_npz(path)
+        return _shipped_arrays(path)
     return compute_once(f"{kind}-{key}", compute)
 
 
