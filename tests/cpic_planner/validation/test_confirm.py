@@ -92,10 +92,10 @@ def test_predicted_noise_is_recovered(case):
 
 def test_all_that_is_audited_runs_frame_by_frame():
     """Every effect on, calibrated, particles out: the same planet within its error, and the story of the frames."""
-    task = replace(task_of("speckles", realisations=1), n_frames=24, audit=True)
+    task = replace(task_of("speckles", realisations=1), n_frames=12, audit=True)
     body, (found,) = run(task)
     audit = found.audit
-    assert audit.n_frames == 24
+    assert audit.n_frames == 12
     assert abs(audit.deviation_sigma) < 5
     assert audit.hits > 0
     assert 0 < audit.rejected_fraction < 0.1
