@@ -30,6 +30,7 @@ STRIPS = 32  # of a cell that the rim of the disc cuts
 SHIPPED_NAME = re.compile(r"lpx\d+")
 
 
+@functools.cache
 def shipped_apodizers() -> tuple[str, ...]:
     """Names of the masks that come with the package."""
     folder = files("simulator.imaging") / "data"
