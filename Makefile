@@ -35,8 +35,8 @@ $(VENV)/installed: pyproject.toml constraints.txt | check-python
 plan: $(VENV)/installed  ## rank the catalogue, confirm the best targets with images, write the report
 	$(BIN)/cpic plan --top $(TOP) --workers $(WORKERS) --out $(OUT)
 
-test: $(VENV)/installed  ## run the test suite
-	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal
+test: $(VENV)/installed  ## run the test suite (PYTEST="-p tools.spent": what each file takes)
+	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal $(PYTEST)
 
 test-long: $(VENV)/installed  ## run the long proofs whose evidence is older than the code, and keep what they find
 	$(BIN)/python -m tools.proofs --workers $(WORKERS)

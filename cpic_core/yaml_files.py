@@ -4,6 +4,8 @@ PyYAML follows YAML 1.1, where ``1e-8`` is a string, ``on`` is a boolean and ``1
 loader resolves plain scalars by the YAML 1.2 core schema instead (https://yaml.org/spec/1.2.2/#103-core-schema).
 """
 
+import copy
+import functools
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,6 +18,7 @@ from cpic_core.errors import InputError
 from cpic_core.user_files import read_text
 
 MAX_BYTES = 4_000_000
+_MAX_KEPT = 100_000
 _SETTINGS = ("instrument", "scene", "simulation", "strategies", "strategy", "population", "visibility")
 KINDS = (*_SETTINGS, "simulator_overrides", "question", "ensemble")
 """Kinds by which our files name themselves."""
@@ -112,7 +115,7 @@ def parse_yaml(text: str, *, where: str = "YAML text", quoting: bool = True) -> 
         On duplicate keys, aliases, tags outside the safe set or malformed text, with line and column.
     """
     try:
-        return yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - _StrictLoader derives from SafeLoader
+        return copy.deepcopy(_tree_of(text)) if len(text) <= _MAX_KEPT else _parsed(text)
     except RecursionError:
         raise InputError(where, "nested too deeply", allowed="one well-formed YAML document") from None
     except yaml.YAMLError as error:
@@ -121,6 +124,13 @@ def parse_yaml(text: str, *, where: str = "YAML text", quoting: bool = True) -> 
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
         problem = problem if quoting else _QUOTED.sub("", problem)
         raise InputError(f"{where}{place}", problem, allowed="one well-formed YAML document") from None
+
+
+def _parsed(text: str) -> Any:
+    return yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - _StrictLoader derives from SafeLoader
+
+
+_tree_of = functools.lru_cache(maxsize=32)(_parsed)  # presets are asked for again and again, and slow to parse
 
 
 def load_yaml(path: str | Path) -> Any:

@@ -111,7 +111,10 @@ def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: st
     """
     buffer = io.BytesIO()
     if image_format == "svg":
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+        # `savefig` draws a figure with a layout twice, of which the first time is for the layout
+        FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
         return Picture(_uri("image/svg+xml", buffer.getvalue()), alt, caption)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
@@ -119,7 +122,7 @@ def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: st
     figure.set_dpi(IMAGE_DPI)
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
-    canvas.draw()  # the pixels as they are: `savefig` draws everything twice, and packs what would be unpacked here
+    canvas.draw()  # the pixels as they are: `savefig` would pack what would be unpacked here
     drawn = np.asarray(canvas.buffer_rgba())[..., :3]
     small = Image.fromarray(drawn).quantize(palette=_palette(), dither=Image.Dither.NONE)
     small.save(buffer, format="png", compress_level=_PNG_LEVEL)

@@ -99,28 +99,26 @@ def _interval(values: ArrayLike, level: float, *, unmet: float) -> Estimate:
 
 
 def _end(values: FloatArray, counts: FloatArray, edge: float, aim: float) -> float:
-    """Mean between 0, that of the sample, and an edge of it at which the likelihood ratio reaches ``aim``."""
+    """Mean between 0, that of the sample, and an edge of it at which the likelihood ratio reaches ``aim``.
+
+    The likeliest law of a mean has weights ``counts / (1 + tilt values)``. Each tilt gives its mean and its ratio, so
+    that the tilt is all that is sought; at ``-1 / edge`` the law stands on the edge alone.
+    """
     from scipy.optimize import brentq
 
-    def excess(mean: float) -> float:
-        return _likelihood_ratio(values - mean, counts) - aim
+    def law(gap: float) -> tuple[FloatArray, float]:
+        leant = 1.0 - (1.0 - gap) / edge * values
+        return leant, float((counts / leant).sum() / counts.sum())
 
-    almost = float(edge) * (1.0 - _NEXT)
-    return float(edge) if excess(almost) < 0.0 else float(brentq(excess, 0.0, almost, xtol=1e-12))
+    def excess(log_gap: float) -> float:
+        leant, norm = law(math.exp(log_gap))
+        return 2.0 * float((counts * np.log(leant * norm)).sum()) - aim
 
-
-def _likelihood_ratio(apart: FloatArray, counts: FloatArray) -> float:
-    """``-2 log`` of the empirical likelihood of a mean, given the values' distances from it."""
-    from scipy.optimize import brentq
-
-    low, high = -1.0 / apart.max(), -1.0 / apart.min()
-    inner = (high - low) * _NEXT
-
-    def slope(weight: float) -> float:
-        return float((counts * apart / (1.0 + weight * apart)).sum())
-
-    weight = float(brentq(slope, low + inner, high - inner, xtol=1e-15 * (high - low), rtol=1e-14))
-    return 2.0 * float((counts * np.log1p(weight * apart)).sum())
+    almost = math.log(_NEXT)
+    if excess(almost) < 0.0:
+        return float(edge)
+    leant, norm = law(math.exp(float(brentq(excess, almost, 0.0, xtol=1e-13, rtol=1e-14))))
+    return float((counts / leant * values).sum() / (counts.sum() * norm))
 
 
 def spread(values: ArrayLike, level: float = LEVEL) -> tuple[float, float]:

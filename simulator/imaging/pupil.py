@@ -20,7 +20,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray, stream
-from simulator.imaging.map_files import read_maps, real_map
+from simulator.imaging.map_files import MapFile, read_maps, real_map
 
 Kind: TypeAlias = Literal["amplitude", "intensity"]
 KINDS: tuple[str, ...] = get_args(Kind)
@@ -30,6 +30,7 @@ STRIPS = 32  # of a cell that the rim of the disc cuts
 SHIPPED_NAME = re.compile(r"lpx\d+")
 
 
+@functools.cache
 def shipped_apodizers() -> tuple[str, ...]:
     """Names of the masks that come with the package."""
     folder = files("simulator.imaging") / "data"
@@ -73,7 +74,7 @@ def load_apodizer(name_or_path: str | Path, *, kind: Kind = "amplitude", samples
     if name in shipped_apodizers():
         if kind != "amplitude":
             raise InputError("apodizer kind", kind, allowed="amplitude for a shipped mask", hint=name)
-        file = read_maps("apodizer", str(files("simulator.imaging") / "data" / f"{name}.npz"))
+        file = _shipped_maps(name)
     elif Path(name).is_file():
         file = read_maps("apodizer", name)
     else:
@@ -93,6 +94,11 @@ def load_apodizer(name_or_path: str | Path, *, kind: Kind = "amplitude", samples
         raise InputError("apodizer", name, allowed=f"an even number of samples, {MIN_SIDE} to {MAX_SIDE}", hint=hint)
     mask.flags.writeable = False
     return mask
+
+
+@functools.cache
+def _shipped_maps(name: str) -> MapFile:
+    return read_maps("apodizer", str(files("simulator.imaging") / "data" / f"{name}.npz"))
 
 
 def _in_range(name: str, mask: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ An image of a telescope holds no spatial frequency beyond D/lambda. Pixels of at
 completely, and Fourier interpolation of the pixel values is exact but for the cut at the edge of the stamp.
 """
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,7 @@ class PixelAxis:
         return fraction
 
 
+@functools.lru_cache(maxsize=256)
 def box_gauss_rule(n_nodes: int, width: float, sigma: float) -> tuple[FloatArray, FloatArray]:
     """Gauss rule for a box of ``width`` convolved with a normal density of standard deviation ``sigma``.
 
@@ -72,7 +74,7 @@ def box_gauss_rule(n_nodes: int, width: float, sigma: float) -> tuple[FloatArray
 
     Returns
     -------
-    nodes, weights : ndarray, shape (n_nodes,)
+    nodes, weights : ndarray, shape (n_nodes,), read-only
         Symmetric about 0; weights sum to 1. Exact for polynomials up to degree ``2 n_nodes - 1``.
     """
     points, masses = np.polynomial.legendre.leggauss(BOX_POINTS)
@@ -81,7 +83,9 @@ def box_gauss_rule(n_nodes: int, width: float, sigma: float) -> tuple[FloatArray
         normal, normal_masses = np.polynomial.hermite_e.hermegauss(GAUSS_POINTS)
         points = np.add.outer(points, sigma * normal).ravel()
         masses = np.multiply.outer(masses, normal_masses / normal_masses.sum()).ravel()
-    return gauss_rule(points, masses, n_nodes)
+    nodes, weights = gauss_rule(points, masses, n_nodes)
+    nodes.flags.writeable = weights.flags.writeable = False
+    return nodes, weights
 
 
 def pixel_axis(

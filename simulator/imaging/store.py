@@ -108,12 +108,16 @@ def shipped_file(kind: str, key: str, band: str) -> Path:
     return Path(str(files("simulator.imaging") / "data" / f"{kind}_{band}_{key}.npz"))
 
 
-def _stored(kind: str, key: str, band: str, compute: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
-    """Arrays of a content key: from the file in the package, the cache, or computed now."""
+def _shipped(kind: str, key: str, band: str) -> Path | None:
+    """Return the file in the package of a content key, None if there is none."""
     path = shipped_file(kind, key, band)
-    if band.isalnum() and path.is_file():
-        return read_npz(path)
-    return compute_once(f"{kind}-{key}", compute)
+    return path if band.isalnum() and path.is_file() else None
+
+
+@functools.lru_cache(maxsize=16)
+def _shipped_metrics(path: Path) -> PsfMetrics:
+    """Metrics of a file in the package: it takes longer to unpack them than to use them."""
+    return PsfMetrics.from_arrays(unpacked(read_npz(path)))
 
 
 def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> HoleResult:
@@ -130,7 +134,11 @@ def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirr
     mirror : DeformableMirror
     """
     key = hole_key(instrument, solver)
-    arrays = _stored("hole", key, solver.band, lambda: to_arrays(search(instrument, solver, static, mirror)))
+    path = _shipped("hole", key, solver.band)
+    if path is not None:
+        arrays = read_npz(path)
+    else:
+        arrays = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, static, mirror)))
     state = from_arrays(arrays, solver)
     if isinstance(state, UnreachedHole):
         _warn(key, state.reason)
@@ -260,7 +268,10 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
         For an unknown band or an unusable apodizer.
     """
     key = metrics_key(instrument, band)
-    return PsfMetrics.from_arrays(unpacked(_stored("metrics", key, band, lambda: measure(instrument, band))))
+    path = _shipped("metrics", key, band)
+    if path is not None:
+        return _shipped_metrics(path)
+    return PsfMetrics.from_arrays(unpacked(compute_once(f"metrics-{key}", lambda: measure(instrument, band))))
 
 
 def measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:

@@ -28,6 +28,12 @@ def mine(tmp_path):
     return str(path)
 
 
+@pytest.fixture
+def no_figures(monkeypatch):
+    """The report without its figures, which take longer than a small survey; nobody looks at them."""
+    monkeypatch.setattr("cpic_planner.report.figures.whatif_figures", lambda result: {})
+
+
 COMMAND = "whatif"
 
 
@@ -55,7 +61,7 @@ def test_a_comparison_in_words_and_files(call, done, mine, tmp_path):
     assert "--force" in err
 
 
-def test_options_reach_the_answer(done, mine, tmp_path):
+def test_options_reach_the_answer(done, mine, tmp_path, no_figures):
     arguments = (
         *split(
             "--strategy twice --vary max_visits=1,2 --universes 12 --seed 9 --start 2030-01-01 --days 40 "
@@ -72,7 +78,7 @@ def test_options_reach_the_answer(done, mine, tmp_path):
     assert all(text.startswith("2030") for text in result.slot_utc)
 
 
-def test_known_planets_are_those_of_the_option(done, tmp_path):
+def test_known_planets_are_those_of_the_option(done, tmp_path, no_figures):
     """A planet of one's own is found; the option stands instead of what the strategies name."""
     table = tmp_path / "planets.csv"
     table.write_text("star,planet,a,e,mass,inclination,radius,star_mass\neps Eri,eps Eri q,1.5,0,1,10,1.3,0.83\n")
@@ -103,7 +109,7 @@ def test_known_planets_are_those_of_the_option(done, tmp_path):
     assert found[f"none+{table}"] > 0.1
 
 
-def test_what_excludes_planets_and_which_fact_moved_which_number(done, mine, tmp_path):
+def test_what_excludes_planets_and_which_fact_moved_which_number(done, mine, tmp_path, no_figures):
     plain = (mine, *split("--strategy once --images 0 --workers 1 --facts"))
     out, _ = done(*plain, "--out", str(tmp_path / "all"))
     assert "Planets found without each fact, planned anew" in out

@@ -54,10 +54,9 @@ def predicted_over_recovered(name, roll_deg, band="F520", separation_arcsec=0.6)
     return 1.0 / images.snr_ratio, images.snr_ratio_error / images.snr_ratio**2, share
 
 
-@pytest.mark.parametrize("name", ["36 Oph A", "ksi UMa A"])
-def test_lit_holes_are_as_noisy_as_images(name):
+def test_a_lit_hole_is_as_noisy_as_images():
     """Light of the companion and of its copy in the references makes most of the noise."""
-    ratio, error, share = predicted_over_recovered(name, 40.0)
+    ratio, error, share = predicted_over_recovered("ksi UMa A", 40.0)
     assert share > 0.7
     assert abs(ratio - 1.0) < 0.05 + 2.0 * error
 

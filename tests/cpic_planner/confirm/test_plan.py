@@ -27,7 +27,7 @@ from cpic_planner.survey import load_strategies, run_whatif, with_universe
 from simulator.config import load_instrument, validate
 
 ARGUMENTS = """
-    plan --top 2 --time-s 1000 --band F520 --band F662 --realisations 2 --planets 500
+    plan --top 2 --time-s 1000 --band F520 --band F662 --realisations 2 --planets 100 --fidelity quick
 """.split()
 # Of the sample these alone let sums of frames stand for frames, which takes a tenth of the time.
 STARS = """name,v_mag,sp_type,teff_k,log_g,metallicity,distance_pc,luminosity_lsun,ra_deg,dec_deg
@@ -162,7 +162,7 @@ def test_seed_changes_the_measurement_but_not_the_prediction(finished, stars, tm
     """Nor does how many targets are confirmed: one here, two before, in the same frames."""
     plan = json.loads(finished[1])
     before = {target["name"]: target for target in plan["targets"]}
-    settings = {"bands": ("F520", "F662"), "time_s": 1000.0, "realisations": 2, "n_planets": 500}
+    settings = {"bands": ("F520", "F662"), "time_s": 1000.0, "realisations": 2, "n_planets": 100, "fidelity": "quick"}
     config = PlanQuestion(instrument=load_instrument(), top=1, seed=plan["seed"] + 1, **settings)
     (other,) = make_plan(config, tmp_path / "other", catalog=stars).result.targets
     compared = [

@@ -217,7 +217,7 @@ def test_started_again_it_keeps_what_is_finished_and_gives_the_same_bytes(finish
 
 
 def test_another_configuration_needs_force(refused, finished, tmp_path):
-    settings = FEW_FRAMES | {"audit": False, "realisations": 1}
+    settings = FEW_FRAMES | {"audit": False, "realisations": 1, "fidelity": "quick"}
     refused("--force", cpic_planner.confirm_scene, "paper_example", bands=["F520"], out=finished, **settings)
     assert (finished / "panels-F520.png").exists()
     star = {"name": "alone", "cstar": {"v_mag": 4.0, "teff_k": 5500, "distance_pc": 4.0}}

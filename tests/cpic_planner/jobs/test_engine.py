@@ -21,13 +21,10 @@ def draw(name, index):
 ARGUMENTS = [("star", index) for index in range(6)]
 
 
-def test_same_results_for_any_number_of_workers():
+def test_results_come_with_their_numbers():
     alone = dict(run_tasks(draw, ARGUMENTS, workers=1))
-    # builtins travel by name; a test function would need this file to be importable in the workers
-    together = dict(run_tasks(divmod, [(17, n) for n in range(1, 7)], workers=2))
     assert sorted(alone) == list(range(6))
     assert alone[3] == draw("star", 3)
-    assert together == {n - 1: divmod(17, n) for n in range(1, 7)}
 
 
 def test_errors_of_tasks_come_back_as_they_are(refused):
@@ -36,9 +33,11 @@ def test_errors_of_tasks_come_back_as_they_are(refused):
     refused("no_such_preset", list, run_tasks(load_instrument, [("no_such_preset",)] * 2, workers=2))
 
 
-def test_common_arguments_come_first_wherever_a_task_runs():
+def test_common_arguments_come_first_and_results_are_the_same_for_any_number_of_workers():
+    # builtins travel by name; a test function would need this file to be importable in the workers
     for workers in (1, 2):
-        assert dict(run_tasks(pow, [(2, 5), (3, 7)], common=(10,), workers=workers)) == {0: 100 % 5, 1: 1000 % 7}
+        found = dict(run_tasks(pow, [(power, 7) for power in range(6)], common=(10,), workers=workers))
+        assert found == {power: 10**power % 7 for power in range(6)}
 
 
 class Heavy:
@@ -56,15 +55,6 @@ def weigh(heavy, index):
     return os.getpid(), Heavy.unpacked, len(heavy.load) + index
 
 
-def test_common_arguments_reach_each_worker_once():
-    heavy = Heavy()
-    heavy.load = bytes(20_000_000)
-    found = dict(run_tasks(weigh, [(index,) for index in range(40)], common=(heavy,), workers=2))
-    assert [found[index][2] for index in range(40)] == [20_000_000 + index for index in range(40)]
-    assert len({pid for pid, _, _ in found.values()}) == 2
-    assert {unpacked for _, unpacked, _ in found.values()} == {1}
-
-
 class Watched(list):
     """Notes how far its items were read."""
 
@@ -75,10 +65,15 @@ class Watched(list):
         return super().__getitem__(index)
 
 
-def test_only_a_few_tasks_are_sent_out_at_a_time():
-    arguments = Watched((index, 3) for index in range(200))
-    ahead = [arguments.highest - done for done, _ in enumerate(run_tasks(divmod, arguments, workers=2))]
-    assert len(ahead) == 200
+def test_common_arguments_reach_each_worker_once_and_few_tasks_are_sent_out_at_a_time():
+    heavy, arguments, found, ahead = Heavy(), Watched((index,) for index in range(100)), {}, []
+    heavy.load = bytes(20_000_000)
+    for done, (index, answer) in enumerate(run_tasks(weigh, arguments, common=(heavy,), workers=2)):
+        found[index] = answer
+        ahead.append(arguments.highest - done)
+    assert [found[index][2] for index in range(100)] == [20_000_000 + index for index in range(100)]
+    assert len({pid for pid, _, _ in found.values()}) == 2
+    assert {unpacked for _, unpacked, _ in found.values()} == {1}
     assert max(ahead) <= 4 * 2
 
 

@@ -225,7 +225,7 @@ def test_reserve_visits_displace_no_planned_one(small, sharp_tree):
     from simulator.config import deep_merge
 
     rules = deep_merge(
-        sharp_tree, {"time_budget_h": 45, "stop": {"after_detection": True}, "revisits": {"max_visits": 12}}
+        sharp_tree, {"time_budget_h": 45, "stop": {"after_detection": True}, "revisits": {"max_visits": 6}}
     )
     without, with_reserve = (
         denser(
