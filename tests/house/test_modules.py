@@ -12,9 +12,9 @@ ROOT = Path(__file__).resolve().parents[2]
 # before orbits: what positions say of them, and those of the planets that surveys find, 364 before
 # schedules chose among plans of stars (`survey.plans`, `survey.bounds`), 367 before plans under doubt,
 # 373 before false alarms stood apart from detections and histories of stars from surveys, 374 before planets were asked
-# for by name (`api.named`), tables had other forms (`report.files`), instruments were shown on the command line, checks of answers
-# in images apart from the answers (`report.console_fidelity`), and planets in the dark zone apart from what counts them
-# (`ranking.in_zone`).
+# for by name (`api.named`), tables had other forms (`report.files`), instruments were shown on the command line, checks
+# of answers in images stood apart from the answers (`report.console_fidelity`), and planets in the dark zone apart from
+# what counts them (`ranking.in_zone`).
 MOST_MODULES, MOST_LINES, MOST_SKIPS = 381, 400, 20
 
 
