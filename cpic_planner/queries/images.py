@@ -35,7 +35,7 @@ class ImageQuestion(shared.InstrumentQuestion):
     )
     realisations: int = asked(
         REALISATIONS,
-        "Made-up observations of every planet and band, each with its own drift and noise.",
+        "Simulated observations of every planet and band, each with its own drift and noise.",
         ge=1,
         le=shared.MAX_REALISATIONS,
     )

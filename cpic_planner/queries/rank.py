@@ -300,7 +300,7 @@ class RankedQuestion(shared.InstrumentQuestion, FilteredQuestion, CountedPlanets
         le=1e9,
     )
     seed: shared.Seed = asked(1, "Seed of every random number.")
-    score: ScoreName = asked(DEFAULT_SCORE, "What the ranking is by.")
+    score: ScoreName = asked(DEFAULT_SCORE, "Ranking metric.")
     instruments: int | None = asked(
         None,
         "Rank the stars under so many instruments too, drawn from {ensemble}: how sure each rank is, how often each "

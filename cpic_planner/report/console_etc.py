@@ -105,16 +105,17 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
 
 
 def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
-    """Cell of a number of a planet with half of the width that holds 68 % of the draws of a known one."""
+    """Cell of a number of a planet; of a known one its median with half of the width that holds 68 % of the draws."""
+
+    def written(value: float | None) -> str:
+        return MISSING if value is None else f"{value:.{places}f}" if places else ratio_text(value)
 
     def text(row: EtcAnswer) -> str:
-        value = getattr(row, name)
-        told = MISSING if value is None else f"{value:.{places}f}" if places else ratio_text(value)
-        if row.known_planet is None or value is None:
-            return told
+        if row.known_planet is None:
+            return written(getattr(row, name))
         spread = getattr(row.known_planet, name)
         half = 0.5 * (spread.high - spread.low)
-        return f"{told} ± {half:.{places}f}" if places else f"{told} ± {half:.0e}"
+        return f"{written(spread.median)} ± {half:.{places}f}" if places else f"{written(spread.median)} ± {half:.0e}"
 
     return text
 
@@ -329,7 +330,9 @@ def _value_text(row: EtcAnswer, value: float | None) -> str:
     """A value in the unit of an answer."""
     if row.unit == "s":
         return "never" if value is None else duration_text(value)
-    return ratio_text(value) if row.unit == "contrast" else significant(value)
+    if row.unit == "contrast":
+        return "none" if value is None else ratio_text(value)
+    return significant(value)
 
 
 def _answer(row: EtcAnswer) -> str:

@@ -56,6 +56,12 @@ def test_rank_json_holds_one_row_per_star(ranked):
 def test_rank_writes_tables(call, tmp_path):
     assert call("rank", *ROUGH, "--limit", "1", "--out", str(tmp_path / "r.csv"))[0] == 0
     assert (tmp_path / "r.csv").read_text().count("\n") == 1078
+    for ending, lines in ((".tex", 1077 + 7), (".md", 1077 + 4)):
+        path = tmp_path / f"r{ending}"
+        assert call("rank", *ROUGH, "--limit", "1", "--out", str(path), "--brief")[0] == 0
+        assert path.read_text(encoding="utf-8").count("\n") == lines
+    assert call("rank", *ROUGH, "--out", str(tmp_path / "r.json"))[0] == 0
+    assert len(json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["targets"]) == 1077
     status, _, err = call("rank", *ROUGH, "--out", str(tmp_path / "r.txt"))
     assert status == 2
     assert ".csv, .ecsv, .json, .tex or .md" in err

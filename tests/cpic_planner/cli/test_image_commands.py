@@ -35,6 +35,16 @@ def test_dry_run_counts_realisations(call):
     assert "1 image sets (1 targets x bands), 8 realisations, " in out
 
 
+def test_dry_run_ranks_nothing(call, monkeypatch):
+    """As many image sets as targets and bands, with the frames of a star that may be one of them."""
+    monkeypatch.setattr("cpic_planner.confirm.plan.rank_under", lambda *_, **__: pytest.fail("ranked"))
+    _, out, _ = call("--top", "7", "--band", "F520", "--band", "F662", "--dry-run", "--json")
+    cost = json.loads(out)
+    assert (cost["n_targets"], cost["n_tasks"], cost["n_realisations"]) == (7, 14, 7 * 2 * 8)
+    _, out, _ = call("--top", "14", "--band", "F520", "--band", "F662", "--dry-run", "--json")
+    assert json.loads(out)["wall_s"] - 4.0 == pytest.approx(2 * (cost["wall_s"] - 4.0))
+
+
 def test_help_shows_examples_and_what_overrides_are(done):
     out, _ = done("--help")
     for text in ("cpic plan --top 20 --realisations 20 --dry-run", "--simulator-overrides", "[default: 8;"):
