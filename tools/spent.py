@@ -1,4 +1,4 @@
-"""Say what the tests of each file take: ``make test PYTEST='-p tools.spent'``, in seconds, of set-up and clean-up too."""
+"""Say what the tests of each file take, in seconds: ``make test PYTEST='-p tools.spent'``."""
 
 from collections import Counter
 

@@ -19,7 +19,7 @@ this optical model and any real instrument.
 import functools
 import hashlib
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import astuple, fields, replace
 from importlib.resources import files
 from pathlib import Path

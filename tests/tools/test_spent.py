@@ -20,4 +20,4 @@ def test_parts_of_tests_add_up_by_file(monkeypatch):
 @pytest.mark.parametrize("shown", [1, 2])
 def test_the_longest_are_shown(shown):
     found = spent.lines(Counter({"a.py": 1, "b.py": 2}), shown)
-    assert [line.split()[-1] for line in found] == ["b.py", "a.py"][:shown] + ["files"]
+    assert [line.split()[-1] for line in found] == [*["b.py", "a.py"][:shown], "files"]
