@@ -23,7 +23,7 @@ from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
 if TYPE_CHECKING:
     from cpic_planner.survey.schedule import PlannedVisit, Problem
 
-N_DRAWS, N_KNOWN = 1000, 1000
+N_DRAWS, N_KNOWN = 2000, 1000
 """Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
 LEAST_CHANCE = 1e-9
 """Planets that no visit shows with a larger probability are left out of schedules."""
