@@ -1,8 +1,4 @@
-<<<<<<< HEAD
 """Say what the tests of each file take in seconds, clean-up included: ``make test PYTEST='-p tools.spent'``."""
-=======
-"""Say what the tests of each file take, in seconds: ``make test PYTEST='-p tools.spent'``."""
->>>>>>> suite
 
 from collections import Counter
 
