@@ -27,7 +27,7 @@ from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.products import mjd_of
 
-_START_S, _PREPARE_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.9, 5.0, 0.0015, 2.2
+_START_S, _PLAN_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 8.0, 3.2, 0.9, 5.0, 0.00075, 2.2
 RESULT_VERSION = 7
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
@@ -53,23 +53,24 @@ def decided_by(config: StrategiesConfig, ground: Ground, n_images: int) -> dict[
 
 
 def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
-    """Return the expected cost; times are those of ``reports/whatif`` on one core, nothing in the cache."""
+    """Return the expected cost; times are those of one core, memory that of the preset."""
     n, universes = len(config.strategies), config.universe.universes
     times = 1 + len(taken_back(config))
     blocks = n * -(-universes // BLOCK)
-    bands = sum(len(item.visit.bands) * len(item.visit.time_s) for item in config.strategies)
     holes = [(item.assumptions.contrast, band) for item in config.strategies for band in item.visit.bands]
     assumed = {(contrast, band) for contrast, band in holes if contrast is not None}
     counts = {"n_strategies": n, "n_universes": universes, "n_blocks": blocks, "n_images": n * n_images}
     doubtful = 0 if config.doubt is None else len(config.doubt.values)
     plays = times * n + plays_of(config.doubt, n)
     steps = times * (n + blocks) + told_steps(config.doubt, n, blocks // n) + n * n_images
+    ways = [len(item.visit.bands) * len(item.visit.time_s) for item in config.strategies]
+    plans_s = [_PLAN_S * number * (1 + doubtful) + _AGAIN_S * (times - 1) for number in ways]
     return Cost(
         counts=counts | {"n_steps": steps},
-        times_s=[(_PLAY_S * plays * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
-        start_s=_START_S + _PREPARE_S * bands * (1 + doubtful) + _AGAIN_S * n * (times - 1) + _OPTICS_S * len(assumed),
-        memory_mb=400.0,
-        worker_mb=120.0,
+        times_s=plans_s + [(_PLAY_S * plays * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
+        start_s=_START_S + _OPTICS_S * len(assumed),
+        memory_mb=650.0,
+        worker_mb=550.0,
         disk_mb=0.5 + 0.00035 * n * universes,
     )
 
