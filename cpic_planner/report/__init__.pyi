@@ -10,6 +10,7 @@ from cpic_planner.report.console import (
 from cpic_planner.report.console_etc import (
     best_row as best_row,
     print_etc as print_etc,
+    question_text as question_text,
 )
 from cpic_planner.report.console_fidelity import print_fidelity as print_fidelity
 from cpic_planner.report.console_known import print_known as print_known, print_visibility as print_visibility
@@ -26,7 +27,6 @@ from cpic_planner.report.etc_figures import (
     check_figure_name as check_figure_name,
     etc_curves as etc_curves,
     etc_figure as etc_figure,
-    level_text as level_text,
     write_figure as write_figure,
 )
 from cpic_planner.report.files import (
@@ -35,7 +35,7 @@ from cpic_planner.report.files import (
     ranking_ecsv as ranking_ecsv,
     visibility_csv as visibility_csv,
 )
-from cpic_planner.report.numbers import duration_text as duration_text
+from cpic_planner.report.numbers import duration_text as duration_text, level_text as level_text
 from cpic_planner.report.priorities import ensemble_figure as ensemble_figure
 from cpic_planner.report.sky_figures import MOST_STARS as MOST_STARS, rank_figure as rank_figure
 from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure
