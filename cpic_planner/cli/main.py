@@ -62,7 +62,7 @@ def root(
         return
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
     set_loudness(verbose, quiet)
-    if not quiet:
+    if not quiet and context.invoked_subcommand != "serve":  # which has no end to wait for
         context.with_resource(watch(context.invoked_subcommand))
 
 

@@ -15,9 +15,9 @@ _NEEDED = ("starlette", "uvicorn")
 
 def serve(
     host: Annotated[
-        str, typer.Option("--host", help="Address that the server is bound to [default: this machine alone].")
+        str, typer.Option("--host", help="Address that the server is bound to: this machine alone, unless said.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Port [default: 8765].")] = 8765,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Port.")] = 8765,
     allow_host: Annotated[
         list[str] | None,
         typer.Option("--allow-host", metavar="NAME", help="Answer under this name too; repeat for several."),

@@ -98,8 +98,8 @@ class Asking(Generic[Q]):
             For an unknown parameter, one that requests do not have, or a value that is too long or no text.
         """
         values: dict[str, list[str]] = {}
-        for name, text in given:
-            if (text := text.strip()) == "":
+        for name, written in given:
+            if (text := written.strip()) == "":
                 continue
             if len(text) > LONGEST_VALUE or not text.isprintable():
                 raise InputError(

@@ -41,6 +41,15 @@ _EXAMPLES = {
 }
 
 
+_HINTS = {
+    "albedo": "jupiter, saturn, uranus, neptune, or a number.",
+    "instrument": "A shipped instrument.",
+    "population": "Planets that completeness refers to.",
+    "known_planets": "Table of known planets, for the name of a planet.",
+}
+"""Where the help of the option speaks of files, which requests do not name."""
+
+
 @dataclass(frozen=True)
 class Field:
     """One field of a form.
@@ -181,7 +190,7 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
         kind, choices = "ticks", tuple(default_instrument().bands)
     elif option.several and option.kind is float:
         values = [", ".join(values)] if values else []
-    hint = spelled(option.text, asking.names)
+    hint = _HINTS.get(name) or spelled(option.text, asking.names)
     return Field(name, _label(option), hint, kind, choices, tuple(values), error, _EXAMPLES.get(name, ""))
 
 

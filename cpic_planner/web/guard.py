@@ -1,14 +1,13 @@
-"""What stands before every request: hosts, methods, lengths; what every answer says to a browser; refusals in one line."""
+"""What stands before every request: hosts, methods, lengths, each refused in one line; headers of every answer."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from starlette.responses import PlainTextResponse, Response
-
-from cpic_core import LOGGER
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -74,7 +73,7 @@ class Guard:
         try:
             await self._app(scope, receive, told)
         except Exception:
-            LOGGER.exception("a request failed")
+            logging.getLogger(__name__).exception("a request failed")
             if not started:
                 await line(FAILED, 500)(scope, receive, told)
 

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
+_NAMES = {"latex": "LaTeX", "markdown": "Markdown"}
+
+
 class Blocks(report.Sheet):
     """Stands where a console does, and keeps what is printed as blocks of a page."""
 
@@ -25,22 +28,17 @@ class Blocks(report.Sheet):
 
     def take(self, title: str, columns: Sequence[report.Cells], entries: list[Any]) -> None:
         """Keep a table, and what its headings mean."""
-        heads = [(column.label or column.header, column.unit, "" if column.right else "left") for column in columns]
-        cells = tuple(
-            report.Cell([f"{head} ", report.small(unit)] if unit else head, look) for head, unit, look in heads
-        )
+        named = [(column.label or column.header, column.unit) for column in columns]
+        looks = ["" if column.right else "left verdict" for column in columns]
+        texts = [[f"{name} ", report.small(unit)] if unit else name for name, unit in named]
+        heads = tuple(map(report.Cell, texts, looks))
         rows = [[str(column.text(entry)).strip() for column in columns] for entry in entries]
         picked = frozenset(number for number, row in enumerate(rows) if row[0].startswith("→"))
-        table = tuple(
-            tuple(
-                report.Cell(text, look, heads=i == 0)
-                for i, (text, (_, _, look)) in enumerate(zip(row, heads, strict=True))
-            )
-            for row in rows
-        )
+        first_heads = [True] + [False] * (len(columns) - 1)
+        cells = tuple(tuple(map(report.Cell, row, looks, first_heads)) for row in rows)
         first, *more = title.split("\n")
-        caption: Any = [report.strong(first), *(f" {text}" for text in more)]
-        self.blocks.append(report.Table(first, caption, cells, table, "", picked))
+        caption: Any = [report.strong(f"{first}."), *(f" {text}." for text in more)]
+        self.blocks.append(report.Table(first, caption, heads, cells, "", picked))
         said = [f"{column.label or column.header}: {column.legend}." for column in columns if column.legend]
         if said:
             self.blocks.append(report.Fold("What the headings mean", [report.Items(said)]))
@@ -127,11 +125,10 @@ def _elsewhere(command: str, lines: str, config_hash: str, catalogue: str) -> li
     facts: list[tuple[Any, Any]] = [("Command", report.code(command))]
     if lines:
         facts.append(("Python", report.lines(*map(report.code, filter(None, lines.split("\n"))))))
-    return [*([report.Heading("The same elsewhere")]), report.Facts([*facts, ("To cite", cited)])]
+    return [report.Heading("The same elsewhere"), report.Facts([*facts, ("To cite", cited)])]
 
 
 def sources_of(asking: Asking[Any], pairs: Pairs, **more: str) -> list[tuple[str, str]]:
     """Return links to an answer in other forms, as (name, address)."""
-    links = [(form.upper() if form in ("json", "csv", "ecsv") else form.capitalize(), form) for form in answers.MEDIA]
-    found = [(name, asking.address(pairs, format=form, **more)) for name, form in links]
+    found = [(_NAMES.get(form, form.upper()), asking.address(pairs, format=form, **more)) for form in answers.MEDIA]
     return [*found, ("PNG", asking.address(pairs, ".png", **more)), ("SVG", asking.address(pairs, ".svg", **more))]
