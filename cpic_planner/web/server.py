@@ -16,7 +16,7 @@ from cpic_core import InputError
 from cpic_planner import report
 from cpic_planner.web import answers, forms, pages
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
-from cpic_planner.web.guard import Guard, line
+from cpic_planner.web.guard import FAILED, Guard, line
 from cpic_planner.web.work import Busy, Workers
 
 MOST_PARAMETERS = 200
@@ -161,6 +161,10 @@ async def _late(request: Request, error: Exception) -> Response:
     return line("The answer takes too long here; the command line has no limit of time.", 504)
 
 
+async def _failed(request: Request, error: Exception) -> Response:
+    return line(FAILED, 500)
+
+
 def application(hosts: Sequence[str] = ("127.0.0.1", "localhost"), workers: Workers | None = None) -> Guard:
     """Return the calculator as an ASGI application.
 
@@ -171,7 +175,7 @@ def application(hosts: Sequence[str] = ("127.0.0.1", "localhost"), workers: Work
     workers : Workers, optional
         Who computes; two threads by default.
     """
-    handlers = {HTTPException: _missing, Busy: _busy, TimeoutError: _late}
+    handlers = {HTTPException: _missing, Busy: _busy, TimeoutError: _late, Exception: _failed}
     site = Starlette(routes=Site(workers or Workers()).routes(), exception_handlers=cast(Any, handlers))
     return Guard(site, frozenset(hosts))
 
