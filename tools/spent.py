@@ -1,4 +1,4 @@
-"""Say what the tests of each file take, set-up and clean-up included, in seconds: ``make test PYTEST='-p tools.spent'``."""
+"""Say what the tests of each file take in seconds, clean-up included: ``make test PYTEST='-p tools.spent'``."""
 
 from collections import Counter
 

@@ -34,6 +34,7 @@ from cpic_planner.report.document import (
     Table as Table,
     code as code,
     lines as lines,
+    page_link as page_link,
     small as small,
     strong as strong,
 )

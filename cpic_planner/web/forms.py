@@ -43,11 +43,18 @@ _EXAMPLES = {
 
 _HINTS = {
     "albedo": "jupiter, saturn, uranus, neptune, or a number.",
+    "target": "A star by any of its names, or a known planet, at its place and brightness of the date.",
+    "separation_arcsec": "Projected, on the diagonal of a quadrant; several between commas. Without: the best place.",
+    "separation_au": "The same in au, at the distance of the star; several between commas.",
+    "contrast": "Planet-to-star ratio instead of a planet model; several between commas, as many as separations.",
+    "bands": "Without any: all four of the visible camera.",
+    "set": "By a key of cpic instrument keys.",
+    "sigma": "Instead of an SNR: significance of noise without the planet.",
     "instrument": "A shipped instrument.",
     "population": "Planets that completeness refers to.",
     "known_planets": "Table of known planets, for the name of a planet.",
 }
-"""Where the help of the option speaks of files, which requests do not name."""
+"""Where the help of the option speaks of files, which requests do not name, or of options that are repeated."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +108,11 @@ class Form:
     groups: tuple[Group, ...]
     button: str
     error: str = ""
+
+    @property
+    def wrong(self) -> tuple[Field, ...]:
+        """Fields beside which something is wrong."""
+        return tuple(field for group in self.groups for field in group.fields if field.error)
 
 
 ETC_GROUPS = (
@@ -190,7 +202,8 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
         kind, choices = "ticks", tuple(default_instrument().bands)
     elif option.several and option.kind is float:
         values = [", ".join(values)] if values else []
-    hint = _HINTS.get(name) or spelled(option.text, asking.names)
+    labels = {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}
+    hint = _HINTS.get(name) or spelled(option.text, labels)
     return Field(name, _label(option), hint, kind, choices, tuple(values), error, _EXAMPLES.get(name, ""))
 
 

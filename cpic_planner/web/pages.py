@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 from cpic_planner import report
+from cpic_planner.results import RankedTarget
 from cpic_planner.version import __version__
 from cpic_planner.web import answers
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs, python_lines
@@ -29,11 +30,12 @@ class Blocks(report.Sheet):
     def take(self, title: str, columns: Sequence[report.Cells], entries: list[Any]) -> None:
         """Keep a table, and what its headings mean."""
         named = [(column.label or column.header, column.unit) for column in columns]
-        looks = ["" if column.right else "left verdict" for column in columns]
+        looks = ["" if column.right else "left" for column in columns]
+        looks[-1] += " verdict" * (not columns[-1].right)
         texts = [[f"{name} ", report.small(unit)] if unit else name for name, unit in named]
         heads = tuple(map(report.Cell, texts, looks))
-        rows = [[str(column.text(entry)).strip() for column in columns] for entry in entries]
-        picked = frozenset(number for number, row in enumerate(rows) if row[0].startswith("→"))
+        rows = [[_cell(column, entry) for column in columns] for entry in entries]
+        picked = frozenset(number for number, row in enumerate(rows) if str(row[0]).startswith("→"))
         first_heads = [True] + [False] * (len(columns) - 1)
         cells = tuple(tuple(map(report.Cell, row, looks, first_heads)) for row in rows)
         first, *more = title.split("\n")
@@ -48,6 +50,14 @@ class Blocks(report.Sheet):
         text = " ".join(str(item) for item in objects).strip()
         if text:
             self.blocks.append(report.Paragraph(text, "note" if text.startswith(("!", "Note")) else ""))
+
+
+def _cell(column: report.Cells, entry: Any) -> Any:
+    """Text of a cell; a ranked star leads to the calculator."""
+    text = str(column.text(entry)).strip()
+    if isinstance(entry, RankedTarget) and column.fields == ("name",):
+        return report.page_link(ETC.address([("target", f"HIP {entry.hip}" if entry.hip else entry.name)]), text)
+    return text
 
 
 def blocks_of(tables: Callable[[Console], None]) -> list[report.Block]:

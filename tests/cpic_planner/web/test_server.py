@@ -1,4 +1,5 @@
 import json
+import re
 from shlex import split
 
 import pytest
@@ -10,15 +11,18 @@ SAME = [
     ("target=tau+Cet", '"tau Cet"'),
     ("target=tau+Cet&snr=5&separation_arcsec=0.36", '"tau Cet" --snr 5 --separation-arcsec 0.36'),
     ("target=HIP+8102&detect=on&separation_arcsec=0.45", '"HIP 8102" --detect --separation-arcsec 0.45'),
-    ("target=eps+Eri&contrast=5e-9&separation_arcsec=0.6&snr=5", '"eps Eri" --contrast 5e-9 --separation-arcsec 0.6 --snr 5'),
+    ("target=eps+Eri&contrast=5e-9&separation_arcsec=0.6&snr=5",
+     '"eps Eri" --contrast 5e-9 --separation-arcsec 0.6 --snr 5'),
     ("target=HD+10700&semi_major_axis_au=1.5&contrast_limit=1", '"HD 10700" --semi-major-axis-au 1.5 --contrast-limit'),
     ("target=eps+Eri&contrast_limit=on&sigma=5&separation_arcsec=0.4,0.6",
      '"eps Eri" --contrast-limit --sigma 5 --separation-arcsec 0.4 --separation-arcsec 0.6'),
     ("target=eps+Ind&visits=16&visit_time_s=2700", '"eps Ind" --visits 16 --visit-time-s 2700'),
-    ("target=eps+Ind&detect=on&library=archive&search=known_place", '"eps Ind" --detect --library archive --search known_place'),
+    ("target=eps+Ind&detect=on&library=archive&search=known_place",
+     '"eps Ind" --detect --library archive --search known_place'),
     ("target=tau+Cet&time=2h&bands=F520&bands=F662", '"tau Cet" --time 2h --band F520 --band F662'),
     ("target=tau+Cet&set=throughput%3Dx0.7&exozodi=3", '"tau Cet" --set throughput=x0.7 --exozodi 3'),
-    ("target=tau+Cet&albedo=saturn&planet_radius_rjup=0.8&phase_deg=70", '"tau Cet" --albedo saturn --planet-radius-rjup 0.8 --phase-deg 70'),
+    ("target=tau+Cet&albedo=saturn&planet_radius_rjup=0.8&phase_deg=70",
+     '"tau Cet" --albedo saturn --planet-radius-rjup 0.8 --phase-deg 70'),
     ("target=eps+Eri+b&date_utc=2030-06-01", '"eps Eri b" --date 2030-06-01'),
     ("target=alpha+Cen+B&exposure_s=30&n_frames=100&em_gain=20&bands=F520",
      '"alpha Cen B" --exposure-s 30 --frames 100 --em-gain 20 --band F520'),
@@ -219,3 +223,10 @@ def test_a_fault_of_ours_says_nothing_of_itself(browser, monkeypatch, caplog):
     assert told.text.count("\n") == 1
     assert "division" not in told.text
     assert "ZeroDivisionError" in caplog.text
+
+
+def test_ranked_stars_lead_to_the_calculator(ask):
+    told = ask("/priorities?sp_type=K&distance_max_pc=6&bands=F520&limit=3").text
+    links = re.findall(r'href="(/etc\?target=HIP\+\d+)"', told)
+    assert len(links) == 3
+    assert ask(links[0] + "&bands=F520").status == 200
