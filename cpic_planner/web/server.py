@@ -193,6 +193,7 @@ def serve(host: str, port: int, hosts: Sequence[str] = ()) -> None:
     """
     import uvicorn
 
+    pages.etc_blocks((("target", "tau Cet"),))  # what the first asker would wait for
     application_of = application((host, "127.0.0.1", "::1", "localhost", *hosts))
     plain: dict[str, Any] = {"log_level": "warning", "access_log": False, "server_header": False, "ws": "none"}
     plain |= {"lifespan": "off", "proxy_headers": False, "timeout_keep_alive": 5, "limit_concurrency": 100}

@@ -1,10 +1,12 @@
 import json
 import re
+from concurrent.futures import ThreadPoolExecutor
 from shlex import split
 
 import pytest
 
 from cpic_planner.cli.main import main
+from cpic_planner.web import answers
 
 # Address and command that ask the same.
 SAME = [
@@ -230,3 +232,16 @@ def test_ranked_stars_lead_to_the_calculator(ask):
     links = re.findall(r'href="(/etc\?target=HIP\+\d+)"', told)
     assert len(links) == 3
     assert ask(links[0] + "&bands=F520").status == 200
+
+
+def test_twenty_askers_at_once_get_what_each_gets_alone(ask):
+    star = "target=eps+Eri&bands=F520"
+    addresses = [f"/etc?{star}&snr={level}&format=json" for level in range(3, 9)]
+    addresses += [f"/etc?{star}&snr={level}" for level in range(3, 9)]
+    addresses += [f"/etc.{form}?{star}&snr={level}" for form in ("svg", "png") for level in range(3, 5)]
+    with ThreadPoolExecutor(20) as pool:
+        together = list(pool.map(ask, addresses * 2))
+    assert {told.status for told in together} == {200}
+    for cached in (answers.etc_answer, answers.etc_figure):
+        cached.cache_clear()
+    assert [told.body for told in together] == [ask(address).body for address in addresses] * 2
