@@ -33,7 +33,7 @@ Q = TypeVar("Q", bound=Question)
 Pairs = tuple[tuple[str, str], ...]
 """Parameters of an address with their values, in order."""
 
-MOST_VALUES, LONGEST_VALUE = 48, 200
+MOST_VALUES, LONGEST_VALUE = 16, 200
 _YES, _NO = ("1", "true", "on", "yes"), ("0", "false", "off", "no")
 _ON_THE_COMMAND_LINE = "without it: requests do not ask for this, the command line does"
 _A_FILE = "a shipped preset by its name; files are named on the command line only"
@@ -261,9 +261,11 @@ def _is_number(text: str) -> bool:
     return True
 
 
-ETC = Asking(EtcQuestion, "etc", "/etc", frozenset(("--fidelity", "--tolerance", "--realisations", "--seed")))
-"""Questions to the calculator; images are left out, they take seconds to minutes."""
-RANK = Asking(RankQuestion, "rank", "/priorities", frozenset(("--instruments", "--ensemble", "--planets", "--stars")))
+_IMAGES = frozenset(("--fidelity", "--tolerance", "--realisations", "--seed"))
+_MODES = frozenset(("--n-modes", "--choose-modes"))
+ETC = Asking(EtcQuestion, "etc", "/etc", _IMAGES | _MODES)
+"""Questions to the calculator; images and modes are left out, they take seconds to minutes."""
+RANK = Asking(RankQuestion, "rank", "/priorities", _MODES | {"--instruments", "--ensemble", "--planets", "--stars"})
 """Rankings; those under many instruments are left out, and lists of stars, which can be files."""
 
 

@@ -123,7 +123,7 @@ ETC_GROUPS = (
     (
         "More: frames, instrument, orbit, reduction",
         "sigma separation_au semi_major_axis_au phase_deg exposure_s n_frames em_gain mode exozodi drift_nm instrument "
-        "set distance_pc observation_roll_deg companions reference_v_mag roll_deg n_modes known_planets candidates",
+        "set distance_pc observation_roll_deg companions reference_v_mag roll_deg known_planets candidates",
         True,
     ),
 )

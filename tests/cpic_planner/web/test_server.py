@@ -165,6 +165,8 @@ def hostile():
         "target=tau+Cet&fidelity=reference",
         "target=tau+Cet&realisations=100000",
         "target=tau+Cet&tolerance=0.01",
+        "target=tau+Cet&n_modes=1000",
+        "target=tau+Cet&strategy.choose_modes=on",
         "target=tau+Cet&snr=5&sigma=5",
         "target=tau+Cet&detect=maybe",
         "target=tau+Cet&date_utc=yesterday",
