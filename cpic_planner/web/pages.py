@@ -32,7 +32,7 @@ class Blocks(report.Sheet):
         named = [(column.label or column.header, column.unit) for column in columns]
         looks = ["" if column.right else "left" for column in columns]
         looks[-1] += " verdict" * (not columns[-1].right)
-        texts = [[f"{name} ", report.small(unit)] if unit else name for name, unit in named]
+        texts: list[Any] = [[f"{name} ", report.small(unit)] if unit else name for name, unit in named]
         heads = tuple(map(report.Cell, texts, looks))
         rows = [[_cell(column, entry) for column in columns] for entry in entries]
         picked = frozenset(number for number, row in enumerate(rows) if str(row[0]).startswith("→"))
