@@ -2,7 +2,6 @@
 
 import ast
 import importlib
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
     def load(name: str) -> Any:
         if name not in home:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        path = str(home[name])
-        return getattr(sys.modules.get(path) or importlib.import_module(path), name)
+        # Not from `sys.modules`: what another thread is still importing stands there half made.
+        return getattr(importlib.import_module(str(home[name])), name)
 
     return load, lambda: sorted(home), sorted(home)

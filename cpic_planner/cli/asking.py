@@ -3,7 +3,7 @@
 import functools
 import inspect
 import pkgutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum, StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast, get_args, get_origin
@@ -61,6 +61,8 @@ def command_of(run: Callable[..., None], model: Any) -> Any:
 
 def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
     """Arguments with the present names of options, each told once, and times in seconds."""
+    from cpic_planner.queries import seconds_text
+
     arguments: list[str] = []
     known = {name for param in params for name in param.opts}
     rest = iter(args)
@@ -68,7 +70,7 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
         name, equals, text = arg.partition("=")
         if name in known and f"{name}-s" in known:
             text = text if equals else next(rest, "")
-            arguments += [f"{name}-s", _seconds(name, text)]
+            arguments += [f"{name}-s", seconds_text(name, text)]
             continue
         new = RENAMED.get(arg)
         if new is None or arg in known or (new[0] not in known and len(new) == 1):
@@ -82,19 +84,9 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
     return arguments
 
 
-def _seconds(name: str, text: str) -> str:
-    """Seconds of a time with a unit."""
-    from cpic_planner.queries import read_value
-
-    written = read_value(name, text, "s")
-    if written.bare or written.action != "set" or not isinstance(written.value, float):
-        raise InputError(name, text or "nothing", allowed="a time with a unit: s, min, h or d, as 2h")
-    return repr(written.value)
-
-
 def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
     """The function with an option for every field of the question in the place of its first parameter."""
-    from cpic_planner.queries import called_by_option, option_names, options_of, spelled
+    from cpic_planner.queries import called_by_option, option_names, options_of, spelled, tree_of
 
     options, names = tuple(options_of(model)), option_names(model)
     run = shown(run, **{model.__name__: model})
@@ -104,7 +96,8 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
         others = {parameter.name: given.pop(parameter.name) for parameter in own}
         with called_by_option(model):
             file = given.pop(_FILE)
-            tree = answers(options, given, {} if file is None else model.load(file), names)
+            given = {name: _value(value) for name, value in given.items()}
+            tree = tree_of(options, given, {} if file is None else model.load(file), names)
             run(model.of(tree), **others)
 
     parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY, default=None)
@@ -154,66 +147,8 @@ def _completed(own: Any) -> Callable[[str], list[str]] | None:
     return lambda incomplete: [word for word in own.completes() if word.casefold().startswith(incomplete.casefold())]
 
 
-def answers(
-    options: Sequence[Any], given: Mapping[str, Any], file: Mapping[str, Any], names: Mapping[str, str]
-) -> dict[str, Any]:
-    """Return what options and a file answer, as a tree of fields.
-
-    Parameters
-    ----------
-    options : sequence of Option
-    given : mapping
-        Values by the names of options; None and nothing for what was not given.
-    file : mapping
-        Answers of a file, which those of options stand above.
-    names : mapping
-        Option of each field, for refusals.
-
-    Raises
-    ------
-    InputError
-        For an option that has no meaning with the others.
-    """
-    from cpic_planner.queries import put
-    from simulator.config import deep_merge, validate
-
-    tree: dict[str, Any] = {}
-    parts: dict[tuple[str, ...], dict[str, Any]] = {}
-    answered = {option.path: given[option.name] for option in options if given[option.name] not in (None, [], ())}
-    for option in options:
-        if option.path not in answered:
-            continue
-        value = _value(answered[option.path])
-        if option.parts is not None:
-            parts.setdefault(option.path[:-1], {})[option.path[-1]] = value
-        else:
-            tree = put(tree, ".".join(option.path), value)
-    for option in options:
-        if option.parts is not None and (below := parts.pop(option.path[:-1], None)) is not None:
-            made = validate(option.parts, below).made(_at(file, option.path[:-1]))
-            tree = put(tree, ".".join(option.path[:-1]), made)
-    merged = deep_merge(file, tree)
-    for option in options:
-        needed = option.asked.only_with
-        if option.path in answered and needed is not None and not _has(merged, option.path, *needed):
-            value = _value(answered[option.path])
-            raise InputError(option.flag, value, allowed=f"together with {names[needed[0]]} {needed[1]}")
-    return merged
-
-
 def _value(value: Any) -> Any:
     """A value of the option parser as plain data."""
     if isinstance(value, list | tuple):
         return tuple(map(_value, value))
     return value.value if isinstance(value, Enum) else value
-
-
-def _at(tree: Any, path: Sequence[str]) -> Any:
-    for name in path:
-        tree = tree.get(name) if isinstance(tree, Mapping) else None
-    return tree
-
-
-def _has(tree: Mapping[str, Any], path: Sequence[str], field: str, wanted: str) -> bool:
-    """Return whether a field beside a path, or above it, has a value."""
-    return any(_at(tree, (*path[:depth], field)) == wanted for depth in range(len(path)))

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner import report
 from cpic_planner.cli.options import Answer, check_plot, note, refuse_together, write_plot
 from cpic_planner.cli.progress import progress
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rich.console import Console
 
     from cpic_planner.etc import EtcModel
     from cpic_planner.queries import EtcQuestion
@@ -109,11 +107,7 @@ def etc(
 
       cpic etc "eps Eri" --band F662 --detect --tolerance 0.05
     """
-    from catalogs import open_catalogue
-    from cpic_planner.api import as_asked, closed_forms, model_of
-    from cpic_planner.api.named import named
-    from cpic_planner.etc import etc_result
-    from cpic_planner.queries.etc import PLACES
+    from cpic_planner.api import answered
 
     for name, value, held in (
         ("--budget", budget, "JSON holds every budget"),
@@ -122,64 +116,19 @@ def etc(
         refuse_together({name: value, "--json": output.as_json}, held)
         refuse_together({name: value, "--brief": output.brief, "--format": output.form != "table"}, "it has one table")
     check_plot(plot)
-    table = open_catalogue(question.catalog)
-    note(*table.notes)
-    star, about, known = named(question, question.target[0], table)
-    if table.kind != "snapshot":
-        about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
-    star, asked_for = as_asked(question, star), question.hashed()
-    if known is None:
-        model, found = model_of(question), closed_forms(question, model_of(question), star)
-    else:
-        question = known.question(question)
-        model, found = model_of(question), known.answers(question, star)
-        asked_for |= {"known_planet": known.content()}
-    answers = _checked(question, model, star, found)
-    planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
-    hypothetical = None if question.contrast_limit or question.contrast is not None or known else planet
-    labels: dict[str, Any] = {"note": about, "catalogue": table.provenance, "planet": hypothetical}
-    seed = 1 if question.seed is None else question.seed
-    result = etc_result(model, star, answers, asked=asked_for, dial=question.dial, seed=seed, **labels)
+    answer = answered(question, check=_checked, tell=note)
     if plot is not None:
-        best, allowed = report.best_row(result), question.wall_s
-        if best is not None and best.time_s is not None and (question.asks_time or question.n_frames is not None):
-            allowed = best.time_s
-        settings: dict[str, Any] = {name: getattr(question, name) for name in ("snr", "sigma", "exposure_s", "em_gain")}
-        curves = report.etc_curves(model, star, answers, time_s=allowed, best_band=result.best_band, **settings)
-        write_plot(plot, report.etc_figure(result, curves))
-    good = [row.status == "ok" if row.verdict is None else row.verdict == "detected" for row in result.answers]
-    placed = known is not None or any(getattr(question, place) is not None for place in PLACES)
-    words = in_words(question)
-
-    def tables(console: Console) -> None:
-        report.print_etc(result, console, asked=words, placed=placed, every_budget=budget, explain=explain)
-        report.print_fidelity(result, console)
-
-    output.show(result, tables, any(good))
-
-
-def in_words(question: EtcQuestion) -> str:
-    """Return what is asked, in words."""
-    level = report.level_text(question.snr, question.sigma)
-    if question.asks_time:
-        return f"wall time for {level}"
-    time = report.duration_text(question.wall_s)
-    if question.strategy.visits is not None and question.visit_time_s is not None:
-        time = f"{question.strategy.visits} × {report.duration_text(question.visit_time_s)}"
-    if question.n_frames is not None and question.exposure_s is not None:
-        time = f"{question.n_frames} × {question.exposure_s:g} s"
-    return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"
+        write_plot(plot, answer.figure())
+    output.show(answer.result, partial(answer.print, every_budget=budget, explain=explain), answer.found)
 
 
 def _checked(
-    question: EtcQuestion, model: EtcModel, star: Targets, answers: Sequence[EtcAnswer]
+    question: EtcQuestion, model: EtcModel, stars: Sequence[Targets], answers: Sequence[EtcAnswer]
 ) -> Sequence[EtcAnswer]:
-    """The answers about one star, checked in images where the dial asks for it, with a bar of progress."""
-    if question.dial.fidelity == "quick":
-        return answers
+    """The answers, checked in images, with a bar of progress."""
     from cpic_planner.api import checked
     from cpic_planner.confirm import needs_images
 
     total = 100 * sum(needs_images(answer, question.dial) for answer in answers)
     with progress("images, per cent", total=total, enabled=total > 0) as advance:
-        return checked(question, model, [star], answers, advance=advance)
+        return checked(question, model, stars, answers, advance=advance)

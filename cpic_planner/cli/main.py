@@ -18,6 +18,7 @@ from cpic_planner.cli import (
     known_command,
     rank_command,
     refresh_command,
+    serve_command,
     study_commands,
     upkeep_command,
 )
@@ -61,7 +62,7 @@ def root(
         return
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
     set_loudness(verbose, quiet)
-    if not quiet:
+    if not quiet and context.invoked_subcommand != "serve":  # which has no end to wait for
         context.with_resource(watch(context.invoked_subcommand))
 
 
@@ -80,6 +81,7 @@ _add(image_commands.simulate)
 _add(known_command.visibility)
 _add(study_commands.whatif)
 _add(study_commands.tradeoff)
+app.command("serve")(heard(serve_command.serve))
 app.command("check")(heard(upkeep_command.check))
 catalog_command.app.command("refresh")(heard(refresh_command.refresh))
 app.add_typer(instrument_command.app, name="instrument")

@@ -8,6 +8,7 @@ from cpic_planner.queries.base import (
     option_names as option_names,
     put as put,
     scaled as scaled,
+    tree_of as tree_of,
 )
 from cpic_planner.queries.changes import (
     Change as Change,
@@ -16,6 +17,8 @@ from cpic_planner.queries.changes import (
     default_instrument as default_instrument,
     instrument_rows as instrument_rows,
     instrument_title as instrument_title,
+    is_optical as is_optical,
+    long_key as long_key,
     read_instrument as read_instrument,
 )
 from cpic_planner.queries.ensemble import (
@@ -27,6 +30,7 @@ from cpic_planner.queries.ensemble import (
 )
 from cpic_planner.queries.etc import EtcQuestion as EtcQuestion, OptimiseQuestion as OptimiseQuestion
 from cpic_planner.queries.fields import (
+    Option as Option,
     asked as asked,
     asked_of as asked_of,
     kind_of as kind_of,
@@ -75,6 +79,7 @@ from cpic_planner.queries.simulate import SimulateQuestion as SimulateQuestion
 from cpic_planner.queries.written_values import (
     Written as Written,
     read_value as read_value,
+    seconds_text as seconds_text,
     two_spellings as two_spellings,
     with_unit as with_unit,
 )

@@ -14,8 +14,8 @@ from typing import Any, ClassVar, Self
 from pydantic import ConfigDict
 
 from cpic_core import InputError, load_mapping
-from cpic_planner.queries.fields import asked_of, group_of, options_of
-from simulator.config import FrozenModel, Instrument, content_hash, nearest, validate
+from cpic_planner.queries.fields import Option, asked_of, group_of, options_of
+from simulator.config import FrozenModel, Instrument, content_hash, deep_merge, nearest, validate
 from simulator.config.scene import paths_beside
 
 
@@ -285,6 +285,62 @@ class Parts(FrozenModel):
     def made(self, base: Any) -> Any:
         """Return the value; ``base`` is what was given for it otherwise, None for nothing."""
         raise NotImplementedError
+
+
+def tree_of(
+    options: Sequence[Option], given: Mapping[str, Any], file: Mapping[str, Any], names: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return what options and a file answer, as a tree of fields.
+
+    Parameters
+    ----------
+    options : sequence of Option
+    given : mapping
+        Plain values by the names of options; None and nothing for what was not given.
+    file : mapping
+        Answers of a file, which those of options stand above.
+    names : mapping
+        Option of each field, for refusals.
+
+    Raises
+    ------
+    InputError
+        For an option that has no meaning with the others.
+    """
+    tree: dict[str, Any] = {}
+    parts: dict[tuple[str, ...], dict[str, Any]] = {}
+    answered = {option.path: given[option.name] for option in options if given[option.name] not in (None, [], ())}
+    for option in options:
+        if option.path not in answered:
+            continue
+        value = answered[option.path]
+        if option.parts is not None:
+            parts.setdefault(option.path[:-1], {})[option.path[-1]] = value
+        else:
+            tree = put(tree, ".".join(option.path), value)
+    for option in options:
+        if option.parts is not None and (below := parts.pop(option.path[:-1], None)) is not None:
+            made = validate(option.parts, below).made(_at(file, option.path[:-1]))
+            tree = put(tree, ".".join(option.path[:-1]), made)
+    merged = deep_merge(file, tree)
+    for option in options:
+        needed = option.asked.only_with
+        if option.path in answered and needed is not None and not _has(merged, option.path, *needed):
+            raise InputError(
+                option.flag, answered[option.path], allowed=f"together with {names[needed[0]]} {needed[1]}"
+            )
+    return merged
+
+
+def _at(tree: Any, path: Sequence[str]) -> Any:
+    for name in path:
+        tree = tree.get(name) if isinstance(tree, Mapping) else None
+    return tree
+
+
+def _has(tree: Mapping[str, Any], path: Sequence[str], field: str, wanted: str) -> bool:
+    """Return whether a field beside a path, or above it, has a value."""
+    return any(_at(tree, (*path[:depth], field)) == wanted for depth in range(len(path)))
 
 
 def _settings(model: type[FrozenModel]) -> dict[str, Any]:

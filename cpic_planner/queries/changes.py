@@ -22,7 +22,7 @@ from cpic_planner.queries.base import Parts, advice, children, matching, put, se
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.written_values import is_number, read_value, two_spellings, with_unit
 from cpic_planner.results import InstrumentValue
-from simulator.config import Drift, FrozenModel, Instrument, at, canonical_json, load_instrument, unit_of
+from simulator.config import Drift, FrozenModel, Instrument, at, canonical_json, load_instrument, preset_names, unit_of
 
 ALIASES = {
     "throughput": "bands.*.t_opt",
@@ -290,7 +290,12 @@ def read_instrument(source: Any) -> Instrument:
 class InstrumentParts(Parts):
     """Options of the instrument."""
 
-    instrument: str | None = asked(None, "Preset name or YAML file with what differs.", unset="cpic_default")
+    instrument: str | None = asked(
+        None,
+        "Preset name or YAML file with what differs.",
+        unset="cpic_default",
+        names_file=lambda word: word not in preset_names("instrument"),
+    )
     changes: tuple[str, ...] = asked(
         (),
         "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
@@ -381,7 +386,6 @@ class SkyParts(InstrumentParts):
         option="--exozodi",
         unset="that of the instrument, 0",
     )
-
     drift_nm: float | None = asked(
         None,
         "Rms of the wavefront offset between two visits; the walk within a visit changes in the same ratio.",

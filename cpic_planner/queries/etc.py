@@ -41,6 +41,7 @@ class KnownPlanetsQuestion(Question):
         "instead of a population; whatif counts them beside it, and off leaves them out.",
         physics=False,
         read=str,
+        names_file=lambda word: word not in ("snapshot", "archive_2019"),
     )
     candidates: bool = asked(
         False, "Count candidates among the known planets too, not only confirmed and controversial ones.", physics=False

@@ -60,6 +60,9 @@ class Asked:
         The model whose fields are asked one by one, where it is not that of the field.
     completes : callable, optional
         ``completes()``: words that a shell completes on the command line.
+    names_file : callable, optional
+        ``names_file(word)``: whether a word can name a file, where the field takes files; who asks over a network may
+        not name one.
     """
 
     option: str = ""
@@ -77,6 +80,7 @@ class Asked:
     parts: type[Parts] | None = None
     group: type[FrozenModel] | None = None
     completes: Callable[[], Iterable[str]] | None = None
+    names_file: Callable[[str], bool] | None = None
 
     def __call__(self, schema: dict[str, Any]) -> None:
         """Add to the JSON Schema of the field what is said here."""

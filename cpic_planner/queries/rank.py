@@ -19,7 +19,7 @@ from cpic_planner.queries.ensemble import Ensemble, EnsembleChoice, load_ensembl
 from cpic_planner.queries.etc import KnownPlanetsQuestion, check_visits
 from cpic_planner.queries.fields import asked
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
-from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo
+from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo, preset_names
 
 DEFAULT_YEARS = 5.0
 
@@ -132,6 +132,7 @@ class CountedPlanetsQuestion(KnownPlanetsQuestion):
         read=load_population,
         unset="giants",
         accepts="PopulationConfig, mapping, str or Path",
+        names_file=lambda word: word not in preset_names("population", package="cpic_planner"),
     )
     n_planets: int = asked(
         N_PLANETS,

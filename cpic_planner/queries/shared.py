@@ -34,6 +34,7 @@ class AlbedoParts(Parts):
         None,
         "jupiter, saturn, uranus, neptune, parametric, a number, or a file with wavelength and geometric albedo.",
         unset="jupiter, or parametric where its parameters are given",
+        names_file=config.names_file,
     )
     log10_mh: float | None = asked(None, "Parametric albedo: log10 of metallicity over solar, 0 to 2.")
     log10_fsed: float | None = asked(None, "Parametric albedo: log10 of the clouds' sedimentation efficiency, -2 to 2.")
@@ -323,6 +324,7 @@ class CatalogQuestion(Question):
         physics=False,
         command=str,
         accepts="str, Path or Catalogue",
+        names_file=lambda word: word not in ("snapshot", "simbad_2012"),
     )
     # It counts by the places that it gives, which are in the hashes of results.
     date_utc: config.Utc | None = asked(

@@ -106,6 +106,27 @@ def read_value(key: str, text: str, unit: str = "") -> Written:
     return Written("set", value, text)
 
 
+def seconds_text(key: str, text: str) -> str:
+    """Return the seconds of a time with a unit (``2h``), as the shortest text of the number.
+
+    Parameters
+    ----------
+    key : str
+        For refusals.
+    text : str
+        What was written.
+
+    Raises
+    ------
+    InputError
+        For a number alone, and what is no time.
+    """
+    written = read_value(key, text, "s")
+    if written.bare or written.action != "set" or not isinstance(written.value, float):
+        raise InputError(key, text or "nothing", allowed="a time with a unit: s, min, h or d, as 2h")
+    return repr(written.value)
+
+
 def with_unit(text: str, unit: str) -> str:
     """Return a value followed by its unit, if it has one.
 

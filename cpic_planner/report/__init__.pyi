@@ -1,4 +1,4 @@
-from cpic_planner.report.cells import Sheet as Sheet
+from cpic_planner.report.cells import Cells as Cells, Sheet as Sheet
 from cpic_planner.report.console import (
     print_check as print_check,
     print_confirm as print_confirm,
@@ -10,6 +10,7 @@ from cpic_planner.report.console import (
 from cpic_planner.report.console_etc import (
     best_row as best_row,
     print_etc as print_etc,
+    question_text as question_text,
 )
 from cpic_planner.report.console_fidelity import print_fidelity as print_fidelity
 from cpic_planner.report.console_known import print_known as print_known, print_visibility as print_visibility
@@ -21,12 +22,33 @@ from cpic_planner.report.console_runs import (
     print_tradeoff as print_tradeoff,
     print_whatif as print_whatif,
 )
-from cpic_planner.report.drawing import new_figure as new_figure, place_labels as place_labels, style as style
+from cpic_planner.report.document import (
+    Block as Block,
+    Cell as Cell,
+    Facts as Facts,
+    Figure as Figure,
+    Fold as Fold,
+    Heading as Heading,
+    Items as Items,
+    Paragraph as Paragraph,
+    Table as Table,
+    code as code,
+    lines as lines,
+    page_link as page_link,
+    small as small,
+    strong as strong,
+)
+from cpic_planner.report.drawing import (
+    Picture as Picture,
+    new_figure as new_figure,
+    place_labels as place_labels,
+    save as save,
+    style as style,
+)
 from cpic_planner.report.etc_figures import (
     check_figure_name as check_figure_name,
     etc_curves as etc_curves,
     etc_figure as etc_figure,
-    level_text as level_text,
     write_figure as write_figure,
 )
 from cpic_planner.report.files import (
@@ -35,7 +57,11 @@ from cpic_planner.report.files import (
     ranking_ecsv as ranking_ecsv,
     visibility_csv as visibility_csv,
 )
-from cpic_planner.report.numbers import duration_text as duration_text
+from cpic_planner.report.numbers import (
+    duration_text as duration_text,
+    level_text as level_text,
+    pretty_name as pretty_name,
+)
 from cpic_planner.report.priorities import ensemble_figure as ensemble_figure
 from cpic_planner.report.sky_figures import MOST_STARS as MOST_STARS, rank_figure as rank_figure
 from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure
@@ -44,6 +70,7 @@ from cpic_planner.report.write import (
     PRODUCTS as PRODUCTS,
     WHATIF_PRODUCTS as WHATIF_PRODUCTS,
     products_of as products_of,
+    templates as templates,
     write_confirm_report as write_confirm_report,
     write_report as write_report,
     write_whatif as write_whatif,

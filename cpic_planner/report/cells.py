@@ -186,6 +186,10 @@ class Sheet:
         self.width, self.encoding = console.width, console.encoding
         self.taken: tuple[str, Sequence[Cells], list[Any]] | None = None
 
+    def take(self, title: str, columns: Sequence[Cells], entries: list[Any]) -> None:
+        """Keep a table, if it is the first."""
+        self.taken = self.taken or (title, columns, entries)
+
     def print(self, *objects: Any, **look: Any) -> None:
         """Print what stands before the table, and the table."""
         if self.form == "table" and self.taken is None:
@@ -231,7 +235,7 @@ def print_table(
     entries = list(rows)
     sheet = console if isinstance(console, Sheet) else None
     if sheet is not None and (sheet.taken is not None or sheet.form != "table"):
-        sheet.taken = sheet.taken or (title, columns, entries)
+        sheet.take(title, columns, entries)
         return
     rows = [[column.text(row) for column in columns] for row in entries]
     widths = [max([cell_len(c.header), *(cell_len(row[i]) for row in rows)]) + _GAP for i, c in enumerate(columns)]

@@ -13,6 +13,7 @@ from cpic_planner.report.numbers import (
     MISSING,
     duration_text,
     full_name,
+    level_text,
     pretty_name,
     ratio_text,
     share_text,
@@ -22,6 +23,8 @@ from cpic_planner.results import EtcAnswer, EtcResult
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from cpic_planner.queries import EtcQuestion
 
 
 _ENDS = ("low", "high")
@@ -352,6 +355,19 @@ _SNR = Cells(
     legend="photometric SNR of the stack, with the planet's own noise, and its predicted error",
     fields=("snr",),
 )
+
+
+def question_text(question: EtcQuestion) -> str:
+    """Return what is asked, in words."""
+    level = level_text(question.snr, question.sigma)
+    if question.asks_time:
+        return f"wall time for {level}"
+    time = duration_text(question.wall_s)
+    if question.strategy.visits is not None and question.visit_time_s is not None:
+        time = f"{question.strategy.visits} × {duration_text(question.visit_time_s)}"
+    if question.n_frames is not None and question.exposure_s is not None:
+        time = f"{question.n_frames} × {question.exposure_s:g} s"
+    return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"
 
 
 def answer_name(row: EtcAnswer) -> str:

@@ -23,7 +23,7 @@ T = TypeVar("T")
 class Mark:
     """Text with a meaning: a badge of a status, code, a unit or aside, something important, a link, a line's end."""
 
-    kind: Literal["badge", "code", "small", "strong", "link", "sub", "break"]
+    kind: Literal["badge", "code", "small", "strong", "link", "page", "sub", "break"]
     text: str = ""
     target: str = ""
     symbol: str = ""
@@ -56,6 +56,11 @@ def strong(text: str) -> Mark:
 def link(anchor: str, text: str) -> Mark:
     """Return a link to an anchor of the same document."""
     return Mark("link", text, anchor)
+
+
+def page_link(address: str, text: str) -> Mark:
+    """Return a link to another page of the same server."""
+    return Mark("page", text, address)
 
 
 def lines(*parts: Inline) -> Inline:

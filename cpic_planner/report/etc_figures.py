@@ -26,7 +26,7 @@ from cpic_planner.etc import (
 )
 from cpic_planner.ranking import separation_grid
 from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, Look, band_style, literal, new_figure, plain_ticks, style
-from cpic_planner.report.numbers import duration_text, pretty_name
+from cpic_planner.report.numbers import duration_text, level_text, pretty_name
 from cpic_planner.report.words import term_text
 from cpic_planner.results import EtcAnswer, EtcResult
 from cpic_planner.targets import Targets
@@ -146,13 +146,6 @@ def etc_curves(
     times = tuple(curve for curve in map(against_time, drawn) if curve is not None)
     bands = dict.fromkeys(answer.band for answer in answers)
     return EtcCurves(times, tuple(map(against_separation, bands)), time_s, level_text(snr, sigma))
-
-
-def level_text(snr: float | None, sigma: float | None) -> str:
-    """Return the level that is asked for, in words; a detection where neither is given."""
-    if snr is not None:
-        return f"SNR {snr:g}"
-    return "a detection" if sigma is None else f"{sigma:g} sigma"
 
 
 FIGURE_FORMATS = ("png", "pdf", "svg")

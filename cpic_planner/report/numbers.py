@@ -178,3 +178,10 @@ def formatted(value: Any, form: str = "") -> str:
     if isinstance(value, (list, tuple)):
         return ", ".join(map(str, value))
     return significant(value) if isinstance(value, float) else str(value)
+
+
+def level_text(snr: float | None, sigma: float | None) -> str:
+    """Return the level that is asked for, in words; a detection where neither is given."""
+    if snr is not None:
+        return f"SNR {snr:g}"
+    return "a detection" if sigma is None else f"{sigma:g} sigma"

@@ -3,9 +3,12 @@
 Write the products of plans, confirmed scenes and comparisons of strategies into their folders.
 """
 
+from __future__ import annotations
+
 import base64
+import functools
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +28,9 @@ from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation import FittedAlbedo, albedo_fits, decode_arrays
 from simulator.config import ParametricAlbedo, Scene
 from simulator.target import scene_sources
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 
 def plan_html(
@@ -70,12 +76,17 @@ def plan_html(
 
 def page_html(document: Document) -> str:
     """Return a document as one HTML file with inline style and data-URI images: no script, nothing fetched."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    return templates("cpic_planner.report").get_template("page.html.j2").render(document=document)
+
+
+@functools.cache
+def templates(*packages: str) -> Environment:
+    """Return the templates of packages, whose values are escaped; of one name that of the first package counts."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     trimmed: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True}
-    loader = PackageLoader("cpic_planner.report")
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **trimmed)
-    return environment.get_template("page.html.j2").render(document=document)
+    loader = ChoiceLoader([PackageLoader(package) for package in packages])
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **trimmed)
 
 
 PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")

@@ -14,8 +14,9 @@ ROOT = Path(__file__).resolve().parents[2]
 # 373 before false alarms stood apart from detections and histories of stars from surveys, 374 before planets were asked
 # for by name (`api.named`), tables had other forms (`report.files`), instruments were shown on the command line, checks
 # of answers in images stood apart from the answers (`report.console_fidelity`), and planets in the dark zone apart from
-# what counts them (`ranking.in_zone`).
-MOST_MODULES, MOST_LINES, MOST_SKIPS = 381, 400, 20
+# what counts them (`ranking.in_zone`), 381 before the calculator was served to browsers: the room `web`, its command,
+# and the answer about one star, which page and command share (`api.one_star`).
+MOST_MODULES, MOST_LINES, MOST_SKIPS = 391, 400, 20
 
 
 def sources():

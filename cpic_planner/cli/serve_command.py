@@ -1,0 +1,49 @@
+"""``cpic serve``."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Annotated
+
+import typer
+
+from cpic_core import InputError
+from cpic_planner.cli.options import note
+
+_NEEDED = ("starlette", "uvicorn")
+
+
+def serve(
+    host: Annotated[
+        str, typer.Option("--host", help="Address that the server is bound to: this machine alone, unless said.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Port.")] = 8765,
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option("--allow-host", metavar="NAME", help="Answer under this name too; repeat for several."),
+    ] = None,
+) -> None:
+    """Serve the calculator and the priorities to web browsers, until interrupted.
+
+    The address of an answer is its question, with the fields of the question as parameters:
+    /etc?target=tau+Cet&snr=5 is cpic etc "tau Cet" --snr 5, and with &format=json it gives the very bytes of --json;
+    csv, ecsv, latex and markdown are those of --format. /etc.svg is its figure. /priorities is cpic rank.
+
+    Only this machine is served by default. Behind a proxy say under which name it is asked: --allow-host NAME. The
+    proxy limits connections and how fast requests have to arrive. Requests name no files, are at most 4 kB long, have
+    no body, and are answered within a minute or not at all. Nothing of a question is kept but its answer, in memory.
+
+    It needs starlette and uvicorn: pip install "cpic-planner[web]".
+
+    Examples:
+
+      cpic serve
+
+      cpic serve --host 0.0.0.0 --port 80 --allow-host cpic.example.org
+    """
+    if any(importlib.util.find_spec(name) is None for name in _NEEDED):
+        raise InputError("cpic serve", "not installed", allowed='after pip install "cpic-planner[web]"')
+    from cpic_planner.web import serve as run
+
+    note(f"http://{f'[{host}]' if ':' in host else host}:{port}/etc (Ctrl-C ends it)")
+    run(host, port, allow_host or ())

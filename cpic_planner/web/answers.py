@@ -1,0 +1,167 @@
+"""Answers to addresses, as data: JSON as the command line prints it, tables in other forms, figures as bytes."""
+
+from __future__ import annotations
+
+import base64
+import functools
+import hashlib
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+from pydantic import BaseModel
+
+from cpic_core import InputError, dump_json
+from cpic_planner import report
+from cpic_planner.api import Answered, answered, prepared
+from cpic_planner.results import RankResult
+from cpic_planner.version import __version__
+from cpic_planner.web.asking import ETC, RANK, Pairs
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+MEDIA = {
+    "json": "application/json",
+    "csv": "text/csv; charset=utf-8",
+    "ecsv": "text/plain; charset=utf-8",
+    "latex": "text/plain; charset=utf-8",
+    "markdown": "text/plain; charset=utf-8",
+}
+"""Media type of each form of an answer beside the page."""
+_PENCIL = threading.Lock()
+"""Matplotlib's settings are those of the process: one figure is drawn at a time."""
+DEFAULT_ROWS, MOST_ROWS = 50, 1500
+
+
+class Problem(BaseModel):
+    """What is wrong with a question, for programs."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["error"] = "error"
+    type: Literal["invalid_input"] = "invalid_input"
+    parameter: str
+    value: str
+    unit: str
+    allowed: str
+    hint: str
+    message: str
+
+    @classmethod
+    def of(cls, error: InputError) -> Problem:
+        """Return the problem that a refusal states."""
+        texts = {name: getattr(error, name) for name in ("unit", "allowed", "hint")}
+        return cls(parameter=error.key, value=str(error.value)[:200], message=str(error), **texts)
+
+
+def tag_of(kind: str, pairs: Pairs) -> str:
+    """Return the tag of an answer: a hash of the question and of the version that answers it.
+
+    Parameters
+    ----------
+    kind : str
+        What the answer is: a figure, a form.
+    pairs : sequence of (str, str)
+    """
+    text = dump_json({"version": __version__, "kind": kind, "asked": pairs})
+    return f'"{hashlib.sha256(text.encode()).hexdigest()[:32]}"'
+
+
+@functools.lru_cache(maxsize=128)
+def etc_answer(pairs: Pairs) -> Answered:
+    """Return the answer of the calculator to an address; the last ones are kept.
+
+    Raises
+    ------
+    InputError
+        For the first fault, naming the parameter.
+    """
+    from cpic_planner.queries import called_as
+
+    with called_as(ETC.names):
+        return answered(ETC.question(pairs))
+
+
+@functools.lru_cache(maxsize=4)
+def ranking(pairs: Pairs) -> RankResult:
+    """Return the ranking of an address; the last ones are kept.
+
+    Raises
+    ------
+    InputError
+        As `etc_answer`.
+    """
+    from cpic_planner.queries import called_as
+
+    with called_as(RANK.names):
+        return prepared(RANK.question(pairs)).ranked()
+
+
+def form_text(form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
+    """Return an answer in a form of `MEDIA`, to the byte as the command line prints it.
+
+    Parameters
+    ----------
+    form : str
+    result : BaseModel
+    tables : callable
+        Prints its tables on a console.
+    """
+    if form == "json":
+        return dump_json(result.model_dump(mode="json"))
+    from rich.console import Console
+
+    sheet = report.Sheet(Console(width=110, highlight=False), form)
+    tables(cast("Console", sheet))
+    if sheet.taken is None:
+        raise InputError("format", form, allowed="html or json: this answer has no table")
+    return report.form_text(form, *sheet.taken)
+
+
+@functools.lru_cache(maxsize=64)
+def etc_figure(pairs: Pairs, form: Literal["svg", "png"]) -> bytes:
+    """Return the figure of an answer of the calculator; the last ones are kept.
+
+    Parameters
+    ----------
+    pairs : sequence of (str, str)
+    form : {"svg", "png"}
+    """
+    return _drawn(etc_answer(pairs).figure, form)
+
+
+@functools.lru_cache(maxsize=16)
+def rank_figure(pairs: Pairs, limit: int, form: Literal["svg", "png"]) -> bytes:
+    """Return the figure of a ranking; the last ones are kept.
+
+    Parameters
+    ----------
+    pairs : sequence of (str, str)
+    limit : int
+        Stars that are drawn.
+    form : {"svg", "png"}
+    """
+    result = ranking(pairs)
+    return _drawn(lambda: report.rank_figure(result, limit), form)
+
+
+def _drawn(figure: Callable[[], Figure], form: Literal["svg", "png"]) -> bytes:
+    with _PENCIL, report.style():
+        picture = report.save(figure(), form, alt="", caption="")
+    return base64.b64decode(picture.uri.partition(",")[2])
+
+
+def rows_of(given: Any) -> int:
+    """Return the number of rows that are shown, from the text of the parameter ``limit``; `DEFAULT_ROWS` without.
+
+    Raises
+    ------
+    InputError
+        If it is no number from 1 to `MOST_ROWS`.
+    """
+    if given in (None, ""):
+        return DEFAULT_ROWS
+    if not (str(given).isascii() and str(given).isdecimal() and 1 <= int(str(given)[:6]) <= MOST_ROWS):
+        raise InputError("limit", str(given)[:40], allowed=f"1 to {MOST_ROWS}")
+    return int(given)

@@ -1,0 +1,321 @@
+"""Addresses as questions: parameters are the fields of a question, and become it as options of the command line do.
+
+The same question as a command and as lines of Python.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import shlex
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Generic, Literal, TypeVar, get_args, get_origin
+from urllib.parse import urlencode
+
+from cpic_core import InputError
+from cpic_planner.queries import (
+    EtcQuestion,
+    Option,
+    Question,
+    RankQuestion,
+    called_as,
+    is_optical,
+    long_key,
+    options_of,
+    seconds_text,
+    tree_of,
+)
+from simulator.config import nearest
+
+Q = TypeVar("Q", bound=Question)
+Pairs = tuple[tuple[str, str], ...]
+"""Parameters of an address with their values, in order."""
+
+MOST_VALUES, LONGEST_VALUE = 16, 200
+_YES, _NO = ("1", "true", "on", "yes"), ("0", "false", "off", "no")
+_ON_THE_COMMAND_LINE = "without it: requests do not ask for this, the command line does"
+_A_FILE = "a shipped preset by its name; files are named on the command line only"
+_UNIT = r"(?:[A-Za-zµμ]{1,8}-?|%)?(?:/(?:sqrt\(h\)|√h|s))?"
+_CHANGE = re.compile(rf"([\w.*]+)=(?:[x*×]?\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*{_UNIT}|on|off|true|false)")
+
+
+@dataclass(frozen=True, eq=False)
+class Asking(Generic[Q]):
+    """How a question is asked by an address.
+
+    Attributes
+    ----------
+    model : type of Question
+    command : str
+        The command that asks the same.
+    page : str
+        Path of the page that answers it.
+    left_out : frozenset of str
+        Options that requests do not have: their work, or what they read, is for the command line.
+    """
+
+    model: type[Q]
+    command: str
+    page: str
+    left_out: frozenset[str]
+
+    @cached_property
+    def options(self) -> tuple[Option, ...]:
+        """All options of the question."""
+        return tuple(options_of(self.model))
+
+    @cached_property
+    def by_name(self) -> dict[str, Option]:
+        """Options by the names of their parameters: the field, and what else it is called."""
+        found: dict[str, Option] = {}
+        for name in (parameter, _dotted, _word, _last):
+            for option in self.options:
+                found.setdefault(name(option), option)
+        return found
+
+    @cached_property
+    def names(self) -> dict[str, str]:
+        """The parameter by what refusals call a field."""
+        found: dict[str, str] = {}
+        for option in sorted(self.options, key=lambda option: len(option.path)):
+            for depth in range(1, len(option.path) + 1):
+                found.setdefault(".".join(option.path[:depth]), parameter(option))
+        found |= {name: parameter(option) for name, option in self.by_name.items()}
+        return found | {option.flag: parameter(option) for option in self.options}
+
+    def canonical(self, given: Iterable[tuple[str, str]]) -> Pairs:
+        """Return parameters by the names of the fields, in the order of the question, without empty ones.
+
+        Parameters
+        ----------
+        given : iterable of (str, str)
+
+        Raises
+        ------
+        InputError
+            For an unknown parameter, one that requests do not have, or a value that is too long or no text.
+        """
+        values: dict[str, list[str]] = {}
+        for name, written in given:
+            if (text := written.strip()) == "":
+                continue
+            if len(text) > LONGEST_VALUE or not text.isprintable():
+                raise InputError(
+                    name[:40], f"{len(text)} characters", allowed=f"at most {LONGEST_VALUE} printable ones"
+                )
+            known = self.by_name.get(name) or self.by_name.get(f"{name}_s")
+            if known is None:
+                raise self._unknown(name)
+            if parameter(known).endswith("_s") and (name != parameter(known) or not _is_number(text)):
+                text = seconds_text(name, text).removesuffix(".0")
+            if known.flag in self.left_out:
+                raise InputError(parameter(known), "given", allowed=_ON_THE_COMMAND_LINE)
+            values.setdefault(known.name, []).extend(_split(known, text))
+        pairs = []
+        for option in self.options:
+            texts = values.get(option.name, [])
+            if len(texts) > (MOST_VALUES if option.several else 1):
+                most = f"at most {MOST_VALUES}" if option.several else "one value"
+                raise InputError(parameter(option), f"{len(texts)} values", allowed=most)
+            pairs += [(parameter(option), text) for text in texts]
+        return tuple(pairs)
+
+    def _unknown(self, name: str) -> InputError:
+        shown = name[:40] if name[:40].isprintable() else "a name with other signs"
+        offered = [known for known, option in self.by_name.items() if option.flag not in self.left_out]
+        return InputError(
+            shown or "a parameter", "given", allowed="fields of the question", hint=nearest(name, offered)
+        )
+
+    def given(self, pairs: Pairs) -> dict[str, Any]:
+        """Return plain values by the names of options, as the command line has them.
+
+        Parameters
+        ----------
+        pairs : sequence of (str, str)
+            As `canonical` makes them.
+
+        Raises
+        ------
+        InputError
+            For a value of another kind, or one that could name a file.
+        """
+        values: dict[str, Any] = {option.name: None for option in self.options}
+        for name, text in pairs:
+            option = self.by_name[name]
+            value = _value(name, text, option)
+            values[option.name] = (*(values[option.name] or ()), value) if option.several else value
+        return values
+
+    def question(self, pairs: Pairs) -> Q:
+        """Return the question of an address; `canonical` has its parameters.
+
+        Parameters
+        ----------
+        pairs : sequence of (str, str)
+
+        Raises
+        ------
+        InputError
+            For the first fault, naming the parameter.
+        """
+        with called_as(self.names):
+            return self.model.of(self.tree(pairs))
+
+    def tree(self, pairs: Pairs) -> dict[str, Any]:
+        """Return what an address answers, as a tree of fields."""
+        return tree_of(self.options, self.given(pairs), {}, self.names)
+
+    def command_line(self, pairs: Pairs) -> str:
+        """Return the command that asks the same."""
+        words = ["cpic", self.command]
+        for name, text in pairs:
+            option = self.by_name[name]
+            value = _value(name, text, option)
+            if option.asked.argument:
+                words.append(text)
+            elif isinstance(value, bool):
+                words += [option.flag] if value else [f"--no-{option.flag[2:]}"] * option.switchable
+            else:
+                words += [option.flag, text]
+        return shlex.join(words)
+
+    def address(self, pairs: Iterable[tuple[str, str]], ending: str = "", **more: str) -> str:
+        """Return the address of a question.
+
+        Parameters
+        ----------
+        pairs : iterable of (str, str)
+        ending : str
+            Such as ``.svg``.
+        **more
+            Further parameters.
+        """
+        asked = urlencode([*pairs, *more.items()])
+        return f"{self.page}{ending}{'?' * bool(asked)}{asked}"
+
+
+def parameter(option: Option) -> str:
+    """Return the parameter of an option: the field of the question, or the option's word for what is inside a field."""
+    return option.path[0] if len(option.path) == 1 else _word(option)
+
+
+def _word(option: Option) -> str:
+    return option.flag.lstrip("-").replace("-", "_").lower()
+
+
+def _dotted(option: Option) -> str:
+    return ".".join(option.path)
+
+
+def _last(option: Option) -> str:
+    return option.path[-1]
+
+
+def _split(option: Option, text: str) -> list[str]:
+    """Several numbers may stand between commas."""
+    if not option.several or option.kind is not float:
+        return [text]
+    return [part for part in re.split(r"[,;\s]+", text) if part]
+
+
+def _value(name: str, text: str, option: Option) -> Any:
+    """A text as the value that the command line makes of it."""
+    kind = option.kind
+    if option.path[-1] == "changes":
+        return _change(name, text)
+    if option.asked.names_file is not None and option.asked.names_file(text):
+        raise InputError(name, "another word", allowed=_A_FILE)
+    if get_origin(kind) is Literal and text not in get_args(kind):
+        raise InputError(name, text, allowed=", ".join(get_args(kind)))
+    if kind is bool:
+        if text.lower() not in (*_YES, *_NO):
+            raise InputError(name, text, allowed="on or off")
+        return text.lower() in _YES
+    if kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            raise InputError(name, text, allowed="a whole number" if kind is int else "a number") from None
+    return text
+
+
+def _change(name: str, text: str) -> str:
+    """A change of the instrument, whose value is no word that could name a file, and which is answered at once."""
+    found = _CHANGE.fullmatch(text)
+    if found is None or "file" in found[1] or "*" in found[1].rpartition(".")[2]:
+        allowed = "KEY=VALUE with a number, a number with a unit, a factor as x0.7, on or off"
+        raise InputError(name, "another change", allowed=allowed)
+    if is_optical(long_key(found[1])):
+        raise InputError(name, text, allowed="keys that leave the optics", hint="cpic etc --set computes optics anew")
+    return text
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+_IMAGES = frozenset(("--fidelity", "--tolerance", "--realisations", "--seed"))
+_MODES = frozenset(("--n-modes", "--choose-modes"))
+ETC = Asking(EtcQuestion, "etc", "/etc", _IMAGES | _MODES)
+"""Questions to the calculator; images and modes are left out, they take seconds to minutes."""
+RANK = Asking(RankQuestion, "rank", "/priorities", _MODES | {"--instruments", "--ensemble", "--planets", "--stars"})
+"""Rankings; those under many instruments are left out, and lists of stars, which can be files."""
+
+
+def python_lines(question: EtcQuestion, pairs: Pairs) -> str:
+    """Return lines of Python that give the answers of an address, as a list.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    pairs : sequence of (str, str)
+        Its parameters.
+    """
+    import cpic_planner
+
+    tree, made = dict(ETC.tree(pairs)), _parts(pairs)
+    imports = sorted({f"from {module} import {kind}" for module, kind, _ in made.values()})
+    name = "contrast_limit" if question.contrast_limit else "exposure_time" if question.asks_time else "signal_to_noise"
+    if name == "signal_to_noise" and question.strategy.visits is None:
+        tree.setdefault("time_s", question.wall_s)
+    if name == "contrast_limit":
+        tree.pop("contrast_limit")
+        tree.pop("detect", None)
+        tree.setdefault("time_s", question.wall_s)
+    if set(tree) <= set(inspect.signature(getattr(cpic_planner, name)).parameters):
+        lines = [f"from cpic_planner import {name}", *imports]
+        words = [f"{key}={_literal(value, (key,), made)}" for key, value in tree.items() if key != "target"]
+        return "\n".join([*lines, "", f"answers = {name}({', '.join([repr(tree['target']), *words])})"])
+    tree = dict(ETC.tree(pairs))
+    lines = ["from cpic_planner.api import answered", "from cpic_planner.queries import EtcQuestion", *imports]
+    asked = f"EtcQuestion.of({_literal(tree, (), made)})"
+    return "\n".join([*lines, "", f"answers = answered({asked}).result.answers"])
+
+
+def _parts(pairs: Pairs) -> dict[tuple[str, ...], tuple[str, str, dict[str, Any]]]:
+    """Values that are made of several options: module and name of their model, and the options, by their place."""
+    made: dict[tuple[str, ...], tuple[str, str, dict[str, Any]]] = {}
+    for option, value in ((option, ETC.given(pairs)[option.name]) for option in ETC.options):
+        if option.parts is not None and value is not None:
+            own = made.setdefault(option.path[:-1], (option.parts.__module__, option.parts.__name__, {}))
+            own[2][option.path[-1]] = value
+    return made
+
+
+def _literal(value: Any, path: tuple[str, ...], made: dict[tuple[str, ...], tuple[str, str, dict[str, Any]]]) -> str:
+    """A value as Python writes it; what is made of options as that."""
+    if path in made:
+        _, kind, given = made[path]
+        return f"{kind}({', '.join(f'{name}={item!r}' for name, item in given.items())}).made(None)"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key!r}: {_literal(item, (*path, key), made)}' for key, item in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return repr(value[0] if len(value) == 1 else list(value))
+    return repr(value)

@@ -1,0 +1,227 @@
+"""Forms: some fields of a question, with what the question itself says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args, get_origin
+
+from cpic_core import InputError
+from cpic_planner.queries import Option, default_instrument, spelled
+from cpic_planner.web.asking import ETC, RANK, Asking, parameter
+from simulator.config import preset_names, unit_of
+
+_LABELS = {
+    "target": "Star or known planet",
+    "snr": "SNR to reach",
+    "sigma": "Plain significance to reach",
+    "detect": "Ask for a detection",
+    "contrast_limit": "Ask for the contrast limit",
+    "em_gain": "EM gain",
+    "sp_type": "Spectral type",
+    "v_mag_max": "Faintest V (mag)",
+    "date_utc": "Date (UTC)",
+    "set": "Change of the instrument",
+    "known_hosts": "Only stars with known planets",
+    "dwarfs_only": "Only dwarfs",
+    "singles_only": "Only single stars",
+    "candidates": "Candidates too",
+    "planet_radius_rjup": "Planet radius (R_J)",
+}
+"""Labels that do not follow from the name of a field."""
+_EXAMPLES = {
+    "target": "tau Cet, HIP 8102, eps Eri b",
+    "date_utc": "2028-06-01",
+    "time_s": "36000, or 10h",
+    "visit_time_s": "2700, or 45min",
+    "separation_arcsec": "0.36, or 0.4, 0.6",
+    "contrast": "1e-8",
+    "set": "drift.visit_nm=0.1nm",
+    "sp_type": "K, or G8V",
+}
+
+
+_HINTS = {
+    "albedo": "jupiter, saturn, uranus, neptune, or a number.",
+    "target": "A star by any of its names, or a known planet, at its place and brightness of the date.",
+    "separation_arcsec": "Projected, on the diagonal of a quadrant; several between commas. Without: the best place.",
+    "separation_au": "The same in au, at the distance of the star; several between commas.",
+    "contrast": "Planet-to-star ratio instead of a planet model; several between commas, as many as separations.",
+    "bands": "Without any: all four of the visible camera.",
+    "set": "By a key of cpic instrument keys.",
+    "sigma": "Instead of an SNR: significance of noise without the planet.",
+    "instrument": "A shipped instrument.",
+    "population": "Planets that completeness refers to.",
+    "known_planets": "Table of known planets, for the name of a planet.",
+}
+"""Where the help of the option speaks of files, which requests do not name, or of options that are repeated."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of a form.
+
+    Attributes
+    ----------
+    name : str
+        Parameter of the address.
+    label, hint : str
+    kind : {"text", "choice", "tick", "ticks"}
+    choices : tuple of str
+        Words of a choice or of several ticks.
+    values : tuple of str
+        What is filled in.
+    error : str
+        What is wrong with it; empty where nothing is.
+    example : str
+    """
+
+    name: str
+    label: str
+    hint: str
+    kind: Literal["text", "choice", "tick", "ticks"]
+    choices: tuple[str, ...]
+    values: tuple[str, ...]
+    error: str
+    example: str
+
+
+@dataclass(frozen=True)
+class Group:
+    """Fields that belong together; ``folded`` ones show when asked for, or where one of them says something."""
+
+    title: str
+    fields: tuple[Field, ...]
+    folded: bool = False
+
+    @property
+    def open(self) -> bool:
+        """Whether a folded group shows."""
+        return any(field.values or field.error for field in self.fields)
+
+
+@dataclass(frozen=True)
+class Form:
+    """A form: where it leads, its groups, and what is wrong beside its fields."""
+
+    action: str
+    groups: tuple[Group, ...]
+    button: str
+    error: str = ""
+
+    @property
+    def wrong(self) -> tuple[Field, ...]:
+        """Fields beside which something is wrong."""
+        return tuple(field for group in self.groups for field in group.fields if field.error)
+
+
+ETC_GROUPS = (
+    ("Who", "target date_utc", False),
+    ("What is asked: the time for a level, or the SNR in a time", "snr detect time_s contrast_limit", False),
+    ("Planet: at its best place, unless said here", "separation_arcsec contrast planet_radius_rjup albedo", False),
+    ("Bands and visits", "bands visits visit_time_s library search", False),
+    (
+        "More: frames, instrument, orbit, reduction",
+        "sigma separation_au semi_major_axis_au phase_deg exposure_s n_frames em_gain mode exozodi drift_nm instrument "
+        "set distance_pc observation_roll_deg companions reference_v_mag roll_deg known_planets candidates",
+        True,
+    ),
+)
+RANK_GROUPS = (
+    ("Which stars", "sp_type distance_max_pc dec_min_deg dec_max_deg v_mag_max known_hosts", False),
+    ("How they are ranked", "score time_s visits search bands", False),
+    (
+        "More: sample, instrument, population",
+        "dwarfs_only singles_only candidates library exozodi drift_nm instrument set population date_utc "
+        "planet_radius_rjup albedo",
+        True,
+    ),
+)
+"""Groups of the forms: title, parameters, and whether it is folded."""
+
+
+def etc_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
+    """Return the form of the calculator.
+
+    Parameters
+    ----------
+    given : sequence of (str, str)
+        Parameters of the address.
+    error : InputError, optional
+        What is wrong with them.
+    """
+    return _form(ETC, ETC_GROUPS, "Ask", given, error)
+
+
+def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
+    """Return the form of the ranking; parameters as of `etc_form`.
+
+    Parameters
+    ----------
+    given : sequence of (str, str)
+    error : InputError, optional
+    """
+    form = _form(RANK, RANK_GROUPS, "Rank", given, error)
+    texts = tuple(text for name, text in given if name == "limit" and text)[:1]
+    wrong = str(error) if error is not None and error.key == "limit" else ""
+    limit = Field("limit", "Rows", "Stars that are shown, 1 to 1500.", "text", (), texts, wrong, "50")
+    first, *others = form.groups
+    groups = (Group(first.title, (*first.fields, limit)), *others)
+    return Form(form.action, groups, form.button, "" if wrong else form.error)
+
+
+def _form(
+    asking: Asking[Any],
+    layout: Sequence[tuple[str, str, bool]],
+    button: str,
+    given: Sequence[tuple[str, str]],
+    error: InputError | None,
+) -> Form:
+    values: dict[str, list[str]] = {}
+    for name, text in given:
+        option = asking.by_name.get(name) or asking.by_name.get(f"{name}_s")
+        if option is not None and text:
+            values.setdefault(parameter(option), []).append(text)
+    wrong = {} if error is None else {asking.names.get(error.key, error.key): str(error)}
+    groups = tuple(
+        Group(title, tuple(_field(asking, name, values.get(name, []), wrong.get(name, "")) for name in names), folded)
+        for title, names, folded in ((title, words.split(), folded) for title, words, folded in layout)
+    )
+    shown = {field.name for group in groups for field in group.fields}
+    rest = " ".join(text for name, text in wrong.items() if name not in shown)
+    return Form(asking.page, groups, button, rest)
+
+
+def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) -> Field:
+    option = asking.by_name[name]
+    choices = _choices(option)
+    kind: Literal["text", "choice", "tick", "ticks"] = "choice" if choices else "text"
+    if option.kind is bool:
+        kind = "tick"
+    elif name == "bands":
+        kind, choices = "ticks", tuple(default_instrument().bands)
+    elif option.several and option.kind is float:
+        values = [", ".join(values)] if values else []
+    labels = {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}
+    hint = _HINTS.get(name) or spelled(option.text, labels)
+    return Field(name, _label(option), hint, kind, choices, tuple(values), error, _EXAMPLES.get(name, ""))
+
+
+def _choices(option: Option) -> tuple[str, ...]:
+    if get_origin(option.kind) is Literal:
+        return get_args(option.kind)
+    if option.flag == "--instrument":
+        return preset_names("instrument")
+    if option.flag == "--population":
+        return preset_names("population", package="cpic_planner")
+    return ("snapshot", "archive_2019") if option.flag == "--known-planets" else ()
+
+
+def _label(option: Option) -> str:
+    name = parameter(option)
+    if name in _LABELS:
+        return _LABELS[name]
+    unit = option.asked.unit or unit_of(name)
+    words = name.rsplit("_", 1)[0] if unit and "_" in name else name
+    words = words.replace("_", " ")
+    return f"{words[:1].upper()}{words[1:]}{f' ({unit})' * bool(unit)}"

@@ -1,0 +1,67 @@
+"""Work of requests in a bounded number of threads, with a limit of time and of how many wait."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, TypeVar
+
+from cpic_core import numeric_context
+
+T = TypeVar("T")
+
+
+class Busy(Exception):
+    """More requests wait than may."""
+
+
+class Workers:
+    """A few threads that compute.
+
+    Parameters
+    ----------
+    threads : int
+        How many compute at once.
+    waiting : int
+        How many requests may wait for them beside those.
+    limit_s : float
+        Longest time of a request, waiting included. What a thread has begun it brings to an end: until then it is not
+        free.
+    """
+
+    def __init__(self, threads: int = 2, waiting: int = 30, limit_s: float = 60.0) -> None:
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="cpic-answer")
+        self._most, self._limit_s, self._taken = threads + waiting, limit_s, 0
+
+    async def do(self, work: Callable[..., T], *given: Any) -> T:
+        """Return what a function gives, which is called in one of the threads.
+
+        Parameters
+        ----------
+        work : callable
+        *given
+            What it is called with.
+
+        Raises
+        ------
+        Busy
+            If too many wait.
+        TimeoutError
+            If it takes too long.
+        """
+        if self._taken >= self._most:
+            raise Busy
+        self._taken += 1
+        loop = asyncio.get_running_loop()
+        future = self._pool.submit(numeric_context()(work), *given)
+        future.add_done_callback(lambda done: self._leave(loop, done))
+        return await asyncio.wait_for(asyncio.wrap_future(future), self._limit_s)
+
+    def _leave(self, loop: asyncio.AbstractEventLoop, future: Future[Any]) -> None:
+        """Free a place; this is called in the thread that worked."""
+        if not loop.is_closed():
+            loop.call_soon_threadsafe(self._free)
+
+    def _free(self) -> None:
+        self._taken -= 1

@@ -1,0 +1,35 @@
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from cpic_core.lazy_names import lazy_names
+
+SLOW = """import time
+time.sleep(0.3)
+answer = 42
+"""
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package of a name that takes its time to load."""
+    folder = tmp_path / "slow_names"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+    (folder / "__init__.pyi").write_text("from slow_names.late import answer as answer\n")
+    (folder / "late.py").write_text(SLOW)
+    monkeypatch.syspath_prepend(tmp_path)
+    return lazy_names("slow_names", str(folder / "__init__.py"))
+
+
+def test_names_are_those_of_the_stub(package):
+    load, names, every = package
+    assert names() == every == ["answer"]
+    with pytest.raises(AttributeError, match="no attribute 'other'"):
+        load("other")
+
+
+def test_threads_that_ask_at_once_all_get_the_name(package):
+    load, *_ = package
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(load, ["answer"] * 8)) == [42] * 8

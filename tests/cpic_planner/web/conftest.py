@@ -1,0 +1,74 @@
+"""A browser without a network: requests as a server hands them over, byte for byte as they were sent."""
+
+import asyncio
+import json
+from dataclasses import dataclass
+from urllib.parse import unquote
+
+import pytest
+
+from cpic_planner.web import application
+
+
+@dataclass(frozen=True)
+class Told:
+    """An answer."""
+
+    status: int
+    headers: dict
+    body: bytes
+
+    @property
+    def text(self):
+        return self.body.decode()
+
+    @property
+    def json(self):
+        return json.loads(self.body)
+
+
+@dataclass(frozen=True)
+class Browser:
+    """Asks an application."""
+
+    application: object
+
+    def get(self, address, *, method="GET", host="localhost:8765", **headers):
+        path, _, query = address.partition("?")
+        given = {"host": host} | {name.replace("_", "-"): value for name, value in headers.items()}
+        scope = {
+            "type": "http",
+            "asgi": {"version": "3.0"},
+            "http_version": "1.1",
+            "method": method,
+            "scheme": "http",
+            "path": unquote(path),
+            "raw_path": path.encode(),
+            "query_string": query.encode(),
+            "root_path": "",
+            "headers": [(name.encode(), value.encode()) for name, value in given.items()],
+            "client": ("127.0.0.1", 1),
+            "server": ("127.0.0.1", 8765),
+        }
+        sent = []
+
+        async def receive():
+            return {"type": "http.request", "body": b"", "more_body": False}
+
+        async def send(message):
+            sent.append(message)
+
+        asyncio.run(self.application(scope, receive, send))
+        head = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
+        return Told(sent[0]["status"], head, b"".join(message.get("body", b"") for message in sent[1:]))
+
+
+@pytest.fixture(scope="session")
+def browser():
+    return Browser(application())
+
+
+@pytest.fixture
+def ask(browser):
+    """Ask an address."""
+    return browser.get

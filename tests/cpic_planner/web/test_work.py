@@ -1,0 +1,62 @@
+import asyncio
+import threading
+
+import numpy as np
+import pytest
+
+from cpic_core import numeric_context
+from cpic_planner.web import application
+from cpic_planner.web.work import Busy, Workers
+
+
+def test_work_is_done_in_other_threads():
+    names = asyncio.run(Workers(threads=1).do(lambda: threading.current_thread().name))
+    assert names.startswith("cpic-answer")
+
+
+def test_only_so_many_wait_and_places_come_back():
+    workers, go = Workers(threads=1, waiting=1), threading.Event()
+
+    async def crowd():
+        first, second = (asyncio.ensure_future(workers.do(go.wait, 30)) for _ in range(2))
+        await asyncio.sleep(0)
+        with pytest.raises(Busy):
+            await workers.do(int)
+        go.set()
+        assert await first
+        assert await second
+        return await workers.do(lambda: 7)
+
+    assert asyncio.run(crowd()) == 7
+
+
+def test_a_request_has_a_limit_of_time_and_its_thread_a_place_until_it_ends():
+    workers, go = Workers(threads=1, waiting=0, limit_s=0.05), threading.Event()
+
+    async def late():
+        with pytest.raises(TimeoutError):
+            await workers.do(go.wait, 30)
+        with pytest.raises(Busy):
+            await workers.do(int)
+        go.set()
+        while True:
+            try:
+                return await workers.do(lambda: 7)
+            except Busy:
+                await asyncio.sleep(0.01)
+
+    assert asyncio.run(late()) == 7
+
+
+def test_threads_compute_as_the_command_line_does():
+    with numeric_context():
+        mine = np.geterr()
+    with np.errstate(all="raise"):
+        assert asyncio.run(Workers().do(np.geterr)) == mine
+
+
+@pytest.mark.parametrize(("threads_free", "status"), [(0, 503), (1, 504)])
+def test_too_many_and_too_late_are_said_in_one_line(browser, threads_free, status):
+    workers = Workers(threads=1, waiting=threads_free - 1, limit_s=0.0)
+    told = type(browser)(application(workers=workers)).get("/etc?target=tau+Cet&format=json")
+    assert (told.status, told.text.count("\n")) == (status, 1)
