@@ -277,6 +277,12 @@ def test_faint_pixels_are_capped_by_the_register_s_largest_gain(bare_detector) -
     assert (cap.limit == "").all()
 
 
+def test_a_limit_that_binds_just_at_the_largest_gain_is_named(bare) -> None:
+    cap = gain_cap([1.0, 2.0, 4.0], bare(em_gain_max=512, register_full_well_e=1024), n_sigma=0)
+    assert cap.gain.tolist() == [512.0, 512.0, 256.0]
+    assert cap.limit.tolist() == ["", Reason.REGISTER_FULL_WELL, Reason.REGISTER_FULL_WELL]
+
+
 def test_no_gain_at_all(bare, bare_detector) -> None:
     cap = gain_cap([79000.0, 1e5], bare_detector)
     assert not cap.feasible.any()
@@ -302,6 +308,9 @@ def test_cap_is_where_the_binding_limit_starts(bare_detector) -> None:
 def test_pixel_saturated_names_the_limit(bare_detector) -> None:
     fine = pixel_saturated(100.0, 20.0, bare_detector)
     assert fine.unwrap() == pytest.approx(20 * (100 + 5 * np.sqrt(200)) / 730000)
+    # Charge in a pixel has the variance of its Poisson law, that of the register's output twice as much.
+    bright = pixel_saturated(7e4, 1.0, bare_detector)
+    assert bright.unwrap() == pytest.approx((7e4 + 5 * np.sqrt(7e4)) / bare_detector.full_well_e, rel=1e-12)
     full = pixel_saturated(1e5, 1.0, bare_detector)
     assert full.reason is Reason.PIXEL_FULL_WELL
     assert "pixel full well" in full.message
@@ -328,6 +337,7 @@ def test_frames_at_the_cap_do_not_saturate_and_beyond_do(peak: float, bare_detec
         ((np.nan, 2.0, 5.0), "peak"),
         ((1.0, 0.0, 5.0), "gain"),
         ((1.0, 2.0, -1.0), "n_sigma"),
+        ((1.0, 2.0, 100.5), "n_sigma"),
     ],
 )
 def test_refusals(refused, arguments: tuple[float, float, float], named: str, bare_detector) -> None:
