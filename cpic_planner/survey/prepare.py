@@ -239,10 +239,17 @@ def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], ru
     """
     names = [strategy.name for strategy in configs[0].strategies]
     keys = [f"plan {name}" for name in names]
-    tasks = [Task(key, (which,), f"{names[which]}: plan", len(grounds)) for which, key in enumerate(keys)]
+    # The longest first, so that no worker is left with one at the end.
+    order = sorted(range(len(keys)), key=lambda which: _size(configs[0].strategies[which]), reverse=True)
+    tasks = [Task(keys[which], (which,), f"{names[which]}: plan", len(grounds)) for which in order]
     plans = runner.finish(plan_states, tasks, common=(grounds,), store=Unkept())
     of_states = zip(*(plans[key] for key in keys), strict=True)
     return [Prepared.of(*state) for state in zip(configs, grounds, of_states, strict=True)]
+
+
+def _size(strategy: SurveyStrategy) -> tuple[int, int]:
+    """How much there is to plan: ways to visit a star, and visits of it."""
+    return len(strategy.visit.bands) * len(strategy.visit.time_s), strategy.revisits.max_visits
 
 
 def _places(item: Screened) -> list[tuple[str, float, float]]:
