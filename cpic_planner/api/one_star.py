@@ -48,7 +48,7 @@ class Answered:
 
     @property
     def found(self) -> bool:
-        """Whether there is an answer, and of a planet a detection."""
+        """Tell whether there is an answer, and of a planet a detection."""
         rows = self.result.answers
         return any(row.status == "ok" if row.verdict is None else row.verdict == "detected" for row in rows)
 

@@ -141,7 +141,7 @@ def _annotation(option: Any, text: str) -> Any:
 
 
 def _completed(own: Any) -> Callable[[str], list[str]] | None:
-    """What a shell completes a value to; None for nothing."""
+    """Return what a shell completes a value to; None for nothing."""
     if own.completes is None:
         return None
     return lambda incomplete: [word for word in own.completes() if word.casefold().startswith(incomplete.casefold())]

@@ -64,7 +64,7 @@ def print_json(result: BaseModel | Mapping[str, Any]) -> None:
 
 @dataclass(frozen=True)
 class Output:
-    """How a command writes its answer.
+    """The form in which a command writes its answer.
 
     Attributes
     ----------
@@ -79,12 +79,12 @@ class Output:
 
     @property
     def as_json(self) -> bool:
-        """Whether the answer is JSON."""
+        """Tell whether the answer is JSON."""
         return self.form == "json"
 
     @property
     def plain(self) -> bool:
-        """Whether more than a table is printed, for people."""
+        """Tell whether more than a table is printed, for people."""
         return self.form == "table" and not self.brief
 
     def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
@@ -120,7 +120,7 @@ class Output:
 
 @dataclass(frozen=True)
 class Answer(Output):
-    """The same of a command that asks for something that may not be there.
+    """Options of a command that asks for something that may not be there, beside those of every command.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ def version_text() -> str:
 
 
 class Form(StrEnum):
-    """How a command writes its main table."""
+    """Forms in which a command writes its main table."""
 
     TABLE = "table"
     CSV = "csv"

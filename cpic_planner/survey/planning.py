@@ -307,6 +307,7 @@ class PlanningView:
 
 
 def _content(part: Host) -> str:
+    """Digest of what decides the planets of a part of a star."""
     return content_hash(part.content())
 
 

@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/doubt/make.py`` (about a quarter of an hour on a quiet core).
+"""Regenerate this report: ``python reports/doubt/make.py`` (about three minutes on a quiet core).
 
 Which strategy to take while nobody knows the drift of the wavefront: the default strategies are planned for four
 drifts, and every plan is played under each of them. ``--run FOLDER`` takes the numbers of a finished
