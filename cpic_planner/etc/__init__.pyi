@@ -14,6 +14,11 @@ from cpic_planner.etc.cases import (
     band_cases as band_cases,
     etc_result as etc_result,
 )
+from cpic_planner.etc.chances import (
+    LEAST_PROBABILITY as LEAST_PROBABILITY,
+    least_margin as least_margin,
+    visit_chances as visit_chances,
+)
 from cpic_planner.etc.detection import (
     MIN_ELEMENTS as MIN_ELEMENTS,
     DetectionLaw as DetectionLaw,
@@ -24,7 +29,6 @@ from cpic_planner.etc.detection import (
     tail_share as tail_share,
     threshold_array as threshold_array,
     verdict_of as verdict_of,
-    visit_chances as visit_chances,
 )
 from cpic_planner.etc.fidelity import closed_form_fidelity as closed_form_fidelity
 from cpic_planner.etc.frames import (

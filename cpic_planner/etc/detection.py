@@ -6,8 +6,7 @@ The law of detections that simulated images follow, for a blind search and at a 
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -294,14 +293,22 @@ def detection_probability(
     with np.errstate(divide="ignore"):
         reached = np.log(np.asarray(margin) * np.asarray(calibration, float))
     blind = reached - np.log(half_margin(law, False, tails, inward, visits)) - law.blind_margin_error * off
-    blind = blind / _width(law.blind_width, law.stack_width, visits)
+    blind = blind / law_width(law.blind_width, law.stack_width, visits)
     known = reached - math.log(law.known_margin) - law.known_margin_error * off
-    known = known / _width(law.known_width, law.known_stack_width, visits)
+    known = known / law_width(law.known_width, law.known_stack_width, visits)
     return np.asarray(ndtr(np.where(np.asarray(at_place, bool), np.fmax(known, blind), blind)))
 
 
-def _width(single: float, stack: float, visits: ArrayLike) -> FloatArray:
-    """Width of a law of so many visits."""
+def law_width(single: float, stack: float, visits: ArrayLike) -> FloatArray:
+    """Return the width of a law.
+
+    Parameters
+    ----------
+    single, stack : float
+        In one visit, and of many.
+    visits : array_like
+        As of `half_margin`.
+    """
     alone = 1.0 / np.asarray(visits, float)
     return np.sqrt(np.maximum(alone * single**2 + (1.0 - alone) * stack**2, _LEAST_WIDTH2))
 
@@ -325,65 +332,3 @@ def tail_share(
     share = error_light_share(metrics, drift, separation_arcsec, width, ratio, visit_s, model.timing)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.sqrt(share * noise.speckle / noise.quiet)
-
-
-@dataclass(frozen=True, eq=False)
-class Chances:
-    """Probabilities of a detection, of a blind search and at a known place; NaN where no law was measured."""
-
-    blind: FloatArray
-    known_place: FloatArray
-
-    @classmethod
-    def of(
-        cls,
-        law: DetectionLaw,
-        margin: FloatArray,
-        tails: FloatArray,
-        inward: FloatArray,
-        visits: ArrayLike,
-        motion: ArrayLike = 1.0,
-    ) -> Self:
-        """Return the chances of a law; parameters as of `detection_probability` and `visit_chances`."""
-        settings: dict[str, Any] = {"tails": np.nan_to_num(tails), "inward": inward}
-        settings |= {"visits": visits, "calibration": law.calibration}
-        blind = margin / np.asarray(motion, float)
-        found = (detection_probability(law, *of, **settings) for of in ((blind, False), (margin, True)))
-        return cls(*(np.broadcast_to(chance, blind.shape) for chance in found))
-
-
-def visit_chances(
-    model: EtcModel,
-    band: str,
-    separation_arcsec: ArrayLike,
-    visit_s: ArrayLike,
-    noise: StackNoise,
-    margin: ArrayLike,
-    visits: ArrayLike = 1.0,
-    *,
-    motion: ArrayLike = 1.0,
-) -> Chances:
-    """Return the probabilities that visits, or programmes of them, detect planets.
-
-    Parameters
-    ----------
-    model : EtcModel
-    band : str
-    separation_arcsec, visit_s : array_like
-        Of the planets, and length of the science visits.
-    noise : StackNoise
-        Of the visits at the planets' places.
-    margin : array_like
-        Predicted significance over threshold; 0 for no visit.
-    visits : array_like
-        Independent wavefronts behind the noise of a programme (`effective_visits`).
-    motion : array_like
-        Factor on the threshold of a blind search for the motion of planets (`cpic_planner.etc.motion`); at a known
-        place the orbit is followed.
-    """
-    law, margins = law_of(model, band), np.asarray(margin, float)
-    if law is None:
-        return Chances(*np.full((2, *margins.shape), np.nan))
-    tails = tail_share(model, band, separation_arcsec, visit_s, noise)
-    inward = model.metrics[band].lambda_d_arcsec / np.asarray(separation_arcsec, float)
-    return Chances.of(law, margins, tails, inward, visits, motion)

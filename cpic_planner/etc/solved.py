@@ -8,7 +8,8 @@ import numpy as np
 
 from cpic_core import FloatArray, NDArray, Reason, Status
 from cpic_planner.etc import budget
-from cpic_planner.etc.detection import Chances, law_of, verdict_of
+from cpic_planner.etc.chances import Chances
+from cpic_planner.etc.detection import law_of, verdict_of
 from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.model import Programme

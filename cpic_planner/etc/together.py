@@ -10,7 +10,8 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases, Cases, FixedFrames
-from cpic_planner.etc.detection import Chances, DetectionLaw, law_of, margin_of
+from cpic_planner.etc.chances import Chances
+from cpic_planner.etc.detection import DetectionLaw, law_of, margin_of
 from cpic_planner.etc.frames import FrameProblem, best_exposure_s
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme
 from cpic_planner.etc.motion import SearchMotion, motion_factor

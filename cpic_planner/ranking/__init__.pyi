@@ -1,6 +1,10 @@
 from cpic_planner.ranking.ensemble import rank_under as rank_under
 from cpic_planner.ranking.explain import explain_star as explain_star
-from cpic_planner.ranking.in_zone import inside_zone as inside_zone
+from cpic_planner.ranking.in_zone import (
+    faintest_contrast as faintest_contrast,
+    inside_zone as inside_zone,
+    ring_of as ring_of,
+)
 from cpic_planner.ranking.known_answer import known_scene as known_scene
 from cpic_planner.ranking.known_completeness import (
     KNOWN_ONLY as KNOWN_ONLY,

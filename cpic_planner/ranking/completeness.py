@@ -15,8 +15,6 @@ from cpic_planner.targets import Targets
 from simulator.target import albedo_notes, albedo_source, needs_insolation
 
 _N_ELEMENTS = 8000
-_FAINTEST = 0.25
-"""Significance over threshold below which no planet counts: the law of detections gives it next to nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,11 +211,11 @@ class _Counts:
     @functools.cached_property
     def _faintest(self) -> FloatArray:
         """Contrast below which no planet counts, by star and ring."""
-        level = _FAINTEST * self.model.strategy.sigma
+        law = etc.law_of(self.model, self.band)
         found, observed = np.full((len(self.targets), N_RINGS), np.inf), np.flatnonzero(self.setting.n_frames > 0.0)
         frames = {name: part[observed] for name, part in vars(self.setting).items()}
         chosen = self.targets.select(observed)
-        found[observed] = faintest_contrast(self.model, chosen, self.band, significance=level, **frames)
+        found[observed] = faintest_contrast(self.model, chosen, self.band, law=law, **frames)
         return found
 
     def _count(self, stars: IntArray, row: IntArray, planet: IntArray, chance: FloatArray) -> None:
@@ -268,10 +266,20 @@ def _chances(
     programme = programme_of(model, setting.visits, visit_s)
     noise = etc.stack_noise(rates, *frames, camera, strategy, programme=programme)
     chance = np.zeros((2, len(shown[0])))
+    separation, law = np.hypot(x, y), etc.law_of(model, band)
+    least = (
+        np.ones(())
+        if law is None
+        else etc.least_margin(
+            law,
+            model.metrics[band].lambda_d_arcsec / separation,
+            np.maximum(programme.visits, programme.reference_visits),
+        )
+    )
     # A threshold lies above its level, and the law is what takes longest here.
-    hopeful = np.flatnonzero(noise.significance[shown] >= _FAINTEST * strategy.sigma)
+    hopeful = np.flatnonzero((noise.significance >= least * strategy.sigma)[shown])
     here = shown[0][hopeful], shown[1][hopeful]
-    separation = np.hypot(x[here], y[here])
+    separation = separation[here]
     elements = model.metrics[band].resolution_elements(separation)
     defined = elements >= etc.MIN_ELEMENTS
     margin = defined * noise.significance[here] / np.exp(np.interp(elements, *_thresholds(strategy.sigma)))
@@ -285,7 +293,7 @@ def _chances(
     moving = search.threshold_factor(many, model.time_s(visit_s))
     found = etc.visit_chances(model, band, separation, visit_s, seen, margin, visits, motion=moving)
     for mode, (part, needed) in enumerate(((found.blind, moving), (found.known_place, np.ones_like(moving)))):
-        chance[mode, hopeful] = np.where(np.isnan(part), margin >= needed, part) * (margin > _FAINTEST)
+        chance[mode, hopeful] = np.where(np.isnan(part), margin >= needed, part * (part >= etc.LEAST_PROBABILITY))
     return chance
 
 

@@ -105,8 +105,6 @@ class ZonePlanets:
                 usable = inside_zone(zone, x, y, radius_arcsec)
                 star, planet = np.nonzero(usable)
                 x, y = x[star, planet], y[star, planet]
-                low, high = zone.inner_corner_arcsec, zone.outer_corner_arcsec
-                ring = ((np.hypot(x, y) - low) / (high - low) * N_RINGS).astype(np.int64)
                 yield Placed(
                     rows=rows,
                     in_zone=in_zone,
@@ -115,8 +113,22 @@ class ZonePlanets:
                     planet=planet + part.start,
                     x_arcsec=x,
                     y_arcsec=y,
-                    ring=np.clip(ring, 0, N_RINGS - 1),
+                    ring=ring_of(zone, np.hypot(x, y)),
                 )
+
+
+def ring_of(zone: HoleZone, separation_arcsec: FloatArray) -> IntArray:
+    """Return the ring of `faintest_contrast` in which points stand.
+
+    Parameters
+    ----------
+    zone : HoleZone
+    separation_arcsec : ndarray
+        Distance from the star.
+    """
+    low, high = zone.inner_corner_arcsec, zone.outer_corner_arcsec
+    ring = ((separation_arcsec - low) / (high - low) * N_RINGS).astype(np.int64)
+    return np.clip(ring, 0, N_RINGS - 1)
 
 
 def faintest_contrast(
@@ -128,9 +140,9 @@ def faintest_contrast(
     n_frames: FloatArray,
     em_gain: FloatArray,
     visits: FloatArray,
-    significance: float,
+    law: etc.DetectionLaw | None,
 ) -> FloatArray:
-    """Contrast below which no planet of a ring has a significance: all of them need no further look.
+    """Contrast below which no planet of a ring is detected: all of them need no further look.
 
     Parameters
     ----------
@@ -140,7 +152,9 @@ def faintest_contrast(
     band : str
     exposure_s, n_frames, em_gain, visits : ndarray, shape (n,)
         Of each star, frames of one visit.
-    significance : float
+    law : DetectionLaw or None
+        What a detection is: a probability of `cpic_planner.etc.LEAST_PROBABILITY`, at a known place or not. Without a
+        law a significance of the threshold.
 
     Returns
     -------
@@ -150,7 +164,8 @@ def faintest_contrast(
     Notes
     -----
     A planet beside the mask's shadow, in noise without the light of star, companion and dust, and with the least
-    speckles of its ring, is more significant than any real one of that contrast.
+    speckles of its ring, is more significant than any real one of that contrast. The threshold and the least margin of
+    the law (`cpic_planner.etc.least_margin`) are the least of the ring, too.
     """
     metrics, strategy, rings = model.metrics[band], model.strategy, np.zeros((len(targets), N_RINGS))
     if strategy.mode == "photon_counting":
@@ -163,13 +178,13 @@ def faintest_contrast(
     library = model.library_noise(band, star)
     fine = low + (high - low) * (np.arange(N_RINGS)[:, None] + np.linspace(0.0, 1.0, _FINE + 1)) / N_RINGS
     width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
-    law = _least(programme_law(metrics, model.instrument.drift, fine, width, ratio, model.timing))
+    least = _least(programme_law(metrics, model.instrument.drift, fine, width, ratio, model.timing))
     dark = replace(
         rates,
         planet_e_s=star * metrics.core_open,
         halo_e_s=none,
         exozodi_e_s=none,
-        speckle=law.scaled(star**2 * library.speckle),
+        speckle=least.scaled(star**2 * library.speckle),
         reference_light_e_s=library.light(none, none, rates.sky_e_s + rates.dark_e_s),
         smear_e=none,
         reference_smear_e=none,
@@ -178,8 +193,15 @@ def faintest_contrast(
     camera = model.camera(band)
     programme = programme_of(model, many, frames * (exposure + camera.readout_s))
     noise = etc.stack_noise(dark, exposure, frames, gain, camera, strategy, programme=programme)
+    needed = etc.threshold_array(metrics.resolution_elements(fine), strategy.sigma).min(axis=-1)
+    if law is not None:
+        inward, most = (
+            metrics.lambda_d_arcsec / fine[:, [0, -1]],
+            np.maximum(programme.visits, programme.reference_visits),
+        )
+        needed = needed * etc.least_margin(law, inward, most[..., None]).min(axis=-1)
     with np.errstate(divide="ignore"):
-        return np.asarray(_SURE * significance / noise.significance + rings)
+        return np.asarray(_SURE * needed / noise.significance + rings)
 
 
 def _least(law: ProgrammeLaw) -> ProgrammeLaw:

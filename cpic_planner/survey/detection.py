@@ -1,12 +1,13 @@
 """Whether a visit shows planets that stand anywhere: significance over threshold, and the chance of a detection."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from catalogs import OrbitPlaces
-from cpic_core import ArrayLike, BoolArray, FloatArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray
 from cpic_planner.etc import (
     EtcModel,
     Programme,
@@ -19,7 +20,7 @@ from cpic_planner.etc import (
     stack_noise,
     threshold_array,
 )
-from cpic_planner.ranking import inside_zone
+from cpic_planner.ranking import faintest_contrast, inside_zone, ring_of
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import PlanetSample
 from cpic_planner.targets import Targets
@@ -94,6 +95,131 @@ def _visit_s(model: EtcModel, setting: Setting) -> float:
     return setting.n_frames * (setting.exposure_s + model.camera(setting.band).readout_s)
 
 
+def faintest_of(model: EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule) -> FloatArray:
+    """Contrast below which a visit detects no planet, by star and ring (`cpic_planner.ranking.faintest_contrast`).
+
+    Parameters
+    ----------
+    model : EtcModel
+    stars : Targets
+        ``n`` stars.
+    settings : sequence of Setting
+        A visit of each of them, all in one band.
+    rule : DetectionRule
+
+    Returns
+    -------
+    ndarray, shape (n, ring)
+    """
+    frames = np.array([(item.exposure_s, item.n_frames, item.em_gain) for item in settings]).T
+    return faintest_contrast(
+        model,
+        stars,
+        settings[0].band,
+        **dict(zip(("exposure_s", "n_frames", "em_gain"), frames, strict=True)),
+        visits=np.full(len(stars), float(model.strategy.visits or 1)),
+        law=None if rule.rule == "expected" else rule,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Planets at some of the dates of visits: arrays ``(k,)``.
+
+    Attributes
+    ----------
+    visit, planet : ndarray of int
+        Position of the visit and of the planet.
+    east_au, north_au, distance_au, phase_deg : ndarray
+        As of `catalogs.OrbitPlaces`.
+    """
+
+    visit: IntArray
+    planet: IntArray
+    east_au: FloatArray
+    north_au: FloatArray
+    distance_au: FloatArray
+    phase_deg: FloatArray
+
+    @classmethod
+    def between(cls, places: OrbitPlaces, inner_au: float, outer_au: float) -> "Pairs":
+        """Return those whose projected distance lies between two, of places of shape ``(d, n)``."""
+        apart = np.hypot(places.east_au, places.north_au)
+        near = (apart >= inner_au) & (apart <= outer_au)
+        visit, planet = np.nonzero(near)
+        return cls(visit, planet, **{name: part[near] for name, part in vars(places).items()})
+
+
+def pair_signals(
+    model: EtcModel,
+    star: Targets,
+    setting: Setting,
+    planets: PlanetSample,
+    albedos: tuple[AlbedoSpec, ...],
+    pairs: Pairs,
+    roll_deg: ArrayLike,
+    zodis: FloatArray | None = None,
+    faintest: FloatArray | None = None,
+) -> ExpectedSignals:
+    """What visits expect of planets; arrays of the length of ``pairs``.
+
+    Parameters
+    ----------
+    model, star, setting, planets, albedos, roll_deg, zodis
+        As of `expected_signals`.
+    pairs : Pairs
+        Which planets, and where they stand at which visit.
+    faintest : ndarray, shape (ring,), optional
+        Contrast below which planets are not looked at: nothing is seen of them (`faintest_of`).
+    """
+    band, shape = setting.band, pairs.visit.shape
+    metrics = model.metrics[band]
+    separation = np.hypot(pairs.east_au, pairs.north_au) / float(star.distance_pc[0])
+    pa_deg = np.rad2deg(np.arctan2(pairs.east_au, pairs.north_au))
+    roll = np.asarray(roll_deg, float)[pairs.visit]
+    x, y, usable = on_detector(model, band, separation, pa_deg - roll)
+    margin, tails, inward, snr, contrast = np.zeros((5, *shape))
+    visits, motion = np.ones((2, *shape))
+    some = np.flatnonzero(usable & setting.possible)
+    if some.size:
+        planet = pairs.planet[some]
+        kind, radius = planets.kind[planet][None], planets.radius_rjup[planet][None]
+        distance, phase = pairs.distance_au[some][None], pairs.phase_deg[some][None]
+        contrast[some] = mixture_contrast(model, star, band, albedos, kind, radius, distance, phase)[0]
+        if faintest is not None:
+            some = some[contrast[some] >= faintest[ring_of(metrics.zone, separation[some])]]
+    if some.size:
+        # Only a companion's wings care for the roll, with two of them that of the places x and y.
+        wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
+        first = model.strategy.rolls_deg[-1]
+        angles, which = np.unique((roll + first)[some] if wings else np.zeros(some.size), return_inverse=True)
+        made = programme_of(model, setting)
+        for begin in range(0, angles.size, _ROLLS):
+            here = np.flatnonzero((which >= begin) & (which < begin + _ROLLS))
+            turned = angles[begin : begin + _ROLLS]
+            rolls = replace(star.select(np.zeros(turned.size, np.int64)), roll_deg=turned % 360.0)
+            # One row a roll, as long as the longest; what is behind its last planet is that planet again.
+            order = here[np.argsort(which[here], kind="stable")]
+            count = np.bincount(which[here] - begin, minlength=turned.size)
+            column = np.minimum(np.arange(count.max()), count[:, None] - 1)
+            at = some[order[(np.cumsum(count) - count)[:, None] + column]]
+            real = np.arange(count.max()) < count[:, None]
+            put = at[real]
+            dust = None if zodis is None else zodis[pairs.planet[at]]
+            rates = aperture_rates(model, rolls, band, x[at], y[at], contrast[at], zodis=dust)
+            noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
+            elements = metrics.resolution_elements(separation[at])
+            moving = SearchMotion.of(model, rolls, band, separation[at])
+            margin[put] = (noise.significance / threshold_array(elements, model.strategy.sigma))[real]
+            tails[put] = tail_share(model, setting, separation[at], noise)[real]
+            inward[put] = metrics.lambda_d_arcsec / separation[put]
+            snr[put] = noise.snr[real]
+            visits[put] = np.broadcast_to(effective_of(made, rates.speckle), real.shape)[real]
+            motion[put] = np.broadcast_to(moving.factor(made, _visit_s(model, setting)), real.shape)[real]
+    others = pairs.distance_au, pairs.phase_deg, visits, motion
+    return ExpectedSignals(margin, tails, inward, snr, contrast, separation, pa_deg, *others)
+
+
 def expected_signals(
     model: EtcModel,
     star: Targets,
@@ -103,6 +229,7 @@ def expected_signals(
     places: OrbitPlaces,
     roll_deg: ArrayLike,
     zodis: FloatArray | None = None,
+    faintest: FloatArray | None = None,
 ) -> ExpectedSignals:
     """What visits at some dates expect of every planet.
 
@@ -122,6 +249,8 @@ def expected_signals(
         Position angle of the detector's +y axis at each visit.
     zodis : ndarray, shape (n,), optional
         Dust around the star of each planet; by default that of the model.
+    faintest : ndarray, shape (ring,), optional
+        As of `pair_signals`.
 
     Returns
     -------
@@ -135,51 +264,10 @@ def expected_signals(
     the aperture has to lie there at both, and to move by its diameter between them.
     """
     shape = places.phase_deg.shape
-    band = setting.band
-    metrics = model.metrics[band]
-    roll = np.broadcast_to(np.asarray(roll_deg, float)[:, None], shape)
-    separation_au = np.hypot(places.east_au, places.north_au)
-    separation = separation_au / float(star.distance_pc[0])
-    pa_deg = np.rad2deg(np.arctan2(places.east_au, places.north_au))
-    x, y, usable = on_detector(model, band, separation, pa_deg - roll)
-    margin, tails, inward, snr, contrast = np.zeros((5, *shape))
-    visits, motion = np.ones((2, *shape))
-    first = model.strategy.rolls_deg[-1]
-    if setting.possible and usable.any():
-        visit, planet = np.nonzero(usable)
-        kind, radius = planets.kind[planet][None], planets.radius_rjup[planet][None]
-        distance, phase = places.distance_au[usable][None], places.phase_deg[usable][None]
-        light = mixture_contrast(model, star, band, albedos, kind, radius, distance, phase)[0]
-        contrast[usable] = light
-        # Only a companion's wings care for the roll, with two of them that of the places x and y.
-        wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
-        angles, which = np.unique((roll + first)[usable] if wings else np.zeros(light.shape), return_inverse=True)
-        made = programme_of(model, setting)
-        for begin in range(0, angles.size, _ROLLS):
-            here = np.flatnonzero((which >= begin) & (which < begin + _ROLLS))
-            turned = angles[begin : begin + _ROLLS]
-            rolls = replace(star.select(np.zeros(turned.size, np.int64)), roll_deg=turned % 360.0)
-            # One row a roll, as long as the longest; what is behind its last planet is that planet again.
-            order = here[np.argsort(which[here], kind="stable")]
-            count = np.bincount(which[here] - begin, minlength=turned.size)
-            column = np.minimum(np.arange(count.max()), count[:, None] - 1)
-            every = order[(np.cumsum(count) - count)[:, None] + column]
-            real = np.arange(count.max()) < count[:, None]
-            put = (visit[every[real]], planet[every[real]])
-            at = (visit[every], planet[every])
-            dust = None if zodis is None else zodis[planet[every]]
-            rates = aperture_rates(model, rolls, band, x[at], y[at], light[every], zodis=dust)
-            noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
-            elements = metrics.resolution_elements(separation[at])
-            moving = SearchMotion.of(model, rolls, band, separation[at])
-            margin[put] = (noise.significance / threshold_array(elements, model.strategy.sigma))[real]
-            tails[put] = tail_share(model, setting, separation[at], noise)[real]
-            inward[put] = metrics.lambda_d_arcsec / separation[put]
-            snr[put] = noise.snr[real]
-            visits[put] = np.broadcast_to(effective_of(made, rates.speckle), real.shape)[real]
-            motion[put] = np.broadcast_to(moving.factor(made, _visit_s(model, setting)), real.shape)[real]
-    others = places.distance_au, places.phase_deg, visits, motion
-    return ExpectedSignals(margin, tails, inward, snr, contrast, separation, pa_deg, *others)
+    every = Pairs.between(places, 0.0, math.inf)
+    roll = np.broadcast_to(np.asarray(roll_deg, float), shape[:1])
+    found = pair_signals(model, star, setting, planets, albedos, every, roll, zodis, faintest)
+    return ExpectedSignals(*(part.reshape(shape) for part in vars(found).values()))
 
 
 def on_detector(

@@ -6,15 +6,16 @@ import functools
 import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
-from catalogs import KnownPlanetTable, OrbitPlaces
+from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray, NDArray
-from cpic_planner.etc import EtcModel
+from cpic_planner.etc import LEAST_PROBABILITY, EtcModel
 from cpic_planner.planets import PopulationConfig
-from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
+from cpic_planner.survey.detection import Pairs, Setting, detection_chance, faintest_of, pair_signals
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place, chance, draw_planet_sample, star_mass_msun
 from cpic_planner.targets import Targets
@@ -25,9 +26,7 @@ if TYPE_CHECKING:
 
 N_DRAWS, N_KNOWN = 2000, 1000
 """Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
-LEAST_CHANCE = 1e-9
-"""Planets that no visit shows with a larger probability are left out of schedules."""
-_PLANETS_BYTES, _PLACES_BYTES, _CHANCES_BYTES = 40_000_000, 10_000_000, 150_000_000
+_PLANETS_BYTES, _PAIRS_BYTES, _CHANCES_BYTES, _SHOWN_BYTES = 40_000_000, 10_000_000, 150_000_000, 100_000_000
 KNOWN_ALBEDO = MeasuredAlbedo(model="jupiter")
 
 
@@ -90,9 +89,15 @@ class Host:
         orbits = [] if self.known is None else [self.known.orbits_of(row).columns for row in self.known_rows]
         return {
             "star": self.star.content(),
-            "population": None if self.population is None else self.population.content(),
+            "population": _digest(self.population),
             "known": [{name: cells.astype(str).tolist() for name, cells in rows.items()} for rows in orbits],
         }
+
+
+@functools.lru_cache(maxsize=16)
+def _digest(population: PopulationConfig | None) -> str:
+    """Digest of a population; empty for none."""
+    return "" if population is None else content_hash(population.content())
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +160,7 @@ class _Latest(Generic[_T]):
 
 
 def _size(made: object) -> int:
-    return sum(part.nbytes for part in vars(made).values())
+    return sum(part.nbytes if isinstance(part, np.ndarray) else _size(part) for part in vars(made).values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,8 +188,9 @@ class PlanningSky:
         self.seed = seed
         self._reach = reach_arcsec
         self._planets = _Latest[PlanetSample](_PLANETS_BYTES)
-        self.stored_places = _Latest[OrbitPlaces](_PLACES_BYTES)
+        self.stored_pairs = _Latest[Pairs](_PAIRS_BYTES)
         self.stored_chances = _Latest[_Seen](_CHANCES_BYTES)
+        self._view: PlanningView | None = None
 
     def planets(self, host: Host, epoch_mjd: float) -> PlanetSample:
         """Planets of a star that any date shows, of `N_KNOWN` draws of each known one and `N_DRAWS` new ones.
@@ -198,9 +204,23 @@ class PlanningSky:
         found = [self.of_part(part, _content(part), epoch_mjd) for part in host.parts()]
         return PlanetSample.joined(_known_as(found, host))
 
+    def pairs(self, planets: PlanetSample, days: FloatArray, distance_pc: float) -> Pairs:
+        """Planets of a star at the dates on which any band may show them.
+
+        Parameters
+        ----------
+        planets : PlanetSample
+        days : ndarray
+            After the start of the survey.
+        distance_pc : float
+        """
+        return Pairs.between(planets.places(days), *(edge * distance_pc for edge in self._reach))
+
     def view(self, strategy: SurveyStrategy, model: EtcModel) -> PlanningView:
-        """Return what visits by a strategy and its model show."""
-        return PlanningView(self, strategy, model)
+        """Return what visits by a strategy and its model show; that of the last one is kept."""
+        if self._view is None or not self._view.is_of(strategy, model):
+            self._view = PlanningView(self, strategy, model)
+        return self._view
 
     def of_part(self, part: Host, content: str, epoch_mjd: float) -> PlanetSample:
         """Planets of one of the parts of a star.
@@ -247,12 +267,17 @@ class PlanningView:
 
     def __init__(self, sky: PlanningSky, strategy: SurveyStrategy, model: EtcModel) -> None:
         self._sky, self._strategy, self._model = sky, strategy, model
+        self._stored = _Latest[Shown](_SHOWN_BYTES)
         assumed, content = strategy.assumptions, model.content()
         of_all = content | {
             "detection": strategy.detection.model_dump(mode="json"),
             "dust": None if assumed.dust is None else assumed.dust.model_dump(mode="json"),
         }
         self._rules = {band: content_hash(of_all | {"optics": key}) for band, key in content["optics"].items()}
+
+    def is_of(self, strategy: SurveyStrategy, model: EtcModel) -> bool:
+        """Whether a strategy and its model show the same."""
+        return model is self._model and strategy == self._strategy
 
     def shown(self, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
         """What the visits that a star can have are likely to show.
@@ -264,14 +289,22 @@ class PlanningView:
         epoch_mjd : float
             Start of the survey.
         """
+        when = (item.tobytes() for item in (looks.open, looks.day, looks.roll_deg))
+        key = (_content(host), host.known_rows, looks.options, epoch_mjd, *when)
+        return self._stored.get(key, lambda: self._shown(host, looks, epoch_mjd))
+
+    def _shown(self, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
         samples: list[PlanetSample] = []
         columns, seen = [], []
+        faintest = [functools.cache(partial(self._faintest, host.star, option)) for option in looks.options]
         for part in host.parts():
             content = _content(part)
             planets = self._sky.of_part(part, content, epoch_mjd)
             of_options = [
-                self._looked(part, content, planets, replace(looks, options=(option,), open=open_[None]), epoch_mjd)
-                for option, open_ in zip(looks.options, looks.open, strict=True)
+                self._looked(
+                    part, content, planets, replace(looks, options=(option,), open=open_[None]), epoch_mjd, faint
+                )
+                for option, open_, faint in zip(looks.options, looks.open, faintest, strict=True)
             ]
             some = np.unique(np.concatenate([item.planets for item in of_options]))
             chance = np.zeros((*looks.open.shape, some.size), np.float32)
@@ -283,27 +316,43 @@ class PlanningView:
         planets = PlanetSample.joined(_known_as(samples, host))
         return Shown(planets, np.concatenate(seen), np.concatenate(columns, axis=2))
 
-    def _looked(self, part: Host, content: str, planets: PlanetSample, looks: Looks, epoch_mjd: float) -> _Seen:
+    def _looked(
+        self,
+        part: Host,
+        content: str,
+        planets: PlanetSample,
+        looks: Looks,
+        epoch_mjd: float,
+        faintest: Callable[[], FloatArray],
+    ) -> _Seen:
         """What visits in one way show of the planets of a part of a star."""
         (option,), (open_,) = looks.options, looks.open
         sky, strategy = self._sky, self._strategy
 
         def made() -> _Seen:
-            days = looks.day[open_]
-            odds = np.zeros((looks.day.size, len(planets)), np.float32)
-            if days.size and len(planets):
-                where = content, epoch_mjd, days.tobytes()
-                places = sky.stored_places.get(where, lambda: planets.places(days))
-                rule, placed = strategy.detection, at_known_place(planets, part.known)
-                zodis = dust_of(strategy, planets, sky.seed, str(part.star.name[0]), "planning")
-                albedos, roll = albedos_of(part.population), looks.roll_deg[open_]
-                signals = expected_signals(self._model, part.star, option, planets, albedos, places, roll, zodis)
-                odds[open_] = detection_chance(signals, rule, placed, calibration=rule.calibration)
-            some = np.flatnonzero((odds > LEAST_CHANCE).any(axis=0))
-            return _Seen(some, odds[:, some])
+            days, slots = looks.day[open_], np.flatnonzero(open_)
+            if not (days.size and len(planets)):
+                return _Seen(np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32))
+            distance_pc = float(part.star.distance_pc[0])
+            where = content, epoch_mjd, days.tobytes()
+            pairs = sky.stored_pairs.get(where, lambda: sky.pairs(planets, days, distance_pc))
+            zodis = dust_of(strategy, planets, sky.seed, str(part.star.name[0]), "planning")
+            albedos, roll = albedos_of(part.population), looks.roll_deg[open_]
+            signals = pair_signals(self._model, part.star, option, planets, albedos, pairs, roll, zodis, faintest())
+            rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
+            odds = detection_chance(signals, rule, placed, calibration=rule.calibration)
+            likely = odds >= LEAST_PROBABILITY
+            some, column = np.unique(pairs.planet[likely], return_inverse=True)
+            chance = np.zeros((open_.size, some.size), np.float32)
+            chance[slots[pairs.visit[likely]], column] = odds[likely]
+            return _Seen(some, chance)
 
         when = (item.tobytes() for item in (open_, looks.day, looks.roll_deg))
         return sky.stored_chances.get((self._rules[option.band], option, content, epoch_mjd, *when), made)
+
+    def _faintest(self, star: Targets, option: Setting) -> FloatArray:
+        """Contrast below which a visit shows no planet, by ring."""
+        return np.asarray(faintest_of(self._model, star, [option], self._strategy.detection)[0])
 
 
 def _content(part: Host) -> str:

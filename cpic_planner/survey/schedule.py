@@ -70,11 +70,12 @@ class StarValue:
     def after(self, visit: Visit) -> "StarValue":
         """After one more visit."""
         option, slot = visit
-        p = self.star.chance[option, slot]
-        w = self.star.weight
-        gain, upper = float((w * p) @ self.counts[-1]), float((w * p) @ self.counts.sum(axis=0)) / self.needed
-        counts = self.counts * (1.0 - p)
-        counts[1:] += self.counts[:-1] * p
+        weight, shown = self.star.weight, self.counts * self.star.chance[option, slot]
+        counts = self.counts - shown
+        counts[1:] += shown[:-1]
+        gain = upper = float(weight @ shown[-1])
+        if self.needed > 1:
+            upper = float(weight @ shown.sum(axis=0)) / self.needed
         return StarValue(self.star, self.needed, counts, self.value + gain, self.upper + upper)
 
     def gain(self) -> FloatArray:
