@@ -25,6 +25,7 @@ from cpic_planner.etc.detection import (
     default_law as default_law,
     detection_probability as detection_probability,
     law_of as law_of,
+    near_threshold as near_threshold,
     needed_margin as needed_margin,
     tail_share as tail_share,
     threshold_array as threshold_array,

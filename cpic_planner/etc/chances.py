@@ -15,7 +15,7 @@ from cpic_planner.etc.detection import (
     law_width,
     tail_share,
 )
-from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.model import EtcModel, Programme
 from cpic_planner.etc.noise import StackNoise
 
 LEAST_PROBABILITY = 1e-6
@@ -23,7 +23,7 @@ LEAST_PROBABILITY = 1e-6
 _ERRORS = 6.0
 """Standard errors by which a law may be off."""
 _FEWEST = 0.5
-"""Independent wavefronts behind the noise of one visit and many reference visits (`effective_visits`)."""
+"""Independent wavefronts behind the noise of one visit and many reference visits (`effective_visits`): the fewest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ def visit_chances(
     return Chances.of(law, margins, tails, inward, visits, motion)
 
 
-def least_margin(law: DetectionLaw, inward: ArrayLike, visits: ArrayLike) -> FloatArray:
+def least_margin(law: DetectionLaw, inward: ArrayLike, programme: Programme) -> FloatArray:
     """Return a significance over threshold below which no search reaches `LEAST_PROBABILITY`, at a known place or not.
 
     Parameters
@@ -96,9 +96,8 @@ def least_margin(law: DetectionLaw, inward: ArrayLike, visits: ArrayLike) -> Flo
     law : DetectionLaw
     inward : array_like
         As of `cpic_planner.etc.detection.half_margin`.
-    visits : array_like
-        Science visits of the programme, or reference visits where these are more: no fewer than the most independent
-        wavefronts behind the noise.
+    programme : Programme
+        Visits that are reduced together; broadcasts against ``inward``.
 
     Notes
     -----
@@ -110,7 +109,9 @@ def least_margin(law: DetectionLaw, inward: ArrayLike, visits: ArrayLike) -> Flo
     from scipy.special import ndtri
 
     far = ndtri(LEAST_PROBABILITY)
-    ends = np.stack(np.broadcast_arrays(_FEWEST, np.asarray(visits, float)))
+    visits, references = programme.visits, programme.reference_visits
+    fewest = np.where(visits == references, 1.0, _FEWEST)
+    ends = np.stack(np.broadcast_arrays(fewest, np.maximum(visits, references)))
     widths = ((law.blind_width, law.stack_width), (law.known_width, law.known_stack_width))
     below = [np.exp(far * law_width(*each, ends).max(axis=0)) for each in widths]
     middles = np.minimum(*(half_margin(law, False, 0.0, inward, end) for end in ends))

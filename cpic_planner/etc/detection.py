@@ -22,6 +22,7 @@ from simulator.signal import error_light_share
 MIN_ELEMENTS = 3
 # The false-alarm probability of 20 sigma is 3e-89. Below 1e-100 the quantile of SciPy before 1.17 has no correct digit.
 MAX_SIGMA = 20.0
+_N_ELEMENTS = 8000
 
 
 def detection_threshold(n_resolution_elements: float, sigma: float = 5.0) -> Outcome[float]:
@@ -94,6 +95,27 @@ def threshold_array(n_resolution_elements: npt.ArrayLike, sigma: npt.ArrayLike =
     # Lower tail of the symmetric law: its probability keeps full relative precision where 1 - p would not.
     quantile = -stdtrit(n - 2.0, ndtr(-level))
     return np.asarray(np.where(defined, quantile * np.sqrt(1.0 + 1.0 / (n - 1.0)), np.inf))
+
+
+def near_threshold(elements: FloatArray, sigma: float) -> FloatArray:
+    """Return `threshold_array` from a table, within 1e-6 of it: for many numbers of elements, and one level.
+
+    Parameters
+    ----------
+    elements : ndarray
+        Numbers of resolution elements, finite and at least 0.
+    sigma : float
+        As of `detection_threshold`.
+    """
+    found = np.exp(np.interp(elements, *_thresholds(sigma)))
+    return np.where(elements >= MIN_ELEMENTS, found, np.inf)
+
+
+@functools.lru_cache(maxsize=8)
+def _thresholds(sigma: float) -> tuple[FloatArray, FloatArray]:
+    """Numbers of resolution elements, and logarithms of the thresholds of that level."""
+    elements = MIN_ELEMENTS - 1.0 + np.geomspace(1.0, 1e5, _N_ELEMENTS)
+    return elements, np.log(threshold_array(elements, sigma))
 
 
 def _numbers(key: str, value: npt.ArrayLike, allowed: str) -> npt.NDArray[np.float64]:

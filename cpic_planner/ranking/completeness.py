@@ -14,8 +14,6 @@ from cpic_planner.results import DetectionMode
 from cpic_planner.targets import Targets
 from simulator.target import albedo_notes, albedo_source, needs_insolation
 
-_N_ELEMENTS = 8000
-
 
 @dataclass(frozen=True, eq=False)
 class BandCompleteness:
@@ -266,23 +264,15 @@ def _chances(
     programme = programme_of(model, setting.visits, visit_s)
     noise = etc.stack_noise(rates, *frames, camera, strategy, programme=programme)
     chance = np.zeros((2, len(shown[0])))
-    separation, law = np.hypot(x, y), etc.law_of(model, band)
-    least = (
-        np.ones(())
-        if law is None
-        else etc.least_margin(
-            law,
-            model.metrics[band].lambda_d_arcsec / separation,
-            np.maximum(programme.visits, programme.reference_visits),
-        )
-    )
+    separation, law, least = np.hypot(x, y), etc.law_of(model, band), np.ones(())
+    if law is not None:
+        least = etc.least_margin(law, model.metrics[band].lambda_d_arcsec / separation, programme)
     # A threshold lies above its level, and the law is what takes longest here.
     hopeful = np.flatnonzero((noise.significance >= least * strategy.sigma)[shown])
     here = shown[0][hopeful], shown[1][hopeful]
     separation = separation[here]
     elements = model.metrics[band].resolution_elements(separation)
-    defined = elements >= etc.MIN_ELEMENTS
-    margin = defined * noise.significance[here] / np.exp(np.interp(elements, *_thresholds(strategy.sigma)))
+    margin = noise.significance[here] / etc.near_threshold(elements, strategy.sigma)
     signal, quiet, white, speckle, snr, significance = (
         getattr(noise, name)[here] for name in ("signal_e", "quiet", "white", "speckle", "snr", "significance")
     )
@@ -295,13 +285,6 @@ def _chances(
     for mode, (part, needed) in enumerate(((found.blind, moving), (found.known_place, np.ones_like(moving)))):
         chance[mode, hopeful] = np.where(np.isnan(part), margin >= needed, part * (part >= etc.LEAST_PROBABILITY))
     return chance
-
-
-@functools.lru_cache(maxsize=8)
-def _thresholds(sigma: float) -> tuple[FloatArray, FloatArray]:
-    """Numbers of resolution elements, and logarithms of the thresholds of that level: to 10^-6 between them."""
-    elements = etc.MIN_ELEMENTS - 1.0 + np.geomspace(1.0, 1e5, _N_ELEMENTS)
-    return elements, np.log(etc.threshold_array(elements, sigma))
 
 
 def _notes(model: etc.EtcModel, band: str, planets: Planets, insolation: list[float]) -> tuple[str, ...]:

@@ -193,13 +193,10 @@ def faintest_contrast(
     camera = model.camera(band)
     programme = programme_of(model, many, frames * (exposure + camera.readout_s))
     noise = etc.stack_noise(dark, exposure, frames, gain, camera, strategy, programme=programme)
-    needed = etc.threshold_array(metrics.resolution_elements(fine), strategy.sigma).min(axis=-1)
+    needed = etc.near_threshold(metrics.resolution_elements(fine), strategy.sigma).min(axis=-1)
     if law is not None:
-        inward, most = (
-            metrics.lambda_d_arcsec / fine[:, [0, -1]],
-            np.maximum(programme.visits, programme.reference_visits),
-        )
-        needed = needed * etc.least_margin(law, inward, most[..., None]).min(axis=-1)
+        ends = [etc.least_margin(law, metrics.lambda_d_arcsec / fine[:, end], programme) for end in (0, -1)]
+        needed = needed * np.minimum(*ends)
     with np.errstate(divide="ignore"):
         return np.asarray(_SURE * needed / noise.significance + rings)
 

@@ -1,6 +1,6 @@
 """False alarms of a visit: noise that passes the threshold, and background stars that pass for planets."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from cpic_planner.etc import (
     threshold_array,
 )
 from cpic_planner.ranking import inside_zone
-from cpic_planner.survey.detection import Setting, half_margin
-from cpic_planner.survey.strategy import DetectionRule
+from cpic_planner.survey.detection import Setting, faintest_of, half_margin
+from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy
+from cpic_planner.survey.strategy_file import UniverseConfig
 from cpic_planner.targets import Targets
 
 LOWEST_LATITUDE_DEG = 10.0
@@ -144,3 +145,67 @@ def noise_alarms(model: EtcModel, band: str) -> float:
     metrics = model.metrics[band]
     elements = np.count_nonzero(metrics.hole) * (metrics.pixel_scale_arcsec / metrics.lambda_d_arcsec) ** 2
     return float(elements * ndtr(-model.strategy.sigma))
+
+
+Ways = tuple[tuple[Setting, ...], ...]
+"""Ways to visit some stars."""
+_Rates = tuple[tuple[float, ...], ...]
+
+
+def alarms(
+    universe: UniverseConfig, strategy: SurveyStrategy, model: EtcModel, targets: Targets, options: Ways
+) -> tuple[_Rates, _Rates]:
+    """Return the expected false alarms of a visit by star and option: of noise, and of background stars.
+
+    Parameters
+    ----------
+    universe : UniverseConfig
+        Says whether background stars make any.
+    strategy : SurveyStrategy
+    model : EtcModel
+    targets : Targets
+    options : tuple of tuple of Setting
+        Ways to visit each star.
+    """
+    noise = tuple(tuple(noise_alarms(model, way.band) for way in ways) for ways in options)
+    background = [[0.0] * len(ways) for ways in options]
+    for places, stars, settings in by_band(targets, options) if universe.background == "on" else ():
+        found = background_alarms(model, stars, settings, strategy.detection)
+        for (i, o), expected in zip(places, found.tolist(), strict=True):
+            background[i][o] = expected
+    return noise, tuple(map(tuple, background))
+
+
+def by_band(targets: Targets, options: Ways) -> Iterator[tuple[list[tuple[int, int]], Targets, list[Setting]]]:
+    """Yield the visits of each band: positions of star and option, the stars, and the settings.
+
+    Parameters
+    ----------
+    targets : Targets
+    options : tuple of tuple of Setting
+        Ways to visit each star.
+    """
+    every = [(i, o, way) for i, ways in enumerate(options) for o, way in enumerate(ways)]
+    for band in dict.fromkeys(way.band for *_, way in every):
+        own = [item for item in every if item[2].band == band]
+        yield [(i, o) for i, o, _ in own], targets.select([i for i, *_ in own]), [way for *_, way in own]
+
+
+def faintest_by_way(
+    strategy: SurveyStrategy, model: EtcModel, targets: Targets, options: Ways
+) -> tuple[tuple[FloatArray, ...], ...]:
+    """Return the contrast below which a visit shows no planet, by star, option and ring.
+
+    Parameters
+    ----------
+    strategy : SurveyStrategy
+    model : EtcModel
+    targets : Targets
+    options : tuple of tuple of Setting
+        Ways to visit each star.
+    """
+    found = [[np.zeros(0)] * len(ways) for ways in options]
+    for places, stars, settings in by_band(targets, options):
+        for (i, o), rings in zip(places, faintest_of(model, stars, settings, strategy.detection), strict=True):
+            found[i][o] = rings
+    return tuple(map(tuple, found))

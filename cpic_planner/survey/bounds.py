@@ -221,11 +221,11 @@ class _Star:
                 return
             each = (state.counts * self.ratios[needs - 1, left - 1] / needs[:, None]).sum(axis=0)
             gains = (self.chance @ (item.weight * each) - self.charge)[others]
-            order = np.argsort(-gains, kind="stable")
             if not every:  # the best plan has no visit that takes more than it adds
-                order = order[: int((gains > 0.0).sum())]
-            if len(order):
+                others, gains = others[gains > 0.0], gains[gains > 0.0]
+            if len(others):
                 made += 1
+                order = np.argsort(-gains, kind="stable")
                 new = _Branch(state, net, visits, others[order], gains[order], 0, left)
                 heapq.heappush(heap, (-new.bound, made, new))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from catalogs import OrbitPlaces
-from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray
 from cpic_planner.etc import (
     EtcModel,
     Programme,
@@ -17,8 +17,8 @@ from cpic_planner.etc import (
     detection,
     effective_of,
     mixture_contrast,
+    near_threshold,
     stack_noise,
-    threshold_array,
 )
 from cpic_planner.ranking import faintest_contrast, inside_zone, ring_of
 from cpic_planner.survey.strategy import DetectionRule
@@ -134,8 +134,8 @@ class Pairs:
         As of `catalogs.OrbitPlaces`.
     """
 
-    visit: IntArray
-    planet: IntArray
+    visit: NDArray[np.int32]
+    planet: NDArray[np.int32]
     east_au: FloatArray
     north_au: FloatArray
     distance_au: FloatArray
@@ -146,7 +146,7 @@ class Pairs:
         """Return those whose projected distance lies between two, of places of shape ``(d, n)``."""
         apart = np.hypot(places.east_au, places.north_au)
         near = (apart >= inner_au) & (apart <= outer_au)
-        visit, planet = np.nonzero(near)
+        visit, planet = (part.astype(np.int32) for part in np.nonzero(near))
         return cls(visit, planet, **{name: part[near] for name, part in vars(places).items()})
 
 
@@ -210,7 +210,7 @@ def pair_signals(
             noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
             elements = metrics.resolution_elements(separation[at])
             moving = SearchMotion.of(model, rolls, band, separation[at])
-            margin[put] = (noise.significance / threshold_array(elements, model.strategy.sigma))[real]
+            margin[put] = (noise.significance / near_threshold(elements, model.strategy.sigma))[real]
             tails[put] = tail_share(model, setting, separation[at], noise)[real]
             inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[real]

@@ -23,11 +23,12 @@ from cpic_planner.results import (
     DoubtValue,
     VariedSetting,
 )
+from cpic_planner.survey.alarms import alarms
 from cpic_planner.survey.decision import Choice, decide, law_weights, quantiles
 from cpic_planner.survey.estimates import difference_interval
 from cpic_planner.survey.events import PLANETS
 from cpic_planner.survey.outcome import change_record, estimate_record
-from cpic_planner.survey.prepare import alarms, planned, read_ground
+from cpic_planner.survey.prepare import planned, read_ground
 from cpic_planner.survey.simulate import Survey, count_block
 from cpic_planner.survey.strategy_file import DoubtRule, StrategiesConfig, UniverseConfig
 from cpic_planner.survey.sweeps import varied

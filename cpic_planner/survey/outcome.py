@@ -14,8 +14,7 @@ from cpic_planner import results
 from cpic_planner.etc import QUADRANTS
 from cpic_planner.survey.estimates import Estimate, convergence, difference_interval, mean_interval, spread
 from cpic_planner.survey.events import HOURS
-from cpic_planner.survey.planning import VisitOdds
-from cpic_planner.survey.schedule import PlannedVisit
+from cpic_planner.survey.schedule import PlannedVisit, VisitOdds
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.visibility import utc_of

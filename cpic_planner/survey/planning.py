@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import functools
-import math
-from collections.abc import Callable, Hashable, Iterable, Sequence
+import hashlib
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from catalogs import KnownPlanetTable
+from catalogs import ORBIT, KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray, NDArray
 from cpic_planner.etc import LEAST_PROBABILITY, EtcModel
 from cpic_planner.planets import PopulationConfig
 from cpic_planner.survey.detection import Pairs, Setting, detection_chance, faintest_of, pair_signals
 from cpic_planner.survey.strategy import SurveyStrategy
-from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place, chance, draw_planet_sample, star_mass_msun
+from cpic_planner.survey.universe import PlanetSample, at_known_place, chance, draw_planet_sample, star_mass_msun
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
 
-if TYPE_CHECKING:
-    from cpic_planner.survey.schedule import PlannedVisit, Problem
-
 N_DRAWS, N_KNOWN = 2000, 1000
 """Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
-_PLANETS_BYTES, _PAIRS_BYTES, _CHANCES_BYTES, _SHOWN_BYTES = 40_000_000, 10_000_000, 150_000_000, 100_000_000
+_PLANETS_BYTES, _PAIRS_BYTES = 40_000_000, 250_000_000  # of 30 stars and 10 years 190 MB
+_CHANCES_BYTES, _SHOWN_BYTES = 150_000_000, 100_000_000
 KNOWN_ALBEDO = MeasuredAlbedo(model="jupiter")
 
 
@@ -214,7 +212,10 @@ class PlanningSky:
             After the start of the survey.
         distance_pc : float
         """
-        return Pairs.between(planets.places(days), *(edge * distance_pc for edge in self._reach))
+        orbits = hashlib.sha256(b"".join(getattr(planets, name).tobytes() for name in (*ORBIT, "period_days")))
+        reach = [edge * distance_pc for edge in self._reach]
+        key = orbits.hexdigest(), days.tobytes(), *reach
+        return self.stored_pairs.get(key, lambda: Pairs.between(planets.places(days), *reach))
 
     def view(self, strategy: SurveyStrategy, model: EtcModel) -> PlanningView:
         """Return what visits by a strategy and its model show; that of the last one is kept."""
@@ -333,16 +334,14 @@ class PlanningView:
             days, slots = looks.day[open_], np.flatnonzero(open_)
             if not (days.size and len(planets)):
                 return _Seen(np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32))
-            distance_pc = float(part.star.distance_pc[0])
-            where = content, epoch_mjd, days.tobytes()
-            pairs = sky.stored_pairs.get(where, lambda: sky.pairs(planets, days, distance_pc))
+            pairs = sky.pairs(planets, days, float(part.star.distance_pc[0]))
             zodis = dust_of(strategy, planets, sky.seed, str(part.star.name[0]), "planning")
             albedos, roll = albedos_of(part.population), looks.roll_deg[open_]
             signals = pair_signals(self._model, part.star, option, planets, albedos, pairs, roll, zodis, faintest())
             rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
             odds = detection_chance(signals, rule, placed, calibration=rule.calibration)
             likely = odds >= LEAST_PROBABILITY
-            some, column = np.unique(pairs.planet[likely], return_inverse=True)
+            some, column = np.unique(pairs.planet[likely].astype(np.int64), return_inverse=True)
             chance = np.zeros((open_.size, some.size), np.float32)
             chance[slots[pairs.visit[likely]], column] = odds[likely]
             return _Seen(some, chance)
@@ -356,8 +355,8 @@ class PlanningView:
 
 
 def _content(part: Host) -> str:
-    """Digest of what decides the planets of a part of a star."""
-    return content_hash(part.content())
+    """What decides the planets of a part of a star, in words."""
+    return repr(part.content())
 
 
 def _known_as(samples: Sequence[PlanetSample], host: Host) -> list[PlanetSample]:
@@ -374,56 +373,3 @@ def _known_as(samples: Sequence[PlanetSample], host: Host) -> list[PlanetSample]
 def planning_sky(seed: int, reach_arcsec: tuple[float, float]) -> PlanningSky:
     """Return the sky that this process plans with; parameters as of `PlanningSky`."""
     return PlanningSky(seed, reach_arcsec)
-
-
-@dataclass(frozen=True)
-class VisitOdds:
-    """What a planned visit is likely to bring.
-
-    Attributes
-    ----------
-    probability : float
-        That it completes the detection of at least one planet.
-    known : bool
-        Whether that is more likely of a known planet than of a new one.
-    """
-
-    probability: float
-    known: bool
-
-
-def visit_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[VisitOdds, ...]:
-    """Return the odds of visits in the order of time, the star's earlier ones made as planned.
-
-    Parameters
-    ----------
-    problem : Problem
-        With the planets that the schedule was made with.
-    visits : iterable of PlannedVisit
-        In the order of time; what a reserve visit would show is taken from no later one.
-
-    Notes
-    -----
-    With ``p`` the chance that the visit detects a planet and ``c`` that earlier visits have brought it to one detection
-    less than it needs, each draw of a new planet stands for a Poisson number of mean ``w``, of which the visit
-    completes ``mu = sum w p c``; those of a known planet add up to the probability ``q`` that it is completed. The
-    probability of at least one is ``1 - exp(-mu) product(1 - q)``.
-    """
-    strategy, found = problem.strategy, []
-    states: dict[int, FloatArray] = {}
-    for visit in visits:
-        star = problem.stars[visit.star]
-        counts = states.setdefault(visit.star, np.eye(problem.needed, 1) * np.ones(len(star.weight)))
-        chance = star.chance[visit.option, visit.slot]
-        new = star.known == NEW
-        # The scheduler's weights hold what a planet is worth to it; how likely it is does not.
-        weight = star.weight / np.where(new, strategy.value_new, strategy.value_known)
-        completed = weight * chance * counts[-1]
-        each = [min(float(completed[star.known == row].sum()), 1.0) for row in np.unique(star.known[~new])]
-        none_new, none_known = math.exp(-float(completed[new].sum())), math.prod(1.0 - item for item in each)
-        found.append(VisitOdds(1.0 - none_new * none_known, none_known < none_new))
-        if not visit.reserve:
-            after = counts * (1.0 - chance)
-            after[1:] += counts[:-1] * chance
-            states[visit.star] = after
-    return tuple(found)

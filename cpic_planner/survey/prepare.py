@@ -11,15 +11,15 @@ from cpic_core import Advance, InputError, untold
 from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Runner, Task, Unkept
 from cpic_planner.planets import StarLimits
-from cpic_planner.survey.alarms import background_alarms, noise_alarms
+from cpic_planner.survey.alarms import alarms
 from cpic_planner.survey.allocation import make_schedule
 from cpic_planner.survey.assumed import assumed_model
 from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import Candidate, Screened, candidates, chosen_stars, screen, settings_of
 from cpic_planner.survey.detection import Setting, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
-from cpic_planner.survey.planning import PlanningSky, VisitOdds, planning_sky, visit_odds
-from cpic_planner.survey.schedule import Problem, Schedule
+from cpic_planner.survey.planning import PlanningSky, planning_sky
+from cpic_planner.survey.schedule import Problem, Schedule, VisitOdds, visit_odds
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
 from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
@@ -352,37 +352,6 @@ def _survey(ground: Ground, item: Screened, found: list[Candidate], calendar: Ca
         background_alarms=background,
         log=ground.log,
     )
-
-
-_Options = tuple[tuple[Setting, ...], ...]
-_Rates = tuple[tuple[float, ...], ...]
-
-
-def alarms(
-    universe: UniverseConfig, strategy: SurveyStrategy, model: EtcModel, targets: Targets, options: _Options
-) -> tuple[_Rates, _Rates]:
-    """Return the expected false alarms of a visit by star and option: of noise, and of background stars.
-
-    Parameters
-    ----------
-    universe : UniverseConfig
-        Says whether background stars make any.
-    strategy : SurveyStrategy
-    model : EtcModel
-    targets : Targets
-    options : tuple of tuple of Setting
-        Ways to visit each star.
-    """
-    noise = tuple(tuple(noise_alarms(model, way.band) for way in ways) for ways in options)
-    background = [[0.0] * len(ways) for ways in options]
-    places = [(i, o, way) for i, ways in enumerate(options) for o, way in enumerate(ways)]
-    for band in dict.fromkeys(way.band for *_, way in places) if universe.background == "on" else ():
-        own = [place for place in places if place[2].band == band]
-        stars = targets.select([i for i, *_ in own])
-        found = background_alarms(model, stars, [way for *_, way in own], strategy.detection)
-        for (i, o, _), expected in zip(own, found.tolist(), strict=True):
-            background[i][o] = expected
-    return noise, tuple(map(tuple, background))
 
 
 def _follow_ups(strategy: SurveyStrategy, model: EtcModel, targets: Targets) -> tuple[tuple[Setting, ...], ...]:

@@ -3,6 +3,7 @@
 Visits are worth the detections expected of the planets drawn for planning.
 """
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray
 from cpic_planner.survey.candidates import Candidate
 from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.universe import NEW
 
 Visit = tuple[int, int]
 """Option and slot."""
@@ -227,3 +229,56 @@ def in_order(
         planned.append(PlannedVisit(star, *visit, numbers[star], float(stars[star].cost_h[visit]), gain, reserve))
         numbers[star] += 1
     return tuple(planned)
+
+
+@dataclass(frozen=True)
+class VisitOdds:
+    """What a planned visit is likely to bring.
+
+    Attributes
+    ----------
+    probability : float
+        That it completes the detection of at least one planet.
+    known : bool
+        Whether that is more likely of a known planet than of a new one.
+    """
+
+    probability: float
+    known: bool
+
+
+def visit_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[VisitOdds, ...]:
+    """Return the odds of visits in the order of time, the star's earlier ones made as planned.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the planets that the schedule was made with.
+    visits : iterable of PlannedVisit
+        In the order of time; what a reserve visit would show is taken from no later one.
+
+    Notes
+    -----
+    With ``p`` the chance that the visit detects a planet and ``c`` that earlier visits have brought it to one detection
+    less than it needs, each draw of a new planet stands for a Poisson number of mean ``w``, of which the visit
+    completes ``mu = sum w p c``; those of a known planet add up to the probability ``q`` that it is completed. The
+    probability of at least one is ``1 - exp(-mu) product(1 - q)``.
+    """
+    strategy, found = problem.strategy, []
+    states: dict[int, FloatArray] = {}
+    for visit in visits:
+        star = problem.stars[visit.star]
+        counts = states.setdefault(visit.star, np.eye(problem.needed, 1) * np.ones(len(star.weight)))
+        chance = star.chance[visit.option, visit.slot]
+        new = star.known == NEW
+        # The scheduler's weights hold what a planet is worth to it; how likely it is does not.
+        weight = star.weight / np.where(new, strategy.value_new, strategy.value_known)
+        completed = weight * chance * counts[-1]
+        each = [min(float(completed[star.known == row].sum()), 1.0) for row in np.unique(star.known[~new])]
+        none_new, none_known = math.exp(-float(completed[new].sum())), math.prod(1.0 - item for item in each)
+        found.append(VisitOdds(1.0 - none_new * none_known, none_known < none_new))
+        if not visit.reserve:
+            after = counts * (1.0 - chance)
+            after[1:] += counts[:-1] * chance
+            states[visit.star] = after
+    return tuple(found)

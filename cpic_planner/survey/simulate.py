@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc import EtcModel
 from cpic_planner.planets import StarLimits
+from cpic_planner.survey.alarms import faintest_by_way
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import (
     ExpectedSignals,
@@ -80,6 +82,11 @@ class Survey:
     noise_alarms: tuple[tuple[float, ...], ...]
     background_alarms: tuple[tuple[float, ...], ...]
     log: ObservationLog | None = None
+
+    @cached_property
+    def faintest(self) -> tuple[tuple[FloatArray, ...], ...]:
+        """Contrast below which a visit shows no planet, by star, option and ring."""
+        return faintest_by_way(self.strategy, self.model, self.targets, self.options)
 
 
 def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyTables:
@@ -207,7 +214,8 @@ class _Simulation:
         for option in sorted({visit.option for _, visit in visits}):
             own = [(k, visit) for k, visit in visits if visit.option == option]
             when = np.array([(visit.slot, visit.ordinal) for _, visit in own]).T
-            found, odds, roll = self._visited(i, survey.options[i][option], planets, when, placed)
+            way, faint = survey.options[i][option], survey.faintest[i][option]
+            found, odds, roll = self._visited(i, way, planets, when, placed, faint)
             for row, (k, visit) in enumerate(own):
                 star.hits[k] = uniform_draws(planets, seed, name, block, visit.ordinal, n) < odds[row]
                 star.seen[k] = {key: values[row] for key, values in vars(found).items()}
@@ -219,19 +227,18 @@ class _Simulation:
         return star
 
     def _visited(
-        self, i: int, setting: Setting, planets: PlanetSample, when: IntArray, placed: BoolArray
+        self, i: int, way: Setting, planets: PlanetSample, when: IntArray, placed: BoolArray, faint: FloatArray | None
     ) -> tuple[ExpectedSignals, FloatArray, FloatArray]:
         """Return what visits of a star show of planets, the odds that each detects each, and the rolls.
 
-        ``when`` holds slots and ordinals of the visits, ``placed`` says which planets are searched at a known place.
+        ``when`` holds slots and ordinals of the visits, ``placed`` says which planets are searched at a known place,
+        ``faint`` below which contrast in each ring none is looked at.
         """
         survey, strategy = self.survey, self.survey.strategy
         roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
         places = planets.places(survey.calendar.day[i, when[0]])
-        albedos, dust = self.albedos, self._dust(i, planets)
-        found = expected_signals(
-            survey.model, survey.targets.select([i]), setting, planets, albedos, places, roll, dust
-        )
+        who = survey.model, survey.targets.select([i]), way, planets, self.albedos
+        found = expected_signals(*who, places, roll, self._dust(i, planets), faint)
         shift, calibration = self.shift[planets.universe], self.calibration[planets.universe]
         return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll
 
@@ -350,7 +357,7 @@ class _Simulation:
             slots = slot + np.flatnonzero(calendar.fraction[i, slot:] > 0.0)
             able = np.flatnonzero(np.any(list(star.hits.values()), axis=0) & star.allowed)
             when = np.array([slots, slots])
-            found, odds, _ = self._visited(i, setting, star.planets.select(able), when, np.ones(able.size, bool))
+            found, odds, _ = self._visited(i, setting, star.planets.select(able), when, np.ones(able.size, bool), None)
             snr = found.snr * self.calibration[star.planets.universe[able]]
             table[:, slots[:, None], able] = odds, snr
         return np.asarray(star.ahead[setting][:, slot, some])

@@ -118,7 +118,7 @@ def one_by_one(model, targets, band, drawn, exposure_s, n_frames, em_gain, visit
             paid = np.array([float(moves.sigma[0] / strategy.sigma / moves.kept[0]), 1.0])
             if law is None:
                 found[:2, i] += margin >= paid
-            elif margin > module._FAINTEST:
+            else:
                 tails = float(np.ravel(tail_share(model, band, separation, visit_s, noise))[0])
                 of_law = margin / paid, (False, True), tails, metrics.lambda_d_arcsec / separation
                 many = effective_visits(visits[i], visits[i])

@@ -6,19 +6,27 @@ import numpy as np
 import pytest
 
 from catalogs import load_stars
-from cpic_planner.etc import aperture_rates, build_model, stack_noise
+from cpic_planner.etc import (
+    LEAST_PROBABILITY,
+    aperture_rates,
+    build_model,
+    default_law,
+    effective_of,
+    stack_noise,
+    threshold_array,
+    visit_chances,
+)
 from cpic_planner.planets import draw_population, load_population
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking import completeness as counting
 from cpic_planner.ranking.completeness import completeness
-from cpic_planner.ranking.in_zone import N_RINGS, ZonePlanets, faintest_contrast, rectangles
+from cpic_planner.ranking.in_zone import N_RINGS, ZonePlanets, faintest_contrast, rectangles, ring_of
 from cpic_planner.ranking.programmes import programme_of
 from cpic_planner.targets import targets_from_table
 from simulator import load_instrument
 from simulator.imaging import at_contrast, measured_states
 
 BANDS = ("F520", "F850")
-LEVEL = 1.25
 
 
 @pytest.fixture(scope="module")
@@ -59,11 +67,24 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("strategy", "drift", "hole"), CASES)
-def test_no_planet_below_the_faintest_contrast_is_significant(model, stars, strategy, drift, hole):
-    """The contrast that has the level at 4000 places around each star, none of it below that of its ring."""
-    model, frames = changed(model, strategy, drift, **hole), setting(len(stars))
+def margins(model, stars, band, x, y, contrast, frames):
+    """Return significance over threshold at places around stars, its noise, and the wavefronts behind that."""
     exposure, number, gain, visits = (part[:, None] for part in frames.values())
+    metrics, camera = model.metrics[band], model.camera(band)
+    programme = programme_of(model, visits, number * (exposure + camera.readout_s))
+    rates = aperture_rates(model, stars, band, x, y, contrast)
+    noise = stack_noise(rates, exposure, number, gain, camera, model.strategy, programme=programme)
+    threshold = threshold_array(metrics.resolution_elements(np.hypot(x, y)), model.strategy.sigma)
+    return noise.significance / threshold, noise, effective_of(programme, rates.speckle)
+
+
+@pytest.mark.parametrize(("strategy", "drift", "hole"), CASES)
+def test_no_planet_below_the_faintest_contrast_is_detected(model, stars, strategy, drift, hole):
+    """Contrasts at 4000 places around each star, a little below that of the ring: chances at a place and of a search.
+
+    Without a law the threshold is what counts.
+    """
+    model, frames = changed(model, strategy, drift, **hole), setting(len(stars))
     for band in BANDS:
         metrics, camera = model.metrics[band], model.camera(band)
         radius, zone, random = metrics.aperture_radius_arcsec, metrics.zone, np.random.default_rng(3)
@@ -71,16 +92,20 @@ def test_no_planet_below_the_faintest_contrast_is_significant(model, stars, stra
         x, y = random.uniform(low, high, (2, 1, 4000)) * random.choice([-1, 1], (2, 1, 4000))
         if zone.mode == "2q":
             x = -abs(x)
-        rates = aperture_rates(model, stars, band, x, y, np.ones_like(x))
-        programme = programme_of(model, visits, number * (exposure + camera.readout_s))
-        noise = stack_noise(rates, exposure, number, gain, camera, model.strategy, programme=programme)
-        needed = LEVEL / noise.significance
-        inner, outer = zone.inner_corner_arcsec, zone.outer_corner_arcsec
-        ring = np.floor((np.hypot(x, y)[0] - inner) / (outer - inner) * N_RINGS).astype(int)
-        least = faintest_contrast(model, stars, band, significance=LEVEL, **frames)[:, ring]
-        assert np.all(needed >= least)
-        # It is a bound that leaves out most of what can be left out.
-        assert np.median(needed / least) < (6.0 if strategy or drift else 2.0)
+        separation = np.hypot(x, y)
+        place = model, stars, band, x, y
+        ring = ring_of(zone, separation)[0]
+        assert ring.min() >= 0
+        assert len(np.unique(ring)) > 25
+        least = faintest_contrast(model, stars, band, law=default_law(), **frames)[:, ring]
+        margin, noise, wavefronts = margins(*place, 0.999 * least, frames)
+        visit_s = (frames["n_frames"] * (frames["exposure_s"] + camera.readout_s))[:, None]
+        found = visit_chances(model, band, separation, visit_s, noise, margin, wavefronts)
+        assert max(found.blind.max(), found.known_place.max()) < LEAST_PROBABILITY
+        alone = faintest_contrast(model, stars, band, law=None, **frames)[:, ring]
+        assert margins(*place, 0.999 * alone, frames)[0].max() < 1.0
+        # They are bounds that leave out most of what can be left out.
+        assert np.median(1.0 / margins(*place, alone, frames)[0]) < (8.0 if strategy or drift else 2.5)
 
 
 @pytest.mark.parametrize("strategy", [{}, {"mode": "photon_counting"}])

@@ -13,7 +13,8 @@ from hypothesis import given, strategies as st
 from scipy.stats import binom
 
 from cpic_planner.survey.greedy import greedy
-from cpic_planner.survey.schedule import Problem, Room, Schedule, StarValue, in_order
+from cpic_planner.survey.schedule import PlannedVisit, Problem, Room, Schedule, StarValue, in_order, visit_odds
+from cpic_planner.survey.universe import NEW
 
 LIMITS = st.fixed_dictionaries(
     {
@@ -238,3 +239,43 @@ def test_the_order_of_visits_does_not_matter(problems):
     star, visits = star_of(problems, 4), [(0, 0), (1, 3), (0, 2)]
     values = [StarValue.of(star, 2, order).value for order in itertools.permutations(visits)]
     np.testing.assert_allclose(values, values[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("needed", [1, 2])
+def test_odds_of_visits_against_universes_that_are_drawn(problems, needed):
+    """Numbers of new planets are Poisson, a known planet is on one of its orbits or on none that matters."""
+    rng, n = np.random.default_rng(needed), 100_000
+    made = problems.candidate(rng, slots=4, planets=6, visits_left=4)
+    known = np.array([NEW, NEW, NEW, 7, 7, 9])
+    star = replace(made, known=known, weight=np.array([0.2, 0.3, 0.1, 0.3, 0.4, 0.5]), chance=0.2 + 0.6 * made.chance)
+    rules = problems.strategy(needed=needed, max_visits=4).model_copy(update={"value_new": 2.0, "value_known": 0.5})
+    worth = star.weight * np.where(known == NEW, 2.0, 0.5)
+    problem = Problem(rules, (replace(star, weight=worth),), np.full(4, 100.0))
+    reserve = [False, True, False, False]
+    visits = [PlannedVisit(0, 0, slot, slot, 1.0, 0.0, reserve[slot]) for slot in range(4)]
+    odds = visit_odds(problem, visits)
+
+    bodies = [(j, universe) for j in range(3) for universe in np.repeat(np.arange(n), rng.poisson(star.weight[j], n))]
+    for rows in ([3, 4], [5]):
+        shares = [*star.weight[rows], 1.0 - star.weight[rows].sum()]
+        bodies += [(j, u) for u, j in enumerate(rng.choice([*rows, -1], n, p=shares)) if j >= 0]
+    kind, universe = np.array(bodies).T
+    counts, new_in = np.zeros(len(kind), int), known[kind] == NEW
+    for visit, found in zip(visits, odds, strict=True):
+        hit = rng.random(len(kind)) < star.chance[0, visit.slot, kind]
+        done = hit & (counts == needed - 1)
+        shown, fresh, old = (len(set(universe[done & some])) / n for some in (True, new_in, ~new_in))
+        assert abs(shown - found.probability) <= 4.0 * math.sqrt(max(shown, 1e-4) / n)
+        assert found.known == (old > fresh) or abs(old - fresh) < 0.01
+        if not visit.reserve:
+            counts += hit
+    assert max(item.probability for item in odds) > 0.1
+
+
+def test_odds_add_up_to_the_value_of_the_calendar(sharp):
+    """Without known planets a visit shows a Poisson number of new ones, and all of them together the value."""
+    (survey,), (odds,) = sharp.surveys, sharp.odds
+    expected = [-math.log1p(-item.probability) for item in odds]
+    assert len(expected) == len(survey.schedule.visits) > 3
+    assert sum(expected) == pytest.approx(survey.schedule.value, rel=1e-6)
+    assert not any(item.known for item in odds)
