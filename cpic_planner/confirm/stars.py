@@ -39,7 +39,7 @@ from cpic_planner.version import __version__
 from simulator.config import Instrument
 from simulator.ledger import not_modelled
 
-RESULT_VERSION = 5
+RESULT_VERSION = 6
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 

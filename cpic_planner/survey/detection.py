@@ -17,8 +17,8 @@ from cpic_planner.etc import (
     detection,
     effective_of,
     mixture_contrast,
-    near_threshold,
     stack_noise,
+    threshold_array,
 )
 from cpic_planner.ranking import faintest_contrast, inside_zone, ring_of
 from cpic_planner.survey.strategy import DetectionRule
@@ -210,7 +210,7 @@ def pair_signals(
             noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
             elements = metrics.resolution_elements(separation[at])
             moving = SearchMotion.of(model, rolls, band, separation[at])
-            margin[put] = (noise.significance / near_threshold(elements, model.strategy.sigma))[real]
+            margin[put] = (noise.significance / threshold_array(elements, model.strategy.sigma))[real]
             tails[put] = tail_share(model, setting, separation[at], noise)[real]
             inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[real]

@@ -10,6 +10,7 @@ import cpic_planner.ranking.completeness as module
 from catalogs import load_stars
 from cpic_core import InputError
 from cpic_planner.etc import (
+    LEAST_PROBABILITY,
     Programme,
     aperture_rates,
     build_model,
@@ -122,7 +123,8 @@ def one_by_one(model, targets, band, drawn, exposure_s, n_frames, em_gain, visit
                 tails = float(np.ravel(tail_share(model, band, separation, visit_s, noise))[0])
                 of_law = margin / paid, (False, True), tails, metrics.lambda_d_arcsec / separation
                 many = effective_visits(visits[i], visits[i])
-                found[:2, i] += detection_probability(law, *of_law, visits=many, calibration=law.calibration)
+                chances = detection_probability(law, *of_law, visits=many, calibration=law.calibration)
+                found[:2, i] += np.where(chances < LEAST_PROBABILITY, 0.0, chances)
     return found
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from catalogs import ORBIT, OrbitPlaces
-from cpic_planner.etc import aperture_rates, build_model, diagonal_pa_deg, stack_noise
+from cpic_planner.etc import LEAST_PROBABILITY, aperture_rates, build_model, diagonal_pa_deg, stack_noise
 from cpic_planner.etc.detection import default_law, detection_threshold
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.planets import draw_population, load_population
@@ -20,6 +20,7 @@ from cpic_planner.survey.detection import (
     Setting,
     detection_chance,
     expected_signals,
+    faintest_of,
     half_margin,
     reach_au,
     rolled,
@@ -83,6 +84,26 @@ def test_as_many_planets_as_completeness_counts(model, name, population, band):
         # Completeness leaves out planets that are too faint to matter, and takes thresholds from a table.
         assert chance.mean() == pytest.approx(share[0], rel=1e-5, abs=2e-6)
     assert np.count_nonzero(seen.contrast[0]) <= round(counted.observable[0] * 3000)
+
+
+@pytest.mark.parametrize("rule", ["blind", "known_place", "expected"])
+@pytest.mark.parametrize("name", ["70 Oph A", "sig Dra"])
+def test_what_is_too_faint_is_not_looked_at_and_nothing_else(model, name, rule):
+    """Planets below the faintest contrast have a chance below 1e-6, and the others are as they were."""
+    config, one = load_population("giants"), star(name)
+    planets, own = draw_population(config, 3000, 7), DetectionRule(rule=rule, **default_law().model_dump())
+    shown = SETTING, bodies_of(planets), planets.albedos, places_of(planets), [0.0]
+    whole = expected_signals(model, one, *shown)
+    some = expected_signals(model, one, *shown, faintest=faintest_of(model, one, [SETTING], own)[0])
+    chance = detection_chance(whole, own, np.zeros(3000, bool), calibration=own.calibration)
+    left = some.margin > 0.0
+    assert chance[~left].max() < LEAST_PROBABILITY
+    assert left.sum() < 0.7 * (whole.margin > 0.0).sum()
+    assert left.sum() <= 10 + 2 * (chance >= LEAST_PROBABILITY).sum()
+    for part in ("margin", "tails", "inward", "snr", "visits", "motion"):
+        np.testing.assert_array_equal(getattr(some, part)[left], getattr(whole, part)[left])
+    for part in ("contrast", "separation_arcsec", "pa_deg", "distance_au", "phase_deg"):
+        np.testing.assert_array_equal(getattr(some, part), getattr(whole, part))
 
 
 @pytest.mark.parametrize("correlation_time_h", [0.0, 12.0])

@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from catalogs import ORBIT, load_known_planets, orbit_places, star_key
+from catalogs import ORBIT, OrbitPlaces, load_known_planets, orbit_places, star_key
 from cpic_planner.planets import StarLimits, least_mass, load_population
 from cpic_planner.survey.universe import (
     BLOCK,
@@ -185,6 +185,23 @@ def test_places_after_a_time_to_a_part_in_1e12():
             miss = np.hypot(found.east_au[0, k] - east, found.north_au[0, k] - north) / a[k]
             assert miss < 1e-12, (e[k], day, miss)
             assert abs(found.distance_au[0, k] - r) < 1e-12 * a[k]
+
+
+def test_places_on_many_days_are_those_of_each():
+    """They are worked out some days at a time, and there may be no day or no planet."""
+    days = np.linspace(0.0, 4000.0, 57)
+    a, e, *angles, period = np.random.default_rng(2).uniform(
+        [[0.5], [0.0], [0.0], [0.0], [0.0], [0.0], [300.0]],
+        [[9.0], [0.9], [180.0], [360.0], [360.0], [360.0], [9000.0]],
+        (7, 1500),
+    )
+    bodies = bodies_of(a, e, *angles, period)
+    every = bodies.places(days)
+    for name in OrbitPlaces.__dataclass_fields__:
+        each = [getattr(bodies.places([day]), name)[0] for day in days]
+        np.testing.assert_array_equal(getattr(every, name), each)
+        assert getattr(bodies.places([]), name).shape == (0, 1500)
+        assert getattr(bodies.select(np.zeros(0, int)).places(days), name).shape == (57, 0)
 
 
 def test_places_against_integration_of_the_law_of_gravity():
