@@ -8,20 +8,20 @@ import numpy as np
 from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc import EtcModel
-from cpic_planner.planets import StarLimits
+from cpic_planner.planets import StarLimits, published_orbit
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import (
     ExpectedSignals,
     Setting,
     detection_chance,
     expected_signals,
-    on_detector,
     reach_au,
 )
 from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.history import StarHistory
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
-from cpic_planner.survey.orbits import Epoch, found_orbits
+from cpic_planner.survey.orbit_visits import due
+from cpic_planner.survey.orbits import Epoch, found_orbits, logged_epochs
 from cpic_planner.survey.planning import albedos_of, dust_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
@@ -100,7 +100,7 @@ def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyT
 
     Notes
     -----
-    Slot after slot, second looks at candidates and follow-up come first, then the planned visits in their order, then
+    Slot after slot, second looks at candidates, follow-up and visits for orbits come first, then the planned visits in their order, then
     reserve ones as far as they take nothing from planned ones to come. A visit is made where star and survey have not
     stopped and slot and budget hold it. Whether it detects a planet was decided by the numbers of that star, block and
     visit, so that another strategy that makes the same visit sees the same.
@@ -133,13 +133,16 @@ def _played(survey: Survey, block: int, n: int, seed: int) -> "_Simulation":
     for k, visit in enumerate(survey.schedule.visits):
         by_slot.setdefault(visit.slot, []).append((k, visit))
     checks, follows = survey.strategy.checks_candidates, survey.strategy.follow_up.wanted
-    for slot in range(survey.calendar.n_slots) if checks or follows else sorted(by_slot):
+    orbits = survey.strategy.orbit.visits > 0
+    for slot in range(survey.calendar.n_slots) if checks or follows or orbits else sorted(by_slot):
         run.clock.slot[:] = survey.strategy.slot_share * survey.calendar.slot_h[slot]
         for i, star in run.stars.items():
             if checks:
                 run.check(i, star, slot)
             if follows and star.found.any():
                 run.follow(i, star, slot)
+            if orbits and star.found.any():
+                run.determine(i, star, slot)
         for k, visit in by_slot.get(slot, ()):
             run.search(k, visit)
     return run
@@ -202,7 +205,10 @@ class _Simulation:
         star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h, last_slot=last)
         placed = at_known_place(planets, survey.known)
         star.confirmed |= placed
+        for row in () if survey.known is None else survey.known_rows[i]:
+            star.published[row] = published_orbit(survey.known, row, epoch_mjd=epoch_mjd, star_mass_msun=mass_msun)
         dust = self._dust(i, planets)
+        star.epochs += logged_epochs(survey, i, planets, allowed, self.albedos, dust)
         zodis = np.full(len(planets), survey.model.instrument.sky.exozodi_zodis) if dust is None else dust
         for option in sorted({visit.option for _, visit in visits}):
             own = [(k, visit) for k, visit in visits if visit.option == option]
@@ -266,6 +272,7 @@ class _Simulation:
         star.confirmed |= hit & star.found
         new = hit & (star.counts >= strategy.detection.visits_needed) & ~star.found
         star.found |= new
+        star.way[new] = visit.option
         if new.any():
             self.log.detections(star.planets, new, visit, star.seen[k], day, clock.used)
             star.place[:, new] = [star.seen[k][name][new] for name in ("separation_arcsec", "pa_deg")]
@@ -312,7 +319,7 @@ class _Simulation:
             go = wanted & (star.option == option) & clock.affords(cost)
             if not go.any():
                 continue
-            looked = star.universes_of(true & self._inside(i, star, setting.band, slot)) & go
+            looked = star.universes_of(true & star.inside(survey, i, setting.band, slot)) & go
             false = go & ~star.universes_of(true)
             self._spend(star, looked, cost, clock.follow)
             self._spend(star, false, cost, clock.alarm)
@@ -322,17 +329,29 @@ class _Simulation:
             odds, snr = self._ahead(i, star, mine, setting, slot)
             shows = self._luck(i, star, mine, f"check {slot}") < odds
             star.confirmed[mine[shows]] = True
-            star.epochs.append(self._epoch(i, star, slot, setting.band, mine, snr, shows))
+            star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
 
-    def _inside(self, i: int, star: StarHistory, band: str, slot: int) -> BoolArray:
-        """Planets of a star that a team expects in the dark hole: known ones by their orbit, others where they were."""
-        survey, planets = self.survey, star.planets
-        now = planets.places(survey.calendar.day[i, [slot]])
-        here = np.hypot(now.east_au, now.north_au)[0] / float(survey.targets.distance_pc[i])
-        by_orbit = here, np.rad2deg(np.arctan2(now.east_au, now.north_au))[0]
-        separation, pa_deg = np.where(planets.known != NEW, by_orbit, star.place)
-        roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
-        return on_detector(survey.model, band, separation, pa_deg - roll)[2]
+    def determine(self, i: int, star: StarHistory, slot: int) -> None:
+        """Visits of one star in one slot for the orbits of its planets, once they are confirmed."""
+        survey, clock = self.survey, self.clock
+        ready = star.found & (star.confirmed | (not survey.strategy.checks_candidates))
+        for option in np.unique(star.way[ready]).tolist():
+            setting, mine = survey.options[i][option], np.flatnonzero(ready & (star.way == option))
+            cost = self._cost_h(i, setting, slot)
+            if not np.isfinite(cost):
+                continue
+            self._ahead(i, star, mine, setting, slot)
+            wanted = due(survey, i, star, mine, setting, slot, star.ahead[setting])
+            go = star.universes_of(wanted) & clock.affords(cost)
+            star.chosen_by[wanted[~go[star.planets.universe[wanted]]]] = -1  # the slot has passed: chosen anew
+            seen = np.flatnonzero(star.found & go[star.planets.universe])
+            if not seen.size:
+                continue
+            self._spend(star, go, cost, clock.follow)
+            odds, snr = self._ahead(i, star, seen, setting, slot)
+            shows = self._luck(i, star, seen, f"orbit {slot}") < odds
+            star.orbit_visits[go], star.orbit_day[go] = star.orbit_visits[go] + 1, survey.calendar.day[i, slot]
+            star.show(survey.calendar.day[i, slot], setting.band, seen, snr, shows)
 
     def _cost_h(self, i: int, setting: Setting, slot: int) -> float:
         """Telescope time of one more visit of a star; infinite where it is not possible."""
@@ -382,12 +401,4 @@ class _Simulation:
             shows = made & (self._luck(i, star, mine, f"follow {setting.band} {slot}") < odds)
             enough = shows if rule.snr is None else made & (star.reached[f, mine] >= rule.snr)
             star.shown[f, mine[enough]] = True
-            star.epochs.append(self._epoch(i, star, slot, setting.band, mine, snr, shows))
-
-    def _epoch(
-        self, i: int, star: StarHistory, slot: int, band: str, some: IntArray, snr: FloatArray, shows: BoolArray
-    ) -> Epoch:
-        """Positions of some planets of a star in a slot, where a visit shows them."""
-        light, shown = np.zeros(len(star.planets)), np.zeros(len(star.planets), bool)
-        light[some], shown[some] = snr, shows
-        return Epoch(float(self.survey.calendar.day[i, slot]), band, light, shown)
+            star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)

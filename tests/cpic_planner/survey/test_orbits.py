@@ -23,7 +23,7 @@ def sample(plain):
 
 
 def history(planets, *epochs):
-    return SimpleNamespace(planets=planets, epochs=[Epoch(*parts) for parts in epochs])
+    return SimpleNamespace(planets=planets, published={}, epochs=[Epoch(*parts) for parts in epochs])
 
 
 def test_orbits_follow_from_the_visits_that_show_the_planet(plain, sample):
