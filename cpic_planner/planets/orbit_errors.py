@@ -222,13 +222,13 @@ def orbit_quality(
     the squared errors, and ``P`` what is known without astrometry: that of the published orbit, or the mass of the star
     and a wide normal law of the others, so that two epochs, four numbers for seven elements, have errors too. Its
     widths are those of the shipped giant planets: a factor of 2 in the axis, an rms eccentricity of 0.33 (Kipping 2013,
-    MNRAS 434, L51), poles that
-    point anywhere, and any place on the orbit. It is the least covariance of a fit (Cramer & Rao), reached where
-    positions are linear in the elements over their errors. Fits of simulated campaigns (the long proof beside the tests
-    of this module: 3 stars, 200 campaigns a row) say where. Four or six epochs over 0.4 periods or more: 68 % of the
-    errors of every element lie within 0.8 to 1.15 of these; of four epochs about one orbit in a hundred is off by five
-    of them, where a rounder orbit fits as well. The place in the next window: within 0.9 to 1.1 of it after three
-    epochs over 0.1 to 0.4 periods, and up to a fifth better known than said here after two, or over a shorter arc.
+    MNRAS 434, L51), poles that point anywhere, and any place on the orbit. It is the least covariance of a fit (Cramer
+    & Rao), reached where positions are linear in the elements over their errors. Fits of simulated campaigns (the long
+    proof beside the tests of this module: 3 stars, 200 campaigns a row) say where. Four or six epochs over 0.4 periods
+    or more: 68 % of the errors of every element lie within 0.8 to 1.15 of these; of four epochs about one orbit in a
+    hundred is off by five of them, where a rounder orbit fits as well. The place in the next window: within 0.9 to 1.1
+    of it after three epochs over 0.1 to 0.4 periods, and up to a fifth better known than said here after two, or over a
+    shorter arc.
     Which of several periods is right, where a planet may have gone round between epochs, is not in it.
     """
     known = orbit_information(
@@ -236,7 +236,7 @@ def orbit_quality(
     )
     used = error_arcsec < np.inf
     first, last = _ends(days, used)
-    covariance = np.linalg.inv(known.matrix)
+    covariance = np.asarray(np.linalg.inv(known.matrix), np.float64)
     _, h, k, p, q, _, _ = known.elements.T
     tangent = np.hypot(p, q)
     ahead = known.slopes(later_day[:, None])[:, :, 0]

@@ -69,16 +69,15 @@ class PublishedOrbit:
         _, h, k, p, q, _, _ = elements.T
         turned, node, e, t = np.arctan2(h, k), np.arctan2(p, q), np.hypot(h, k), np.hypot(p, q)
         sign = np.where(planets.inclination_deg > 90.0, -1.0, 1.0)
-        # Columns: the six of ``spread``, ln M, and what e and tan(i/2) have across.
+        # Columns: the six of ``spread``, ln M, and what e and tan(i/2) have across their directions.
         slopes = np.zeros((len(e), 7, 9))
         slopes[:, 0, 0], slopes[:, 0, 6] = (1.0, 0.0) if self.of_axis else (2.0 / 3.0, 1.0 / 3.0)
-        for row, size, angle, columns in ((1, e, turned, (2, 4)), (3, t, node, (4,))):
-            along, across = 1 if row == 1 else 3, 7 if row == 1 else 8
-            for place, (radial, tangential) in enumerate(((np.sin, np.cos), (np.cos, lambda x: -np.sin(x)))):
-                slopes[:, row + place, along] = radial(angle)
-                slopes[:, row + place, across] = tangential(angle)
-                for column in columns:
-                    slopes[:, row + place, column] = size * tangential(angle) * (sign if column == 4 else 1.0)
+        # Along and across the direction of pericentre, which omega and the node turn, and along and across the node.
+        for row, size, angle, along, across in ((1, e, turned, 1, 7), (3, t, node, 3, 8)):
+            radial, tangential = np.stack([np.sin(angle), np.cos(angle)]), np.stack([np.cos(angle), -np.sin(angle)])
+            slopes[:, row : row + 2, along], slopes[:, row : row + 2, across] = radial.T, tangential.T
+            slopes[:, row : row + 2, 4] = (size * tangential * sign).T
+        slopes[:, 1:3, 2] = slopes[:, 1:3, 4] * sign[:, None]
         slopes[:, 5, 5], slopes[:, 5, 4], slopes[:, 6, 6] = 1.0, sign, 1.0
         whole = np.zeros((9, 9))
         whole[:6, :6] = self.spread

@@ -50,6 +50,7 @@ class StarHistory:
         self.empty = np.zeros(n, np.int64)
         self.hours = np.zeros(len(HOURS))
         # What candidates wait for: planets to be seen again, false alarms to be refuted, and how the last was seen.
+        self.listed = self.planets.known != NEW
         self.confirmed = np.zeros(len(self.planets), bool)
         self.doubts, self.checks, self.option = np.zeros((3, n), np.int64)
         self.shown_day = np.zeros(n)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from cpic_planner.survey.history import StarHistory
     from cpic_planner.survey.simulate import Survey
 
+LEAST_ODDS = 0.5
+"""A visit for an orbit is planned where it is at least as likely as not to show the planet."""
 _ROUNDING_DAYS, _MANY = 1e-9, 10_000
 
 
@@ -79,13 +81,14 @@ def best_slots(
 
     Notes
     -----
-    Fisher matrices of positions add. Slot after slot is taken in which one more position shrinks the covariance ``C``
-    of the elements most: its logarithmic volume falls by ``ln det(1 + w J C J^T)``, with ``J`` the derivatives of the
-    position by the elements and ``w`` the odds of a detection over the squared error of the position (the design of
-    least volume, one point at a time: Fedorov 1972, Theory of Optimal Experiments; expected information as of Lindley
-    1956, Ann. Math. Stat. 27, 986, and Ford 2008, AJ 135, 1008). Slots of one planet keep ``revisits.min_gap_days``.
-    The choice ends with the first visit after which the expected matrix meets the rule of the strategy, with as many
-    positions as one orbit asks for. A planet that ``orbit.visits`` visits are not expected to bring there has none.
+    Fisher matrices of positions add. Slot after slot is taken in which one more position is expected to shrink the
+    covariance ``C`` of the elements most: its logarithmic volume falls by ``ln det(1 + J C J^T / s^2)`` with the odds
+    of a detection, with ``J`` the derivatives of the position by the elements and ``s`` its error (the design of least
+    volume, one point at a time: Fedorov 1972, Theory of Optimal Experiments; expected information as of Lindley 1956,
+    Ann. Math. Stat. 27, 986, and Ford 2008, AJ 135, 1008). Where slots meet the rule of the strategy after that
+    position, with as many positions as one orbit asks for, the choice is among these, and ends. Only slots with odds of
+    at least `LEAST_ODDS` are taken; those of one planet keep ``revisits.min_gap_days``. A planet that ``orbit.visits``
+    visits do not bring there even if each shows it has none.
     Elements, odds and SNR are those of the true orbit, as if it were already about known, which it is only roughly
     after the two positions that a confirmed planet has.
     """
@@ -112,37 +115,51 @@ def best_slots(
     days = np.broadcast_to(calendar.day[i, slots], odds.shape)
     width = survey.model.metrics[setting.band].lambda_d_arcsec
     weight = np.zeros(odds.shape)
-    useful = (odds > 0.0) & (snr > 0.0)
-    weight[useful] = odds[useful] * astrometric_error_arcsec(snr[useful], width, rule.floor_mas) ** -2.0
+    likely = (odds >= LEAST_ODDS) & (snr > 0.0)
+    weight[likely] = astrometric_error_arcsec(snr[likely], width, rule.floor_mas) ** -2.0
     slopes = known.slopes(days)
-    last = seen.last_day
-    free = useful & (days >= np.maximum(last, star.orbit_day[planets.universe])[:, None] + gap)
-    used = np.isfinite(seen.error_arcsec)
-    first = np.where(used, seen.day, np.inf).min(axis=1, initial=np.inf)
-    epochs = used.sum(axis=1).astype(float)
+    first, last = seen.first_day, seen.last_day
+    free = likely & (days >= np.maximum(last, star.orbit_day[planets.universe])[:, None] + gap)
+    epochs, every = np.isfinite(seen.error_arcsec).sum(axis=1), np.arange(n)
     left = rule.visits - star.orbit_visits[planets.universe]
-    matrix, made, known_then = known.matrix, np.zeros(odds.shape, bool), np.zeros(n, bool)
-    every = np.arange(n)
+    matrix, made, done = known.matrix, np.zeros(odds.shape, bool), np.zeros(n, bool)
     for step in range(int(left.max(initial=0))):
-        spread = np.einsum("nctj,njk,ndtk->ntcd", slopes, np.linalg.inv(matrix), slopes) * weight[:, :, None, None]
-        volume = (1.0 + spread[..., 0, 0]) * (1.0 + spread[..., 1, 1]) - spread[..., 0, 1] ** 2
-        gain = np.where(free, np.log(volume), 0.0)
+        spread = np.asarray(np.linalg.inv(matrix), np.float64)
+        ends = np.maximum(days, last[:, None])
+        ahead_of = known.slopes(next_window(survey, i, ends))
+        volume, axis, place = _after(spread, slopes, weight, ahead_of)
+        arcs = (ends - np.minimum(days, first[:, None])) / planets.period_days[:, None]
+        meets = (axis <= rule.axis_error) & (place <= rule.place_error_lambda_d * width) & free
+        meets &= seen.enough(epochs + 1, arcs)
+        gain = np.where(free & (meets | ~meets.any(axis=1, keepdims=True)), odds * volume, 0.0)
         best = gain.argmax(axis=1)
-        adds = (gain[every, best] > 0.0) & (step < left) & ~known_then
+        adds = (gain[every, best] > 0.0) & (step < left) & ~done
         if not adds.any():
             break
-        own = slopes[every, :, best]
-        more = np.einsum("ncj,n,nck->njk", own, weight[every, best] * adds, own)
-        matrix = matrix + more
-        day = days[every, best]
+        own, day = slopes[every, :, best], days[every, best]
+        matrix = matrix + np.einsum("ncj,n,nck->njk", own, weight[every, best] * adds, own)
         free &= ~adds[:, None] | (np.abs(days - day[:, None]) >= gap)
         made[every[adds], best[adds]] = True
-        epochs += np.where(adds, odds[every, best], 0.0)
+        epochs = epochs + adds
         first, last = np.where(adds, np.minimum(first, day), first), np.where(adds, np.maximum(last, day), last)
-        covariance = np.linalg.inv(matrix)
-        there = known.slopes(next_window(survey, i, last)[:, None])[:, :, 0]
-        place = np.sqrt(np.einsum("ncj,njk,nck->n", there, covariance, there)) / width
-        meets = (np.sqrt(covariance[:, 0, 0]) <= rule.axis_error) & (place <= rule.place_error_lambda_d)
-        known_then |= adds & meets & seen.enough(np.round(epochs), (last - first) / planets.period_days)
-    found[slots] = (made & known_then[:, None]).T
+        done |= adds & meets[every, best]
+    found[slots] = (made & done[:, None]).T
     return found
+
+
+def _after(
+    covariance: FloatArray, slopes: FloatArray, weight: FloatArray, later: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What one more position at each of some epochs does to orbits, each of shape (n, t).
+
+    Returns the fall of the logarithmic volume of the elements' errors, the relative error of the axis, and that of the
+    place at a later date, arcsec; ``slopes`` and ``later`` are derivatives of both, shape (n, 2, t, 7).
+    """
+    toward = np.einsum("nctj,njk->ntck", slopes, covariance)
+    inner = np.eye(2) + weight[:, :, None, None] * np.einsum("ntck,ndtk->ntcd", toward, slopes)
+    shrink = weight[:, :, None, None] * np.linalg.inv(inner)
+    axis = covariance[:, None, 0, 0] - np.einsum("ntc,ntcd,ntd->nt", toward[..., 0], shrink, toward[..., 0])
+    cross = np.einsum("netk,ntck->ntec", later, toward)
+    place = np.einsum("netj,njk,netk->nt", later, covariance, later)
+    place = place - np.einsum("ntec,ntcd,nted->nt", cross, shrink, cross)
+    return np.log(np.linalg.det(inner)), np.sqrt(np.maximum(axis, 0.0)), np.sqrt(np.maximum(place, 0.0))

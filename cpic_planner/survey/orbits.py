@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, IntArray
-from cpic_planner.planets import OrbitQuality, astrometric_error_arcsec, orbit_quality
+from cpic_planner.planets import (
+    OrbitQuality,
+    PublishedOrbit,
+    astrometric_error_arcsec,
+    orbit_quality,
+    published_orbit,
+)
 from cpic_planner.survey.calendar import sun_position_angle_deg
 from cpic_planner.survey.detection import detection_chance, expected_signals
 from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place
@@ -94,15 +100,25 @@ class Positions:
     @property
     def last_day(self) -> FloatArray:
         """Day of the last position; -inf where there is none."""
-        return np.where(np.isfinite(self.error_arcsec), self.day, -np.inf).max(axis=1, initial=-np.inf)
+        return np.asarray(np.where(np.isfinite(self.error_arcsec), self.day, -np.inf).max(axis=1, initial=-np.inf))
 
-    def enough(self, epochs: FloatArray | IntArray, arc_periods: FloatArray) -> BoolArray:
-        """Tell whether so many positions over such an arc allow one orbit only."""
-        counted = arc_periods * self.period_error < COUNTED_PERIODS
-        return np.asarray(
-            (epochs >= np.where(self.placed, 1, LEAST_EPOCHS))
-            & ((epochs >= UNIQUE_EPOCHS) | (arc_periods < 1.0) | counted)
-        )
+    @property
+    def first_day(self) -> FloatArray:
+        """Day of the first position; inf where there is none."""
+        return np.asarray(np.where(np.isfinite(self.error_arcsec), self.day, np.inf).min(axis=1, initial=np.inf))
+
+    def enough(self, epochs: IntArray, arc_periods: FloatArray) -> BoolArray:
+        """Tell whether so many positions over such an arc, shape (n,) or (n, t), allow one orbit only.
+
+        Parameters
+        ----------
+        epochs : ndarray of int, shape (n,)
+        arc_periods : ndarray
+        """
+        shape = (-1,) + (1,) * (arc_periods.ndim - 1)
+        least, number = np.where(self.placed, 1, LEAST_EPOCHS).reshape(shape), epochs.reshape(shape)
+        counted = arc_periods < (COUNTED_PERIODS / self.period_error).reshape(shape)
+        return np.asarray((number >= least) & ((number >= UNIQUE_EPOCHS) | (arc_periods < 1.0) | counted))
 
 
 def positions_of(survey: Survey, star: StarHistory, rows: IntArray) -> Positions:
@@ -196,6 +212,22 @@ def found_orbits(survey: Survey, i: int, star: StarHistory, some: BoolArray) -> 
     place = quality.place_error_arcsec / seen.width_arcsec
     known = (quality.axis_error <= rule.axis_error) & (place <= rule.place_error_lambda_d)
     return FoundOrbits(rows, quality, later, place, known & seen.enough(quality.epochs, quality.arc_periods))
+
+
+def published_of(survey: Survey, i: int, star_mass_msun: float) -> dict[int, PublishedOrbit]:
+    """Return what is published of the orbits of a star's known planets, by their row.
+
+    Parameters
+    ----------
+    survey : Survey
+    i : int
+        Position of the star.
+    star_mass_msun : float
+        Where the table has none.
+    """
+    table, when = survey.known, survey.calendar.start_mjd
+    rows = () if table is None else survey.known_rows[i]
+    return {row: published_orbit(table, row, epoch_mjd=when, star_mass_msun=star_mass_msun) for row in rows if table}
 
 
 def logged_epochs(

@@ -8,7 +8,7 @@ import numpy as np
 from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc import EtcModel
-from cpic_planner.planets import StarLimits, published_orbit
+from cpic_planner.planets import StarLimits
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import (
     ExpectedSignals,
@@ -21,12 +21,11 @@ from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.history import StarHistory
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.orbit_visits import due
-from cpic_planner.survey.orbits import Epoch, found_orbits, logged_epochs
+from cpic_planner.survey.orbits import Epoch, found_orbits, logged_epochs, published_of
 from cpic_planner.survey.planning import albedos_of, dust_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import (
-    NEW,
     PlanetSample,
     allowed_probability,
     at_known_place,
@@ -100,10 +99,10 @@ def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyT
 
     Notes
     -----
-    Slot after slot, second looks at candidates, follow-up and visits for orbits come first, then the planned visits in their order, then
-    reserve ones as far as they take nothing from planned ones to come. A visit is made where star and survey have not
-    stopped and slot and budget hold it. Whether it detects a planet was decided by the numbers of that star, block and
-    visit, so that another strategy that makes the same visit sees the same.
+    Slot after slot, second looks at candidates, follow-up and visits for orbits come first, then the planned visits in
+    their order, then reserve ones as far as they take nothing from planned ones to come. A visit is made where star and
+    survey have not stopped and slot and budget hold it. Whether it detects a planet was decided by the numbers of that
+    star, block and visit, so that another strategy that makes the same visit sees the same.
     """
     run = _played(survey, block, n, seed)
     return run.log.outcome(survey, run.stars, run.clock, block)
@@ -132,16 +131,16 @@ def _played(survey: Survey, block: int, n: int, seed: int) -> "_Simulation":
     by_slot: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
         by_slot.setdefault(visit.slot, []).append((k, visit))
-    checks, follows = survey.strategy.checks_candidates, survey.strategy.follow_up.wanted
-    orbits = survey.strategy.orbit.visits > 0
+    strategy = survey.strategy
+    checks, follows, orbits = strategy.checks_candidates, strategy.follow_up.wanted, strategy.orbit.visits > 0
     for slot in range(survey.calendar.n_slots) if checks or follows or orbits else sorted(by_slot):
-        run.clock.slot[:] = survey.strategy.slot_share * survey.calendar.slot_h[slot]
+        run.clock.slot[:] = strategy.slot_share * survey.calendar.slot_h[slot]
         for i, star in run.stars.items():
             if checks:
                 run.check(i, star, slot)
             if follows and star.found.any():
                 run.follow(i, star, slot)
-            if orbits and star.found.any():
+            if orbits:
                 run.determine(i, star, slot)
         for k, visit in by_slot.get(slot, ()):
             run.search(k, visit)
@@ -203,10 +202,8 @@ class _Simulation:
         left_h = sum(visit.cost_h for _, visit in visits if not visit.reserve)
         last = max((visit.slot for _, visit in visits if not visit.reserve), default=-1)
         star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h, last_slot=last)
-        placed = at_known_place(planets, survey.known)
-        star.confirmed |= placed
-        for row in () if survey.known is None else survey.known_rows[i]:
-            star.published[row] = published_orbit(survey.known, row, epoch_mjd=epoch_mjd, star_mass_msun=mass_msun)
+        star.confirmed |= (placed := at_known_place(planets, survey.known))
+        star.published = published_of(survey, i, mass_msun)
         dust = self._dust(i, planets)
         star.epochs += logged_epochs(survey, i, planets, allowed, self.albedos, dust)
         zodis = np.full(len(planets), survey.model.instrument.sky.exozodi_zodis) if dust is None else dust
@@ -309,7 +306,7 @@ class _Simulation:
     def check(self, i: int, star: StarHistory, slot: int) -> None:
         """Second look at the candidates of a star in one slot, unless a planned search visit is still to come."""
         survey, clock, rule = self.survey, self.clock, self.survey.strategy.alarms
-        true = star.found & ~star.confirmed
+        true = star.found & ~star.confirmed & ~(star.listed & (survey.strategy.orbit.visits > 0))
         wanted = (star.universes_of(true) | (star.doubts > 0)) & (star.checks < rule.attempts)
         wanted &= star.stopped | (slot > star.last_slot)
         wanted &= survey.calendar.day[i, slot] >= star.shown_day + rule.gap_days
@@ -334,22 +331,21 @@ class _Simulation:
     def determine(self, i: int, star: StarHistory, slot: int) -> None:
         """Visits of one star in one slot for the orbits of its planets, once they are confirmed."""
         survey, clock = self.survey, self.clock
-        ready = star.found & (star.confirmed | (not survey.strategy.checks_candidates))
+        ready = star.found & (star.confirmed | (not survey.strategy.checks_candidates) | star.listed)
         for option in np.unique(star.way[ready]).tolist():
             setting, mine = survey.options[i][option], np.flatnonzero(ready & (star.way == option))
-            cost = self._cost_h(i, setting, slot)
-            if not np.isfinite(cost):
+            if not np.isfinite(cost := self._cost_h(i, setting, slot)):
                 continue
             self._ahead(i, star, mine, setting, slot)
             wanted = due(survey, i, star, mine, setting, slot, star.ahead[setting])
             go = star.universes_of(wanted) & clock.affords(cost)
             star.chosen_by[wanted[~go[star.planets.universe[wanted]]]] = -1  # the slot has passed: chosen anew
-            seen = np.flatnonzero(star.found & go[star.planets.universe])
-            if not seen.size:
+            if not (seen := np.flatnonzero(star.found & go[star.planets.universe])).size:
                 continue
             self._spend(star, go, cost, clock.follow)
             odds, snr = self._ahead(i, star, seen, setting, slot)
             shows = self._luck(i, star, seen, f"orbit {slot}") < odds
+            star.confirmed[seen[shows]] = True
             star.orbit_visits[go], star.orbit_day[go] = star.orbit_visits[go] + 1, survey.calendar.day[i, slot]
             star.show(survey.calendar.day[i, slot], setting.band, seen, snr, shows)
 
