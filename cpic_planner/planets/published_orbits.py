@@ -114,8 +114,11 @@ def published_orbit(
         for part in (drawn.argument_of_pericentre_deg, drawn.node_deg, drawn.mean_anomaly_deg, drawn.inclination_deg)
     )
     axis, period = np.log(drawn.semi_major_axis_au[0]), np.log(drawn.period_days[0])
-    # One without an error says nothing.
-    errors = [item.std() if np.ptp(item) > 0.0 else np.inf for item in (axis, period)]
+    # One that follows from the other, or has no error, says nothing of its own.
+    errors = [
+        item.std() if np.isfinite(table.number(name)[row]) and np.ptp(item) > 0.0 else np.inf
+        for name, item in (("semi_major_axis_au", axis), ("period_days", period))
+    ]
     of_axis = bool(1.5 * errors[0] < errors[1])
     values = np.stack(
         [
