@@ -6,10 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray
+from cpic_planner.etc import EtcModel
 from cpic_planner.planets import astrometric_error_arcsec, orbit_information
-from cpic_planner.survey.detection import Setting
-from cpic_planner.survey.orbits import found_orbits, next_window, positions_of
+from cpic_planner.survey.calendar import Calendar
+from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
+from cpic_planner.survey.orbits import found_orbits, next_window, one_orbit, positions_of, published_of, told_of
+from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place, star_mass_msun
+from cpic_planner.targets import Targets
+from simulator.config import AlbedoSpec
 
 if TYPE_CHECKING:
     from cpic_planner.survey.history import StarHistory
@@ -17,6 +24,7 @@ if TYPE_CHECKING:
 
 LEAST_ODDS = 0.5
 """A visit for an orbit is planned where it is at least as likely as not to show the planet."""
+_LEAST_CHANCE = 1e-3
 _ROUNDING_DAYS, _MANY = 1e-9, 10_000
 
 
@@ -126,7 +134,7 @@ def best_slots(
     for step in range(int(left.max(initial=0))):
         spread = np.asarray(np.linalg.inv(matrix), np.float64)
         ends = np.maximum(days, last[:, None])
-        ahead_of = known.slopes(next_window(survey, i, ends))
+        ahead_of = known.slopes(next_window(calendar, i, ends, survey.strategy.revisits.min_gap_days))
         volume, axis, place = _after(spread, slopes, weight, ahead_of)
         arcs = (ends - np.minimum(days, first[:, None])) / planets.period_days[:, None]
         meets = (axis <= rule.axis_error) & (place <= rule.place_error_lambda_d * width) & free
@@ -144,6 +152,102 @@ def best_slots(
         first, last = np.where(adds, np.minimum(first, day), first), np.where(adds, np.maximum(last, day), last)
         done |= adds & meets[every, best]
     found[slots] = (made & done[:, None]).T
+    return found
+
+
+def orbit_chance(
+    strategy: SurveyStrategy,
+    model: EtcModel,
+    star: Targets,
+    calendar: Calendar,
+    i: int,
+    option: Setting,
+    chance: FloatArray,
+    planets: PlanetSample,
+    known: KnownPlanetTable | None,
+    *,
+    albedos: tuple[AlbedoSpec, ...],
+    zodis: FloatArray | None,
+) -> FloatArray:
+    """Return the probability that visits detect planets early enough for their orbits, shape (b, m).
+
+    Parameters
+    ----------
+    strategy : SurveyStrategy
+    model : EtcModel
+        That of the strategy.
+    star : Targets
+        One star.
+    calendar : Calendar
+    i : int
+        Position of the star in the calendar.
+    option : Setting
+        Frames of the visits.
+    chance : ndarray, shape (b, m)
+        Probability that a visit in each slot detects each planet.
+    planets : PlanetSample
+        ``m`` planets.
+    known : KnownPlanetTable or None
+    albedos, zodis
+        As of `cpic_planner.survey.detection.expected_signals`.
+
+    Notes
+    -----
+    It is ``chance`` in the slots from which the orbit can be had, and 0 in the others: where a position there, and one
+    in each of the next slots in which a visit at the known place is at least as likely as not to show the planet (with
+    their gaps, at most ``orbit.visits`` of them), have an expected covariance that meets the rule of the strategy. A
+    schedule is worth ``orbit.value`` for each planet that it detects in such a slot, beside what the detection is
+    worth: another planet, for the scheduler, that only these slots show, so that values and bounds are those of
+    detections. The earliest of several detections is the one with most slots to come.
+    """
+    rule, gap = strategy.orbit, strategy.revisits.min_gap_days
+    slots = np.flatnonzero(np.isfinite(calendar.cost_h(model, i, option, strategy.visit.settlings)))
+    slot, planet = np.nonzero(chance[slots] >= _LEAST_CHANCE)
+    found = np.zeros(chance.shape)
+    if not slot.size:
+        return found
+    day, n = calendar.day[i, slots], len(planets)
+    roll = calendar.roll_deg(strategy.revisits, i, slots, np.zeros_like(slots))
+    seen = expected_signals(model, star, option, planets, albedos, planets.places(day), roll, zodis)
+    law = strategy.detection
+    odds = detection_chance(seen, law, np.ones(n, bool), calibration=law.calibration)
+    width = model.metrics[option.band].lambda_d_arcsec
+    errors = astrometric_error_arcsec(np.where(seen.snr > 0.0, seen.snr, 1.0), width, rule.floor_mas)
+    rows, mass = np.unique(planets.known[planets.known != NEW]).tolist(), float(star_mass_msun(star)[0])
+    published = published_of(known, rows, calendar.start_mjd, mass)
+    covariance, period_error = told_of(planets, published, rule.star_mass_error)
+    before = orbit_information(
+        planets,
+        planets.period_days,
+        float(star.distance_pc[0]),
+        np.zeros((n, 1)),
+        np.full((n, 1), np.inf),
+        star_mass_error=rule.star_mass_error,
+        published=covariance,
+    )
+    slopes = before.slopes(np.broadcast_to(day, (n, day.size)))
+    later = before.slopes(np.broadcast_to(next_window(calendar, i, day, gap), (n, day.size)))
+    # The next slot from each one on that is likely to show each planet; behind the last one there is none.
+    following = np.full((day.size + 1, n), day.size)
+    for k in range(day.size - 1, -1, -1):
+        following[k] = np.where((odds[k] >= LEAST_ODDS) & (seen.snr[k] > 0.0), k, following[k + 1])
+    beyond = np.searchsorted(day, day + gap - _ROUNDING_DAYS)
+    placed, now = at_known_place(planets, known), slot.copy()
+    matrix, open_ = before.matrix[planet], seen.snr[slot, planet] > 0.0
+    for number in range(1, rule.visits + 2):
+        at, who = now[open_], planet[open_]
+        own = slopes[who, :, at] / errors[at, who][:, None, None]
+        matrix[open_] += own.transpose(0, 2, 1) @ own
+        spread = np.linalg.inv(matrix[open_])
+        place = np.sqrt(np.einsum("ncj,njk,nck->n", later[who, :, at], spread, later[who, :, at]))
+        meets = (np.sqrt(spread[:, 0, 0]) <= rule.axis_error) & (place <= rule.place_error_lambda_d * width)
+        arc = (day[at] - day[slot[open_]]) / planets.period_days[who]
+        meets &= one_orbit(number, arc, placed[who], period_error[who])
+        done = np.flatnonzero(open_)[meets]
+        found[slots[slot[done]], planet[done]] = chance[slots[slot[done]], planet[done]]
+        open_[done] = False
+        now[open_] = following[beyond[now[open_]], planet[open_]]
+        open_ &= now < day.size
     return found
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.planets import (
     OrbitQuality,
@@ -16,7 +18,7 @@ from cpic_planner.planets import (
     orbit_quality,
     published_orbit,
 )
-from cpic_planner.survey.calendar import sun_position_angle_deg
+from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.detection import detection_chance, expected_signals
 from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place
 from simulator.config import AlbedoSpec
@@ -116,9 +118,27 @@ class Positions:
         arc_periods : ndarray
         """
         shape = (-1,) + (1,) * (arc_periods.ndim - 1)
-        least, number = np.where(self.placed, 1, LEAST_EPOCHS).reshape(shape), epochs.reshape(shape)
-        counted = arc_periods < (COUNTED_PERIODS / self.period_error).reshape(shape)
-        return np.asarray((number >= least) & ((number >= UNIQUE_EPOCHS) | (arc_periods < 1.0) | counted))
+        told = self.placed.reshape(shape), self.period_error.reshape(shape)
+        return one_orbit(epochs.reshape(shape), arc_periods, *told)
+
+
+def one_orbit(
+    epochs: IntArray | int, arc_periods: FloatArray, placed: BoolArray, period_error: FloatArray
+) -> BoolArray:
+    """Tell whether so many positions over an arc allow one orbit only; arrays broadcast.
+
+    Parameters
+    ----------
+    epochs : int or ndarray of int
+    arc_periods : ndarray
+    placed, period_error : ndarray
+        As of `Positions`.
+    """
+    number = np.asarray(epochs)
+    counted = arc_periods < COUNTED_PERIODS / period_error
+    return np.asarray(
+        (number >= np.where(placed, 1, LEAST_EPOCHS)) & ((number >= UNIQUE_EPOCHS) | (arc_periods < 1.0) | counted)
+    )
 
 
 def positions_of(survey: Survey, star: StarHistory, rows: IntArray) -> Positions:
@@ -146,33 +166,50 @@ def positions_of(survey: Survey, star: StarHistory, rows: IntArray) -> Positions
     errors[shown] = astrometric_error_arcsec(snr[shown], np.broadcast_to(widths, shown.shape)[shown], rule.floor_mas)
     last = [np.flatnonzero(mine)[-1] if mine.any() else -1 for mine in shown]
     width = np.array([widths[k] if k >= 0 else np.nan for k in last], float)
-    published, period_error = np.full((len(rows), 7, 7), np.nan), np.full(len(rows), np.inf)
-    for row, orbit in star.published.items():
+    told = told_of(planets, star.published, rule.star_mass_error)
+    return Positions(day, errors, width, *told, at_known_place(planets, survey.known))
+
+
+def told_of(
+    planets: PlanetSample, published: Mapping[int, PublishedOrbit], star_mass_error: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return what is published of planets, as of `Positions`: covariances, and errors of the period.
+
+    Parameters
+    ----------
+    planets : PlanetSample
+    published : mapping of int to PublishedOrbit
+        By the row of known planets.
+    star_mass_error : float
+        Relative error of the mass of the star, above 0.
+    """
+    covariance, period_error = np.full((len(planets), 7, 7), np.nan), np.full(len(planets), np.inf)
+    for row, orbit in published.items():
         mine = planets.known == row
         own = planets.select(mine)
-        published[mine] = orbit.covariance(own, own.period_days, rule.star_mass_error)
-        period_error[mine] = orbit.period_error(rule.star_mass_error)
-    return Positions(day, errors, width, published, period_error, at_known_place(planets, survey.known))
+        covariance[mine] = orbit.covariance(own, own.period_days, star_mass_error)
+        period_error[mine] = orbit.period_error(star_mass_error)
+    return covariance, period_error
 
 
-def next_window(survey: Survey, i: int, day: FloatArray) -> FloatArray:
+def next_window(calendar: Calendar, i: int, day: FloatArray, gap_days: float) -> FloatArray:
     """Return the next window of a star after positions on some days.
 
     Parameters
     ----------
-    survey : Survey
+    calendar : Calendar
     i : int
         Position of the star.
     day : ndarray
+    gap_days : float
+        At least so much later.
 
     Notes
     -----
-    It is the first slot in which the star is seen, at least ``revisits.min_gap_days`` later, or a year later where the
-    calendar has none.
+    It is the first slot in which the star is seen, or a year later where the calendar has none.
     """
-    calendar = survey.calendar
     windows = np.append(calendar.day[i, calendar.fraction[i] > 0.0], np.inf)
-    window = windows[np.searchsorted(windows, day + survey.strategy.revisits.min_gap_days)]
+    window = windows[np.searchsorted(windows, day + gap_days)]
     return np.where(np.isfinite(window), window, day + _YEAR_DAYS)
 
 
@@ -198,7 +235,7 @@ def found_orbits(survey: Survey, i: int, star: StarHistory, some: BoolArray) -> 
     placed = at_known_place(star.planets, survey.known)
     rows = np.flatnonzero(some & (epochs >= np.where(placed, 1, LEAST_EPOCHS)))
     planets, seen = star.planets.select(rows), positions_of(survey, star, rows)
-    later = next_window(survey, i, seen.last_day)
+    later = next_window(survey.calendar, i, seen.last_day, survey.strategy.revisits.min_gap_days)
     quality = orbit_quality(
         planets,
         planets.period_days,
@@ -214,20 +251,24 @@ def found_orbits(survey: Survey, i: int, star: StarHistory, some: BoolArray) -> 
     return FoundOrbits(rows, quality, later, place, known & seen.enough(quality.epochs, quality.arc_periods))
 
 
-def published_of(survey: Survey, i: int, star_mass_msun: float) -> dict[int, PublishedOrbit]:
+def published_of(
+    table: KnownPlanetTable | None, rows: Sequence[int], epoch_mjd: float, star_mass_msun: float
+) -> dict[int, PublishedOrbit]:
     """Return what is published of the orbits of a star's known planets, by their row.
 
     Parameters
     ----------
-    survey : Survey
-    i : int
-        Position of the star.
+    table : KnownPlanetTable or None
+    rows : sequence of int
+        Of these planets.
+    epoch_mjd : float
+        Of the planets' places.
     star_mass_msun : float
         Where the table has none.
     """
-    table, when = survey.known, survey.calendar.start_mjd
-    rows = () if table is None else survey.known_rows[i]
-    return {row: published_orbit(table, row, epoch_mjd=when, star_mass_msun=star_mass_msun) for row in rows if table}
+    if table is None:
+        return {}
+    return {row: published_orbit(table, row, epoch_mjd=epoch_mjd, star_mass_msun=star_mass_msun) for row in rows}
 
 
 def logged_epochs(

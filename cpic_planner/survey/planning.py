@@ -363,7 +363,7 @@ def visit_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[VisitO
     strategy, found = problem.strategy, []
     states: dict[int, FloatArray] = {}
     for visit in visits:
-        star = problem.stars[visit.star]
+        star = problem.stars[visit.star].detections
         counts = states.setdefault(visit.star, np.eye(problem.needed, 1) * np.ones(len(star.weight)))
         chance = star.chance[visit.option, visit.slot]
         new = star.known == NEW

@@ -203,7 +203,7 @@ class _Simulation:
         last = max((visit.slot for _, visit in visits if not visit.reserve), default=-1)
         star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h, last_slot=last)
         star.confirmed |= (placed := at_known_place(planets, survey.known))
-        star.published = published_of(survey, i, mass_msun)
+        star.published = published_of(survey.known, survey.known_rows[i], epoch_mjd, mass_msun)
         dust = self._dust(i, planets)
         star.epochs += logged_epochs(survey, i, planets, allowed, self.albedos, dust)
         zodis = np.full(len(planets), survey.model.instrument.sky.exozodi_zodis) if dust is None else dust

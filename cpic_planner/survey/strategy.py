@@ -249,6 +249,10 @@ class OrbitRule(FrozenModel):
     by default, none. They are made with the frames that found the planet, in the slots in which positions are expected
     to determine the orbit best, the fewest that are expected to make it known
     (`cpic_planner.survey.orbit_visits.best_slots`), and come before planned visits.
+
+    ``value`` is what a known orbit is worth to the scheduler beside the detection of its planet, in units of that: a
+    visit counts so much more for each planet that it is likely to detect early enough for its orbit, by the positions
+    of visits to come (`cpic_planner.survey.orbit_visits.orbit_chance`). With 0 schedules are made for detections alone.
     """
 
     axis_error: Annotated[Real, Field(gt=0, le=10)] = 0.2
@@ -256,6 +260,13 @@ class OrbitRule(FrozenModel):
     floor_mas: Annotated[Real, Field(ge=0, le=1000)] = FLOOR_MAS
     star_mass_error: Annotated[Real, Field(gt=0, le=10)] = STAR_MASS_ERROR
     visits: Annotated[int, Field(ge=0, le=1000)] = 0
+    value: Annotated[Real, Field(ge=0, le=1e6)] = 0.0
+
+    @model_validator(mode="after")
+    def _made(self) -> "OrbitRule":
+        if self.value > 0.0 and not self.visits:
+            raise InputError("orbit.value", self.value, allowed="0 without orbit.visits: nothing would follow")
+        return self
 
 
 class SchedulerRule(FrozenModel):

@@ -60,7 +60,7 @@ def errors_with(survey, star, row, ahead, chosen):
         float(survey.targets.distance_pc[0]),
         days,
         errors,
-        next_window(survey, 0, np.array([last])),
+        next_window(survey.calendar, 0, np.array([last]), survey.strategy.revisits.min_gap_days),
         star_mass_error=rule.star_mass_error,
         published=seen.published,
     )
