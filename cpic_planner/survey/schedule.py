@@ -1,6 +1,6 @@
 """What is to be scheduled, what visits of a star are worth, and the calendar that is made of them.
 
-Visits are worth the detections expected of the planets drawn for planning.
+Visits are worth the detections expected of the planets drawn for planning, and what a strategy gives for their orbits.
 """
 
 from collections import Counter

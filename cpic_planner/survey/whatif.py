@@ -28,13 +28,13 @@ from simulator.config import content_hash
 from simulator.products import mjd_of
 
 _START_S, _PLAN_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 8.0, 3.2, 0.9, 5.0, 0.00075, 2.2
-RESULT_VERSION = 7
+RESULT_VERSION = 8
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
     "planets of one star are independent of each other; beside known planets and companion stars they are left out "
     "where no orbit would last",
     "companions stay where they stand at the date of the positions, the survey's begin by default",
-    "second looks and follow-up are not searched for further planets of the star",
+    "second looks, follow-up and visits for orbits are not searched for further planets of the star",
     "background stars are new ones in every visit: one that was told apart from a planet is not remembered",
     "chance of one visit is independent of that of another at the same place of the hole",
     "weather of space: no safe modes, no losses but those of the calendar",

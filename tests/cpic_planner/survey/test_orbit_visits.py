@@ -1,15 +1,19 @@
 """Visits for orbits: slots against a search of all of them, and what they bring and cost in played universes."""
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import cpic_planner.survey.prepare as prepare_module
 import cpic_planner.survey.simulate as module
 from cpic_planner.planets import astrometric_error_arcsec, orbit_quality
-from cpic_planner.survey.orbit_visits import LEAST_ODDS, best_slots
-from cpic_planner.survey.orbits import found_orbits, next_window, positions_of
+from cpic_planner.survey.detection import detection_chance
+from cpic_planner.survey.orbit_visits import LEAST_ODDS, best_slots, orbit_chance
+from cpic_planner.survey.orbits import Epoch, found_orbits, next_window, positions_of
 from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.schedule import StarValue
 from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.universe import NEW
 
@@ -160,3 +164,94 @@ def test_positions_of_one_planet_keep_their_gap(many, change):
     known = star.planets.known != NEW  # no second look of another gap
     gaps = [np.diff(np.sort(days[shown[:, row]])).min() for row in np.flatnonzero(known & (shown.sum(axis=0) > 1))]
     assert min(gaps) >= 90.0 - 1e-6
+
+
+@pytest.fixture(scope="module")
+def valued(many, change, small):
+    """The star of the season with what its orbits are worth, and the same without."""
+    rules = {"targets": {"names": [STAR]}, "revisits": {"max_visits": 6}}
+    orbit = {"visits": 4, "axis_error": 0.3, "place_error_lambda_d": 0.6}
+    problems = []
+    with pytest.MonkeyPatch.context() as patch:
+        make = prepare_module.make_schedule
+        patch.setattr(prepare_module, "make_schedule", lambda problem: problems.append(problem) or make(problem))
+        prepared = [prepare(small(rules | {"orbit": orbit | {"value": v}}, universe=SEASON)) for v in (0, 2)]
+    return problems, prepared
+
+
+def test_orbits_are_further_planets_that_only_early_slots_show(valued):
+    (without, problem), _ = valued
+    (plain,), (star,) = without.stars, problem.stars
+    n = len(plain.weight)
+    assert 0 < star.orbits <= n
+    assert plain.orbits == 0
+    for one in (star.detections, plain):
+        np.testing.assert_array_equal(one.chance, plain.chance)
+        np.testing.assert_array_equal(one.weight, plain.weight)
+    extra = star.chance[:, :, n:]
+    assert np.isin(star.known[n:], star.known[:n]).all()
+    # Each is one of the planets, in some of its slots, at twice its weight.
+    twins = [
+        j
+        for k in range(0, star.orbits, 7)
+        for j in np.flatnonzero(star.weight[:n] * 2.0 == star.weight[n + k])
+        if (np.isin(extra[..., k], [0.0]) | (extra[..., k] == plain.chance[..., j])).all()
+    ]
+    assert len(twins) >= len(range(0, star.orbits, 7))
+    # From the last open slot there is none to come, and none of its planets has its node published.
+    assert not extra[:, np.flatnonzero(np.isfinite(star.cost_h[0]))[-1]].any()
+
+
+def test_a_slot_is_early_enough_where_the_positions_to_come_make_the_orbit_known(many, change):
+    """Against the public law of orbits, for planets of one star, slot by slot."""
+    survey = change(many, orbit={"visits": 2})
+    run = played(change(survey, orbit={"visits": 0}))
+    star, setting = run.stars[0], survey.options[0][0]
+    rows = np.flatnonzero(star.allowed)[:150]
+    planets = star.planets.select(rows)
+    b, gap = survey.calendar.n_slots, survey.strategy.revisits.min_gap_days
+    where = survey.strategy, survey.model, survey.targets.select([0]), survey.calendar, 0, setting
+    how = {"albedos": run.albedos, "zodis": None}
+    chance = np.full((b, len(rows)), 0.25)
+    found = orbit_chance(*where, chance, planets, survey.known, **how)
+    assert set(np.unique(found)) == {0.0, 0.25}
+    cost = survey.calendar.cost_h(survey.model, 0, setting, survey.strategy.visit.settlings)
+    slots, day = np.flatnonzero(np.isfinite(cost)), survey.calendar.day[0]
+    assert not found[~np.isfinite(cost)].any()
+    every = np.ones(len(rows), bool)
+    seen, odds, _ = run._visited(0, setting, planets, np.array([slots, slots * 0]), every)
+    odds = detection_chance(seen, survey.strategy.detection, every, calibration=survey.strategy.detection.calibration)
+    published = star.published
+    for k in range(len(rows)):
+        for begin in range(len(slots)):
+            chosen = [begin] if seen.snr[begin, k] > 0.0 else []
+            for later in range(begin + 1, len(slots)):
+                apart = chosen and day[slots[later]] >= day[slots[chosen[-1]]] + gap - 1e-9
+                if apart and len(chosen) < 3 and odds[later, k] >= LEAST_ODDS:
+                    chosen.append(later)
+            shown = [every[:1]] * len(chosen)
+            epochs = [
+                Epoch(day[slots[s]], "F520", seen.snr[s, k : k + 1], show)
+                for s, show in zip(chosen, shown, strict=True)
+            ]
+            one = SimpleNamespace(planets=planets.select([k]), published=published)
+            known = False
+            for count in range(2, len(chosen) + 1):
+                one.epochs = epochs[:count]
+                known |= bool(found_orbits(survey, 0, one, every[:1]).known[0])
+            assert (found[slots[begin], k] > 0.0) == known, (k, begin)
+
+
+def test_a_schedule_that_values_orbits_has_more_of_them(valued):
+    """Bounds hold for what is counted, and odds of visits are those of detections."""
+    (_, problem), prepared = valued
+    plain, orbits = (item.surveys[0].schedule for item in prepared)
+    assert orbits.value <= orbits.bound * (1.0 + 1e-9)
+
+    def worth(schedule):
+        visits = [(visit.option, visit.slot) for visit in schedule.visits if not visit.reserve]
+        return StarValue.of(problem.stars[0], problem.needed, visits).value
+
+    assert worth(orbits) == pytest.approx(orbits.value)
+    assert worth(orbits) > worth(plain)
+    assert max(odds.probability for odds in prepared[1].odds[0]) <= 1.0
