@@ -12,9 +12,9 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.planets import astrometric_error_arcsec, orbit_information
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
-from cpic_planner.survey.orbits import found_orbits, next_window, one_orbit, positions_of, published_of, told_of
+from cpic_planner.survey.orbits import PublishedOrbits, found_orbits, next_window, one_orbit, positions_of, told_of
 from cpic_planner.survey.strategy import SurveyStrategy
-from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place, star_mass_msun
+from cpic_planner.survey.universe import PlanetSample, at_known_place, star_mass_msun
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
 
@@ -71,7 +71,7 @@ def due(
 def best_slots(
     survey: Survey, i: int, star: StarHistory, rows: IntArray, setting: Setting, slot: int, ahead: FloatArray
 ) -> BoolArray:
-    """Return the slots in which visits are expected to make orbits known, the fewest that do, shape (b, n).
+    """Return the slots in which visits are expected to make orbits known, one after the other, shape (b, n).
 
     Parameters
     ----------
@@ -96,15 +96,13 @@ def best_slots(
     Ann. Math. Stat. 27, 986, and Ford 2008, AJ 135, 1008). Where slots meet the rule of the strategy after that
     position, with as many positions as one orbit asks for, the choice is among these, and ends. Only slots with odds of
     at least `LEAST_ODDS` are taken; those of one planet keep ``revisits.min_gap_days``. A planet that ``orbit.visits``
-    visits do not bring there even if each shows it has none.
-    Elements, odds and SNR are those of the true orbit, as if it were already about known, which it is only roughly
-    after the two positions that a confirmed planet has.
+    visits do not bring there even if each shows it has none. Elements, odds and SNR are those of the true orbit, as if
+    it were already about known, which it is only roughly after the two positions that a confirmed planet has.
     """
     rule, gap = survey.strategy.orbit, survey.strategy.revisits.min_gap_days - _ROUNDING_DAYS
     calendar, planets, n = survey.calendar, star.planets.select(rows), len(rows)
     cost = calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)
-    able = np.isfinite(cost) & (cost <= survey.strategy.slot_share * calendar.slot_h)
-    slots = slot + np.flatnonzero(able[slot:])
+    slots = slot + np.flatnonzero((cost <= survey.strategy.slot_share * calendar.slot_h)[slot:])
     found = np.zeros((calendar.n_slots, n), bool)
     if not slots.size:
         return found
@@ -201,7 +199,8 @@ def orbit_chance(
     detections. The earliest of several detections is the one with most slots to come.
     """
     rule, gap = strategy.orbit, strategy.revisits.min_gap_days
-    slots = np.flatnonzero(np.isfinite(calendar.cost_h(model, i, option, strategy.visit.settlings)))
+    cost = calendar.cost_h(model, i, option, strategy.visit.settlings)
+    slots = np.flatnonzero(cost <= strategy.slot_share * calendar.slot_h)
     slot, planet = np.nonzero(chance[slots] >= _LEAST_CHANCE)
     found = np.zeros(chance.shape)
     if not slot.size:
@@ -213,8 +212,7 @@ def orbit_chance(
     odds = detection_chance(seen, law, np.ones(n, bool), calibration=law.calibration)
     width = model.metrics[option.band].lambda_d_arcsec
     errors = astrometric_error_arcsec(np.where(seen.snr > 0.0, seen.snr, 1.0), width, rule.floor_mas)
-    rows, mass = np.unique(planets.known[planets.known != NEW]).tolist(), float(star_mass_msun(star)[0])
-    published = published_of(known, rows, calendar.start_mjd, mass)
+    published = PublishedOrbits(known, calendar.start_mjd, float(star_mass_msun(star)[0]))
     covariance, period_error = told_of(planets, published, rule.star_mass_error)
     before = orbit_information(
         planets,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -70,6 +69,31 @@ class FoundOrbits:
     next_day: FloatArray
     place_error_lambda_d: FloatArray
     known: BoolArray
+
+
+class PublishedOrbits(dict[int, PublishedOrbit]):
+    """What is published of the orbits of a star's known planets, by their row; made when it is first asked for.
+
+    Parameters
+    ----------
+    table : KnownPlanetTable or None
+        None: no planet of the star is known.
+    epoch_mjd : float
+        Of the planets' places.
+    star_mass_msun : float
+        Where the table has none.
+    """
+
+    def __init__(self, table: KnownPlanetTable | None, epoch_mjd: float, star_mass_msun: float) -> None:
+        super().__init__()
+        self._table, self._epoch_mjd, self._mass_msun = table, epoch_mjd, star_mass_msun
+
+    def __missing__(self, row: int) -> PublishedOrbit:
+        """Make what is published of a planet."""
+        if self._table is None:
+            raise KeyError(row)
+        self[row] = published_orbit(self._table, row, epoch_mjd=self._epoch_mjd, star_mass_msun=self._mass_msun)
+        return self[row]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,21 +195,21 @@ def positions_of(survey: Survey, star: StarHistory, rows: IntArray) -> Positions
 
 
 def told_of(
-    planets: PlanetSample, published: Mapping[int, PublishedOrbit], star_mass_error: float
+    planets: PlanetSample, published: dict[int, PublishedOrbit], star_mass_error: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return what is published of planets, as of `Positions`: covariances, and errors of the period.
 
     Parameters
     ----------
     planets : PlanetSample
-    published : mapping of int to PublishedOrbit
+    published : dict of int to PublishedOrbit
         By the row of known planets.
     star_mass_error : float
         Relative error of the mass of the star, above 0.
     """
     covariance, period_error = np.full((len(planets), 7, 7), np.nan), np.full(len(planets), np.inf)
-    for row, orbit in published.items():
-        mine = planets.known == row
+    for row in np.unique(planets.known[planets.known != NEW]).tolist():
+        mine, orbit = planets.known == row, published[row]
         own = planets.select(mine)
         covariance[mine] = orbit.covariance(own, own.period_days, star_mass_error)
         period_error[mine] = orbit.period_error(star_mass_error)
@@ -249,26 +273,6 @@ def found_orbits(survey: Survey, i: int, star: StarHistory, some: BoolArray) -> 
     place = quality.place_error_arcsec / seen.width_arcsec
     known = (quality.axis_error <= rule.axis_error) & (place <= rule.place_error_lambda_d)
     return FoundOrbits(rows, quality, later, place, known & seen.enough(quality.epochs, quality.arc_periods))
-
-
-def published_of(
-    table: KnownPlanetTable | None, rows: Sequence[int], epoch_mjd: float, star_mass_msun: float
-) -> dict[int, PublishedOrbit]:
-    """Return what is published of the orbits of a star's known planets, by their row.
-
-    Parameters
-    ----------
-    table : KnownPlanetTable or None
-    rows : sequence of int
-        Of these planets.
-    epoch_mjd : float
-        Of the planets' places.
-    star_mass_msun : float
-        Where the table has none.
-    """
-    if table is None:
-        return {}
-    return {row: published_orbit(table, row, epoch_mjd=epoch_mjd, star_mass_msun=star_mass_msun) for row in rows}
 
 
 def logged_epochs(

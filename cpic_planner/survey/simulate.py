@@ -21,7 +21,7 @@ from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.history import StarHistory
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.orbit_visits import due
-from cpic_planner.survey.orbits import Epoch, found_orbits, logged_epochs, published_of
+from cpic_planner.survey.orbits import Epoch, PublishedOrbits, found_orbits, logged_epochs
 from cpic_planner.survey.planning import albedos_of, dust_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
@@ -203,7 +203,7 @@ class _Simulation:
         last = max((visit.slot for _, visit in visits if not visit.reserve), default=-1)
         star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h, last_slot=last)
         star.confirmed |= (placed := at_known_place(planets, survey.known))
-        star.published = published_of(survey.known, survey.known_rows[i], epoch_mjd, mass_msun)
+        star.published = PublishedOrbits(survey.known, epoch_mjd, mass_msun)
         dust = self._dust(i, planets)
         star.epochs += logged_epochs(survey, i, planets, allowed, self.albedos, dust)
         zodis = np.full(len(planets), survey.model.instrument.sky.exozodi_zodis) if dust is None else dust
