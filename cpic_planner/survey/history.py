@@ -21,9 +21,8 @@ class StarHistory:
     """One star in all universes of a block: what each visit would show, and what visits have shown so far.
 
     ``last_slot`` is that of its last planned visit, ``published`` what is published of the orbits of its known planets,
-    by their row. ``allowed`` tells which planets are there. The others are excluded
-    by what is known of the star: nothing stops or follows because of them, but ``counts`` has what the same visits
-    would show of them, too.
+    by their row. ``allowed`` tells which planets are there. The others are excluded by what is known of the star:
+    nothing stops or follows because of them, but ``counts`` has what the same visits would show of them, too.
     """
 
     planets: PlanetSample
@@ -49,8 +48,8 @@ class StarHistory:
         self.stopped = np.zeros(n, bool)
         self.empty = np.zeros(n, np.int64)
         self.hours = np.zeros(len(HOURS))
-        # What candidates wait for: planets to be seen again, false alarms to be refuted, and how the last was seen.
         self.listed = self.planets.known != NEW
+        # What candidates wait for: planets to be seen again, false alarms to be refuted, and how the last was seen.
         self.confirmed = np.zeros(len(self.planets), bool)
         self.doubts, self.checks, self.option = np.zeros((3, n), np.int64)
         self.shown_day = np.zeros(n)

@@ -1,4 +1,9 @@
-"""Visits for the orbits of planets that a survey has found: in which slots, and for which planets."""
+"""Visits for the orbits of planets that a survey has found: in which slots, for which planets, and what they are worth.
+
+What makes orbits known is above all to look again at stars that have shown a planet: visits in the first slots that are
+likely to show it make as many of them known as visits in the best ones, and take a quarter more time for it (two
+strategies, 2500 universes each).
+"""
 
 from __future__ import annotations
 

@@ -120,7 +120,8 @@ class AlarmRule(FrozenModel):
     motion and parallax make 0.65 arcsec a year. A visit of its own waits for a slot in whose roll the place where the
     candidate was seen, of a known planet where its orbit has it by then, lies in the dark hole; false alarms have no
     place here, and are looked at in the first slot. A planet that is not seen again is looked at ``attempts`` times in
-    all, and still counts as found. A known planet whose published orbit gives its place needs no second look.
+    all, and still counts as found. A known planet whose published orbit gives its place needs no second look, and with
+    ``orbit.visits`` no known planet does: the next position that its orbit asks for is one.
 
     Where ``check`` is not given, it is on with follow-up or visits for orbits and a detection of one visit, and off
     else.
