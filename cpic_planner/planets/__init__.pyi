@@ -21,8 +21,10 @@ from cpic_planner.planets.motion import (
 from cpic_planner.planets.orbit_errors import (
     FLOOR_MAS as FLOOR_MAS,
     STAR_MASS_ERROR as STAR_MASS_ERROR,
+    OrbitInformation as OrbitInformation,
     OrbitQuality as OrbitQuality,
     astrometric_error_arcsec as astrometric_error_arcsec,
+    orbit_information as orbit_information,
     orbit_quality as orbit_quality,
 )
 from cpic_planner.planets.orbit_search import (
@@ -39,4 +41,8 @@ from cpic_planner.planets.population import (
 from cpic_planner.planets.population_config import (
     PopulationConfig as PopulationConfig,
     load_population as load_population,
+)
+from cpic_planner.planets.published_orbits import (
+    PublishedOrbit as PublishedOrbit,
+    published_orbit as published_orbit,
 )

@@ -6,12 +6,12 @@ tan(i/2) sin Omega``, ``q = tan(i/2) cos Omega``, the mean longitude in the midd
 which with the axis makes the period. Retrograde orbits are described on a mirrored sky, where they are prograde.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from catalogs import orbit_places
-from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_finite
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, check_finite
 from cpic_planner.planets.motion import aperture_track, in_range
 from cpic_planner.planets.population import OrbitingPlanets
 
@@ -103,6 +103,77 @@ def astrometric_error_arcsec(
     return np.asarray(np.hypot(width / (light * np.sqrt(aperture_track().roughness)), 1e-3 * floor))
 
 
+@dataclass(frozen=True, eq=False)
+class OrbitInformation:
+    """What positions say of orbits as Fisher matrices, which add; made by `orbit_information`.
+
+    Attributes
+    ----------
+    elements : ndarray, shape (n, 7)
+        Regular elements (see the module) with the mean longitude of ``day``.
+    day : ndarray, shape (n,)
+        Middle of the arc, after the epoch of the orbits.
+    distance_pc : ndarray, shape (n,)
+    matrix : ndarray, shape (n, 7, 7)
+        Fisher information of the elements.
+    """
+
+    elements: FloatArray
+    day: FloatArray
+    distance_pc: FloatArray
+    matrix: FloatArray
+
+    def slopes(self, days: FloatArray) -> FloatArray:
+        """Return derivatives of east and north by the elements on days after the epoch, (n, t), arcsec: (n, 2, t, 7).
+
+        Parameters
+        ----------
+        days : ndarray, shape (n, t)
+        """
+        return _slopes(self.elements, days - self.day[:, None]) / self.distance_pc[:, None, None, None]
+
+
+def orbit_information(
+    planets: OrbitingPlanets,
+    period_days: FloatArray,
+    distance_pc: ArrayLike,
+    days: FloatArray,
+    error_arcsec: FloatArray,
+    *,
+    star_mass_error: float = STAR_MASS_ERROR,
+    published: FloatArray | None = None,
+) -> OrbitInformation:
+    """Return what astrometry at some epochs, and what was known before, say of orbits.
+
+    Parameters
+    ----------
+    planets, period_days, distance_pc, days, error_arcsec, star_mass_error, published
+        As of `orbit_quality`.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
+    """
+    (distance,) = in_range(distance_pc=distance_pc)
+    for key, value, unit in (("period_days", period_days, "d"), ("error_arcsec", error_arcsec, "arcsec")):
+        if np.any(bad := ~(value > 0.0)):
+            raise InputError(key, float(value[bad].flat[0]), unit=unit, allowed="above 0")
+    if not star_mass_error > 0.0:
+        raise InputError("star_mass_error", star_mass_error, allowed="above 0")
+    weight = error_arcsec**-2.0
+    used = weight > 0.0
+    middle = 0.5 * np.sum(_ends(days, used), axis=0)
+    elements = regular_elements(planets, period_days, middle)
+    prior = np.broadcast_to(np.diag(np.array([*_WIDTHS, star_mass_error]) ** -2.0), (len(middle), 7, 7)).copy()
+    if published is not None:
+        told = np.isfinite(published).all(axis=(1, 2))
+        prior[told] = np.linalg.inv(_moved(published[told], period_days[told], middle[told]))
+    nothing = OrbitInformation(elements, middle, np.broadcast_to(distance, middle.shape), prior)
+    slopes = nothing.slopes(np.where(used, days, middle[:, None]))
+    return replace(nothing, matrix=prior + np.einsum("nctj,nt,nctk->njk", slopes, weight, slopes))
+
+
 def orbit_quality(
     planets: OrbitingPlanets,
     period_days: FloatArray,
@@ -112,6 +183,7 @@ def orbit_quality(
     later_day: FloatArray,
     *,
     star_mass_error: float = STAR_MASS_ERROR,
+    published: FloatArray | None = None,
 ) -> OrbitQuality:
     """Return how well astrometry at some epochs determines orbits.
 
@@ -131,6 +203,9 @@ def orbit_quality(
         When the planet is to be found again.
     star_mass_error : float, optional
         Relative error of the mass of the star, above 0.
+    published : ndarray, shape (n, 7, 7), optional
+        Covariance of the regular elements at the epoch of the orbits of planets that were known before
+        (`cpic_planner.planets.published_orbits`); nan for the others.
 
     Returns
     -------
@@ -144,39 +219,27 @@ def orbit_quality(
     Notes
     -----
     The covariance is ``(J^T W J + P)^-1`` with ``J`` the derivatives of the positions by the elements, ``W`` one over
-    the squared errors, and ``P`` what is known without astrometry: mass of the star, and a wide normal law of the
-    others, so that two epochs, four numbers for seven elements, have errors too. Its widths are those of the shipped
-    giant planets: a factor of 2 in the axis, an rms eccentricity of 0.33 (Kipping 2013, MNRAS 434, L51), poles that
-    point anywhere, and any place on the orbit. It is the least covariance of a fit (Cramer & Rao), reached where
-    positions are linear in the elements over their errors. Fits of simulated campaigns (the long proof beside the tests
-    of this module: 3 stars, 200 campaigns a row) say where. Four or six epochs over 0.4 periods or more: 68 % of the
-    errors of every element lie within 0.8 to 1.15 of these; of four epochs about one orbit in a hundred is off by five
-    of them, where a rounder orbit fits as well. The place in the next window: within 0.9 to 1.1 of it after three
-    epochs over 0.1 to 0.4 periods, and up to a fifth better known than said here after two, or over a shorter arc.
+    the squared errors, and ``P`` what is known without astrometry: that of the published orbit, or the mass of the star
+    and a wide normal law of the others, so that two epochs, four numbers for seven elements, have errors too. Its
+    widths are those of the shipped giant planets: a factor of 2 in the axis, an rms eccentricity of 0.33 (Kipping 2013,
+    MNRAS 434, L51), poles that point anywhere, and any place on the orbit. It is the least covariance of a fit (Cramer
+    & Rao), reached where positions are linear in the elements over their errors. Fits of simulated campaigns (the long
+    proof beside the tests of this module: 3 stars, 200 campaigns a row) say where. Four or six epochs over 0.4 periods
+    or more: 68 % of the errors of every element lie within 0.8 to 1.15 of these; of four epochs about one orbit in a
+    hundred is off by five of them, where a rounder orbit fits as well. The place in the next window: within 0.9 to 1.1
+    of it after three epochs over 0.1 to 0.4 periods, and up to a fifth better known than said here after two, or over a
+    shorter arc.
     Which of several periods is right, where a planet may have gone round between epochs, is not in it.
     """
-    (distance,) = in_range(distance_pc=distance_pc)
-    for key, value, unit in (("period_days", period_days, "d"), ("error_arcsec", error_arcsec, "arcsec")):
-        if np.any(bad := ~(value > 0.0)):
-            raise InputError(key, float(value[bad].flat[0]), unit=unit, allowed="above 0")
-    if not star_mass_error > 0.0:
-        raise InputError("star_mass_error", star_mass_error, allowed="above 0")
-    weight = error_arcsec**-2.0
-    used = weight > 0.0
-    some = used.any(axis=1)
-    first = np.where(some, np.where(used, days, np.inf).min(axis=1, initial=np.inf), 0.0)
-    last = np.where(some, np.where(used, days, -np.inf).max(axis=1, initial=-np.inf), 0.0)
-    middle = 0.5 * (first + last)
-    elements = regular_elements(planets, period_days, middle)
-    # Derivatives of east and north at the epochs and at the later date, arcsec.
-    epochs = np.concatenate([np.where(used, days, middle[:, None]), later_day[:, None]], axis=1) - middle[:, None]
-    slopes = _slopes(elements, epochs) / np.broadcast_to(distance, middle.shape)[:, None, None, None]
-    prior = np.array([*_WIDTHS, star_mass_error]) ** -2.0
-    information = np.einsum("nctj,nt,nctk->njk", slopes[:, :, :-1], weight, slopes[:, :, :-1]) + np.diag(prior)
-    covariance = np.linalg.inv(information)
-    _, h, k, p, q, _, _ = elements.T
+    known = orbit_information(
+        planets, period_days, distance_pc, days, error_arcsec, star_mass_error=star_mass_error, published=published
+    )
+    used = error_arcsec < np.inf
+    first, last = _ends(days, used)
+    covariance = np.asarray(np.linalg.inv(known.matrix), np.float64)
+    _, h, k, p, q, _, _ = known.elements.T
     tangent = np.hypot(p, q)
-    squared = np.einsum("ncj,njk,nck->n", slopes[:, :, -1], covariance, slopes[:, :, -1])
+    ahead = known.slopes(later_day[:, None])[:, :, 0]
     return OrbitQuality(
         epochs=np.count_nonzero(used, axis=1),
         arc_periods=(last - first) / period_days,
@@ -184,9 +247,24 @@ def orbit_quality(
         period_error=_along(covariance, (0, 6), 1.5, -0.5),
         eccentricity_error=_along(covariance, (1, 2), *_unit(h, k)),
         inclination_error_deg=np.rad2deg(_along(covariance, (3, 4), *_unit(p, q)) * 2.0 / (1.0 + tangent**2)),
-        place_error_arcsec=np.sqrt(squared),
+        place_error_arcsec=np.sqrt(np.einsum("ncj,njk,nck->n", ahead, covariance, ahead)),
         covariance=covariance,
     )
+
+
+def _ends(days: FloatArray, used: BoolArray) -> FloatArray:
+    """First and last of the epochs that are used, 0 where none is, shape (2, n)."""
+    first = np.where(used, days, np.inf).min(axis=1, initial=np.inf)
+    last = np.where(used, days, -np.inf).max(axis=1, initial=-np.inf)
+    return np.where(used.any(axis=1), [first, last], 0.0)
+
+
+def _moved(covariance: FloatArray, period_days: FloatArray, days: FloatArray) -> FloatArray:
+    """Covariance of the elements with the mean longitude some days later, ``ln P = 1.5 ln a - 0.5 ln M``."""
+    turned = 2.0 * np.pi * days / period_days
+    moves = np.broadcast_to(np.eye(7), covariance.shape).copy()
+    moves[:, 5, 0], moves[:, 5, 6] = -1.5 * turned, 0.5 * turned
+    return np.asarray(moves @ covariance @ moves.transpose(0, 2, 1))
 
 
 def regular_elements(planets: OrbitingPlanets, period_days: FloatArray, day: FloatArray) -> FloatArray:

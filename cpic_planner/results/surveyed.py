@@ -43,7 +43,9 @@ class ScheduleRecord(Result):
     visits: int = Field(description="planned within the budget")
     reserve_visits: int = Field(description="planned for time that stop rules free")
     hours: float = Field(description="telescope time of the visits within the budget")
-    value: float = Field(description="what they are worth on the planets of planning")
+    value: float = Field(
+        description="what they are worth on the planets of planning, orbits included where they have a value"
+    )
     bound: float = Field(description="what no schedule can pass")
     distance: float = Field(description="1 - value / bound")
 
@@ -77,8 +79,8 @@ class SurveyTarget(Row):
         "the same with planets that are excluded, in the same visits", label="new planets, nothing excluded"
     )
     known_seen: float = column(label="known planets")
-    orbits_known: float = column("planets whose orbit is known from the images alone, mean over universes")
-    orbit_epochs: float | None = optional("positions of a planet that is shown at least twice, median; null: none is")
+    orbits_known: float = column("planets found whose orbit is known, mean over universes")
+    orbit_epochs: float | None = optional("positions of a planet that has enough for an orbit, median; null: none has")
     orbit_arc_periods: float | None = optional("their arc in periods of the planet, median")
     orbit_axis_error: float | None = optional("relative error of the semi-major axis, median")
     orbit_place_error_lambda_d: float | None = optional("error of the place in the star's next window, median")
@@ -235,7 +237,7 @@ class StrategyOutcome(Row):
     stars_with_planet: EstimateRecord
     characterised_planets: EstimateRecord
     orbits_known: EstimateRecord = Field(
-        description="planets found whose semi-major axis and next place are known well enough from the images alone"
+        description="planets found whose semi-major axis and next place are known well enough"
     )
     confirmed_planets: EstimateRecord = Field(
         description="planets found where a published orbit has them, or seen again in another visit"

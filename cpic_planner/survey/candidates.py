@@ -14,6 +14,7 @@ from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
+from cpic_planner.survey.orbit_visits import orbit_chance
 from cpic_planner.survey.planning import N_DRAWS, N_KNOWN, Host, Looks, PlanningSky, albedos_of, dust_of
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
 from cpic_planner.survey.universe import NEW, PlanetSample, allowed_probability, at_known_place, occurrence
@@ -46,6 +47,9 @@ class Candidate:
         When a visit in each slot takes place, after the start.
     known : ndarray of int, shape (m,)
         Row of each planet in the table of known planets; ``NEW`` for those of the population.
+    orbits : int
+        How many of the planets, the last ones, stand for orbits of the others
+        (`cpic_planner.survey.orbit_visits.orbit_chance`).
     """
 
     index: int
@@ -57,6 +61,15 @@ class Candidate:
     visits_left: int
     day: FloatArray
     known: IntArray
+    orbits: int = 0
+
+    @property
+    def detections(self) -> "Candidate":
+        """The star with what detections alone are worth."""
+        if not self.orbits:
+            return self
+        own = slice(0, len(self.weight) - self.orbits)
+        return replace(self, chance=self.chance[:, :, own], weight=self.weight[own], known=self.known[own], orbits=0)
 
     @property
     def worth(self) -> float:
@@ -285,9 +298,41 @@ def candidates(
                 day=calendar.day[place],
                 known=planets.known[shown.seen][counts],
             )
+            if strategy.orbit.value > 0.0:
+                chosen = planets.select(shown.seen[counts])
+                candidate = _with_orbits(strategy, model, host, candidate, chosen, calendar, place, sky)
             found.append(candidate)
     found.sort(key=lambda item: (_class(strategy, item), -item.worth, item.index))
     return found[: strategy.targets.max_targets]
+
+
+def _with_orbits(
+    strategy: SurveyStrategy,
+    model: EtcModel,
+    host: Host,
+    item: Candidate,
+    planets: PlanetSample,
+    calendar: Calendar,
+    place: int,
+    sky: PlanningSky,
+) -> Candidate:
+    """The star with what the orbits of its planets are worth: each once more, in slots early enough for its orbit."""
+    albedos = albedos_of(host.population)
+    zodis = dust_of(strategy, planets, sky.seed, str(host.star.name[0]), "planning")
+    about = strategy, model, host.star, calendar, place
+    early = [
+        orbit_chance(*about, option, chance, planets, host.known, albedos=albedos, zodis=zodis)
+        for option, chance in zip(item.options, item.chance, strict=True)
+    ]
+    chance = np.stack(early)
+    some = (chance > 0.0).any(axis=(0, 1))
+    return replace(
+        item,
+        chance=np.concatenate([item.chance, chance[:, :, some]], axis=2),
+        weight=np.concatenate([item.weight, strategy.orbit.value * item.weight[some]]),
+        known=np.concatenate([item.known, item.known[some]]),
+        orbits=int(some.sum()),
+    )
 
 
 def _left(

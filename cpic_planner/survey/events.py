@@ -42,13 +42,13 @@ class UniverseRow(Row):
     known_planets: int = column("known planets seen")
     stars_with_planet: int = column("stars with a planet found")
     characterised_planets: int = column("planets found and seen in every band of the follow-up")
-    orbits_known: int = column("planets found whose orbit is known from the images of the survey alone")
+    orbits_known: int = column("planets found whose orbit is known, what is published and logged included")
     confirmed_planets: int = column("planets found where a published orbit has them, or seen again in another visit")
     noise_alarms: int = column("noise taken for a planet")
     background_alarms: int = column("background stars taken for a planet")
     visits: int = column("visits made")
     search_h: float = column("telescope time of the search")
-    follow_up_h: float = column("telescope time of the follow-up, second visits of true candidates included")
+    follow_up_h: float = column("telescope time of follow-up, visits for orbits, and second visits of true candidates")
     alarm_h: float = column("telescope time of visits that only false alarms asked for")
 
 
@@ -100,13 +100,13 @@ class StarRow(Row):
 
 
 class OrbitRow(Row):
-    """The orbit of one planet that a strategy finds and shows at least twice in one universe; errors are 1 sigma."""
+    """The orbit of one planet that a strategy finds in one universe, with enough positions; errors are 1 sigma."""
 
     strategy: str = column("name of the strategy")
     universe: int = column("number of the universe")
     star: str = column("name in the catalogue")
     planet: int = column("number of the planet around its star, known ones first")
-    epochs: int = column("positions: visits of search and follow-up that show it")
+    epochs: int = column("positions: visits of search, follow-up and the observation log that show it")
     arc_periods: float = column("from the first position to the last, in periods of the planet")
     axis_error: float = column("of the semi-major axis, relative")
     period_error: float = column("relative")

@@ -1,6 +1,6 @@
 """What is to be scheduled, what visits of a star are worth, and the calendar that is made of them.
 
-Visits are worth the detections expected of the planets drawn for planning.
+Visits are worth the detections expected of the planets drawn for planning, and what a strategy gives for their orbits.
 """
 
 import math
@@ -267,7 +267,7 @@ def visit_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[VisitO
     strategy, found = problem.strategy, []
     states: dict[int, FloatArray] = {}
     for visit in visits:
-        star = problem.stars[visit.star]
+        star = problem.stars[visit.star].detections
         counts = states.setdefault(visit.star, np.eye(problem.needed, 1) * np.ones(len(star.weight)))
         chance = star.chance[visit.option, visit.slot]
         new = star.known == NEW

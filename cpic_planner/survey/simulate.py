@@ -17,18 +17,17 @@ from cpic_planner.survey.detection import (
     Setting,
     detection_chance,
     expected_signals,
-    on_detector,
     reach_au,
 )
 from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.history import StarHistory
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
-from cpic_planner.survey.orbits import Epoch, found_orbits
+from cpic_planner.survey.orbit_visits import due
+from cpic_planner.survey.orbits import Epoch, PublishedOrbits, found_orbits, logged_epochs
 from cpic_planner.survey.planning import albedos_of, dust_of
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import (
-    NEW,
     PlanetSample,
     allowed_probability,
     at_known_place,
@@ -107,10 +106,10 @@ def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyT
 
     Notes
     -----
-    Slot after slot, second looks at candidates and follow-up come first, then the planned visits in their order, then
-    reserve ones as far as they take nothing from planned ones to come. A visit is made where star and survey have not
-    stopped and slot and budget hold it. Whether it detects a planet was decided by the numbers of that star, block and
-    visit, so that another strategy that makes the same visit sees the same.
+    Slot after slot, second looks at candidates, follow-up and visits for orbits come first, then the planned visits in
+    their order, then reserve ones as far as they take nothing from planned ones to come. A visit is made where star and
+    survey have not stopped and slot and budget hold it. Whether it detects a planet was decided by the numbers of that
+    star, block and visit, so that another strategy that makes the same visit sees the same.
     """
     run = _played(survey, block, n, seed)
     return run.log.outcome(survey, run.stars, run.clock, block)
@@ -139,14 +138,17 @@ def _played(survey: Survey, block: int, n: int, seed: int) -> "_Simulation":
     by_slot: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
         by_slot.setdefault(visit.slot, []).append((k, visit))
-    checks, follows = survey.strategy.checks_candidates, survey.strategy.follow_up.wanted
-    for slot in range(survey.calendar.n_slots) if checks or follows else sorted(by_slot):
-        run.clock.slot[:] = survey.strategy.slot_share * survey.calendar.slot_h[slot]
+    strategy = survey.strategy
+    checks, follows, orbits = strategy.checks_candidates, strategy.follow_up.wanted, strategy.orbit.visits > 0
+    for slot in range(survey.calendar.n_slots) if checks or follows or orbits else sorted(by_slot):
+        run.clock.slot[:] = strategy.slot_share * survey.calendar.slot_h[slot]
         for i, star in run.stars.items():
             if checks:
                 run.check(i, star, slot)
             if follows and star.found.any():
                 run.follow(i, star, slot)
+            if orbits:
+                run.determine(i, star, slot)
         for k, visit in by_slot.get(slot, ()):
             run.search(k, visit)
     return run
@@ -158,13 +160,9 @@ class _Simulation:
     def __init__(self, survey: Survey, block: int, n: int, seed: int) -> None:
         from scipy.special import ndtri
 
-        self.survey = survey
-        self.block = block
-        self.n = n
-        self.seed = seed
-        rule = survey.strategy.detection
+        self.survey, self.block, self.n, self.seed = survey, block, n, seed
         # Calibration of each universe, and the shift of its detection law in standard errors.
-        drawn = ndtri(chance(seed, "calibration", block, shape=(2, n)))
+        rule, drawn = survey.strategy.detection, ndtri(chance(seed, "calibration", block, shape=(2, n)))
         self.calibration = np.maximum(rule.calibration + rule.calibration_error * drawn[0], 0.0)
         self.shift = drawn[1]
         by_star: dict[int, list[tuple[int, PlannedVisit]]] = {}
@@ -207,9 +205,10 @@ class _Simulation:
         left_h = sum(visit.cost_h for _, visit in visits if not visit.reserve)
         last = max((visit.slot for _, visit in visits if not visit.reserve), default=-1)
         star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h, last_slot=last)
-        placed = at_known_place(planets, survey.known)
-        star.confirmed |= placed
+        star.confirmed |= (placed := at_known_place(planets, survey.known))
+        star.published = PublishedOrbits(survey.known, epoch_mjd, mass_msun)
         dust = self._dust(i, planets)
+        star.epochs += logged_epochs(survey, i, planets, allowed, self.albedos, dust)
         zodis = np.full(len(planets), survey.model.instrument.sky.exozodi_zodis) if dust is None else dust
         for option in sorted({visit.option for _, visit in visits}):
             own = [(k, visit) for k, visit in visits if visit.option == option]
@@ -248,11 +247,8 @@ class _Simulation:
 
     def search(self, k: int, visit: PlannedVisit) -> None:
         """One planned visit in all universes."""
-        star = self.stars[visit.star]
-        clock = self.clock
-        strategy = self.survey.strategy
-        cost = visit.cost_h
-        stop = strategy.stop
+        star, clock, strategy = self.stars[visit.star], self.clock, self.survey.strategy
+        cost, stop = visit.cost_h, strategy.stop
         wanted = ~star.stopped
         if stop.after_planets is not None:
             wanted &= self.planets_found < stop.after_planets
@@ -273,6 +269,7 @@ class _Simulation:
         star.confirmed |= hit & star.found
         new = hit & (star.counts >= strategy.detection.visits_needed) & ~star.found
         star.found |= new
+        star.way[new] = visit.option
         if new.any():
             self.log.detections(star.planets, new, visit, star.seen[k], day, clock.used)
             star.place[:, new] = [star.seen[k][name][new] for name in ("separation_arcsec", "pa_deg")]
@@ -309,7 +306,7 @@ class _Simulation:
     def check(self, i: int, star: StarHistory, slot: int) -> None:
         """Second look at the candidates of a star in one slot, unless a planned search visit is still to come."""
         survey, clock, rule = self.survey, self.clock, self.survey.strategy.alarms
-        true = star.found & ~star.confirmed
+        true = star.found & ~star.confirmed & ~(star.listed & (survey.strategy.orbit.visits > 0))
         wanted = (star.universes_of(true) | (star.doubts > 0)) & (star.checks < rule.attempts)
         wanted &= star.stopped | (slot > star.last_slot)
         wanted &= survey.calendar.day[i, slot] >= star.shown_day + rule.gap_days
@@ -319,7 +316,7 @@ class _Simulation:
             go = wanted & (star.option == option) & clock.affords(cost)
             if not go.any():
                 continue
-            looked = star.universes_of(true & self._inside(i, star, setting.band, slot)) & go
+            looked = star.universes_of(true & star.inside(survey, i, setting.band, slot)) & go
             false = go & ~star.universes_of(true)
             self._spend(star, looked, cost, clock.follow)
             self._spend(star, false, cost, clock.alarm)
@@ -329,22 +326,33 @@ class _Simulation:
             odds, snr = self._ahead(i, star, mine, setting, slot)
             shows = self._luck(i, star, mine, f"check {slot}") < odds
             star.confirmed[mine[shows]] = True
-            star.epochs.append(self._epoch(i, star, slot, setting.band, mine, snr, shows))
+            star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
 
-    def _inside(self, i: int, star: StarHistory, band: str, slot: int) -> BoolArray:
-        """Planets of a star that a team expects in the dark hole: known ones by their orbit, others where they were."""
-        survey, planets = self.survey, star.planets
-        now = planets.places(survey.calendar.day[i, [slot]])
-        here = np.hypot(now.east_au, now.north_au)[0] / float(survey.targets.distance_pc[i])
-        by_orbit = here, np.rad2deg(np.arctan2(now.east_au, now.north_au))[0]
-        separation, pa_deg = np.where(planets.known != NEW, by_orbit, star.place)
-        roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
-        return on_detector(survey.model, band, separation, pa_deg - roll)[2]
+    def determine(self, i: int, star: StarHistory, slot: int) -> None:
+        """Visits of one star in one slot for the orbits of its planets, once they are confirmed."""
+        survey, clock = self.survey, self.clock
+        ready = star.found & (star.confirmed | (not survey.strategy.checks_candidates) | star.listed)
+        for option in np.unique(star.way[ready]).tolist():
+            setting, mine = survey.options[i][option], np.flatnonzero(ready & (star.way == option))
+            if not np.isfinite(cost := self._cost_h(i, setting, slot)):
+                continue
+            self._ahead(i, star, mine, setting, slot)
+            wanted = due(survey, i, star, mine, setting, slot, star.ahead[setting])
+            go = star.universes_of(wanted) & clock.affords(cost)
+            star.chosen_by[wanted[~go[star.planets.universe[wanted]]]] = -1  # the slot has passed: chosen anew
+            if not (seen := np.flatnonzero(star.found & go[star.planets.universe])).size:
+                continue
+            self._spend(star, go, cost, clock.follow)
+            odds, snr = self._ahead(i, star, seen, setting, slot)
+            shows = self._luck(i, star, seen, f"orbit {slot}") < odds
+            star.confirmed[seen[shows]] = True
+            star.orbit_visits[go], star.orbit_day[go] = star.orbit_visits[go] + 1, survey.calendar.day[i, slot]
+            star.show(survey.calendar.day[i, slot], setting.band, seen, snr, shows)
 
     def _cost_h(self, i: int, setting: Setting, slot: int) -> float:
         """Telescope time of one more visit of a star; infinite where it is not possible."""
-        survey = self.survey
-        return float(survey.calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)[slot])
+        calendar, settlings = self.survey.calendar, self.survey.strategy.visit.settlings
+        return float(calendar.cost_h(self.survey.model, i, setting, settlings)[slot])
 
     def _ahead(self, i: int, star: StarHistory, some: IntArray, setting: Setting, slot: int) -> FloatArray:
         """Odds and SNR in a slot of planets at their known place, shape ``(2, len(some))``.
@@ -364,8 +372,8 @@ class _Simulation:
 
     def _luck(self, i: int, star: StarHistory, some: IntArray, visit: str) -> FloatArray:
         """Uniform numbers of some planets of a star in a visit of that name."""
-        name = str(self.survey.targets.name[i])
-        return uniform_draws(star.planets.select(some), self.seed, name, self.block, visit, self.n)
+        name, mine = str(self.survey.targets.name[i]), star.planets.select(some)
+        return uniform_draws(mine, self.seed, name, self.block, visit, self.n)
 
     def follow(self, i: int, star: StarHistory, slot: int) -> None:
         """Follow-up of one star in one slot: every band that a found planet still lacks, once it is confirmed."""
@@ -389,12 +397,4 @@ class _Simulation:
             shows = made & (self._luck(i, star, mine, f"follow {setting.band} {slot}") < odds)
             enough = shows if rule.snr is None else made & (star.reached[f, mine] >= rule.snr)
             star.shown[f, mine[enough]] = True
-            star.epochs.append(self._epoch(i, star, slot, setting.band, mine, snr, shows))
-
-    def _epoch(
-        self, i: int, star: StarHistory, slot: int, band: str, some: IntArray, snr: FloatArray, shows: BoolArray
-    ) -> Epoch:
-        """Positions of some planets of a star in a slot, where a visit shows them."""
-        light, shown = np.zeros(len(star.planets)), np.zeros(len(star.planets), bool)
-        light[some], shown[some] = snr, shows
-        return Epoch(float(self.survey.calendar.day[i, slot]), band, light, shown)
+            star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)

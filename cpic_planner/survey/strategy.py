@@ -120,9 +120,11 @@ class AlarmRule(FrozenModel):
     motion and parallax make 0.65 arcsec a year. A visit of its own waits for a slot in whose roll the place where the
     candidate was seen, of a known planet where its orbit has it by then, lies in the dark hole; false alarms have no
     place here, and are looked at in the first slot. A planet that is not seen again is looked at ``attempts`` times in
-    all, and still counts as found. A known planet whose published orbit gives its place needs no second look.
+    all, and still counts as found. A known planet whose published orbit gives its place needs no second look, and with
+    ``orbit.visits`` no known planet does: the next position that its orbit asks for is one.
 
-    Where ``check`` is not given, it is on with follow-up and a detection of one visit, and off else.
+    Where ``check`` is not given, it is on with follow-up or visits for orbits and a detection of one visit, and off
+    else.
     """
 
     check: bool | None = None
@@ -234,18 +236,38 @@ class StopRule(FrozenModel):
 
 
 class OrbitRule(FrozenModel):
-    """When the orbit of a planet that a survey finds counts as known, from its own images alone.
+    """When the orbit of a planet that a survey finds counts as known, and how many visits it is worth.
 
     The relative error of the semi-major axis is at most ``axis_error``, and the planet will stand within
     ``place_error_lambda_d`` (rms, in lambda/D of the last band that showed it) of its predicted place in the next
-    window of its star. An arc of a period or longer needs four positions besides. ``floor_mas`` is the error of a
-    position, on each axis, that no light removes; ``star_mass_error`` the relative error of the star's mass.
+    window of its star. At least two positions are needed, or one of a planet whose published orbit has its node and
+    inclination; an arc of a period or longer needs four, unless a published period tells how often the planet has gone
+    round (to 0.1 periods). ``floor_mas`` is the error of a position, on each axis, that no light removes;
+    ``star_mass_error`` the relative error of the star's mass. Positions are those of the survey's own images and of its
+    observation log; a known planet begins with what is published of its orbit.
+
+    ``visits`` is the most visits of one star that the survey adds for the orbits of the planets found there; with 0, as
+    by default, none. They are made with the frames that found the planet, in the slots in which positions are expected
+    to determine the orbit best, the fewest that are expected to make it known
+    (`cpic_planner.survey.orbit_visits.best_slots`), and come before planned visits.
+
+    ``value`` is what a known orbit is worth to the scheduler beside the detection of its planet, in units of that: a
+    visit counts so much more for each planet that it is likely to detect early enough for its orbit, by the positions
+    of visits to come (`cpic_planner.survey.orbit_visits.orbit_chance`). With 0 schedules are made for detections alone.
     """
 
     axis_error: Annotated[Real, Field(gt=0, le=10)] = 0.2
     place_error_lambda_d: Annotated[Real, Field(gt=0, le=100)] = 0.3
     floor_mas: Annotated[Real, Field(ge=0, le=1000)] = FLOOR_MAS
     star_mass_error: Annotated[Real, Field(gt=0, le=10)] = STAR_MASS_ERROR
+    visits: Annotated[int, Field(ge=0, le=1000)] = 0
+    value: Annotated[Real, Field(ge=0, le=1e6)] = 0.0
+
+    @model_validator(mode="after")
+    def _made(self) -> "OrbitRule":
+        if self.value > 0.0 and not self.visits:
+            raise InputError("orbit.value", self.value, allowed="0 without orbit.visits: nothing would follow")
+        return self
 
 
 class SchedulerRule(FrozenModel):
@@ -327,7 +349,7 @@ class SurveyStrategy(FrozenModel):
     def checks_candidates(self) -> bool:
         """Whether a candidate of one visit is looked at again."""
         if self.alarms.check is None:
-            return self.follow_up.wanted and self.detection.visits_needed == 1
+            return (self.follow_up.wanted or self.orbit.visits > 0) and self.detection.visits_needed == 1
         return self.alarms.check
 
     @model_validator(mode="after")

@@ -34,7 +34,7 @@ NOT_MODELLED = (
     "planets of one star are independent of each other; beside known planets and companion stars they are left out "
     "where no orbit would last",
     "companions stay where they stand at the date of the positions, the survey's begin by default",
-    "second looks and follow-up are not searched for further planets of the star",
+    "second looks, follow-up and visits for orbits are not searched for further planets of the star",
     "background stars are new ones in every visit: one that was told apart from a planet is not remembered",
     "chance of one visit is independent of that of another at the same place of the hole",
     "weather of space: no safe modes, no losses but those of the calendar",

@@ -6,10 +6,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cpic_planner.planets import astrometric_error_arcsec, orbit_quality
-from cpic_planner.survey.orbits import Epoch, found_orbits
+import cpic_planner.survey.simulate as module
+from cpic_planner.planets import (
+    STAR_MASS_ERROR,
+    PublishedOrbit,
+    astrometric_error_arcsec,
+    orbit_quality,
+    published_orbit,
+)
+from cpic_planner.survey.calendar import sun_position_angle_deg
+from cpic_planner.survey.detection import detection_chance, expected_signals
+from cpic_planner.survey.observed import ObservationLog, ObservedVisit
+from cpic_planner.survey.orbits import Epoch, found_orbits, logged_epochs
+from cpic_planner.survey.planning import albedos_of
+from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
-from cpic_planner.survey.universe import draw_planet_sample
+from cpic_planner.survey.universe import NEW, draw_planet_sample
 
 STAR = 1
 
@@ -23,7 +35,7 @@ def sample(plain):
 
 
 def history(planets, *epochs):
-    return SimpleNamespace(planets=planets, epochs=[Epoch(*parts) for parts in epochs])
+    return SimpleNamespace(planets=planets, published={}, epochs=[Epoch(*parts) for parts in epochs])
 
 
 def test_orbits_follow_from_the_visits_that_show_the_planet(plain, sample):
@@ -131,3 +143,142 @@ def test_a_star_is_left_once_an_orbit_is_known(played):
     assert (known == 0).any()
     for name in ("visits", "search_h", "new_planets", "known_planets", "orbits_known"):
         assert (orbit.universes[name] == never.universes[name])[known == 0].all()
+
+
+@pytest.fixture(scope="module")
+def host(small):
+    """eps Eri in the years in which its known planet stands in the dark hole, visited until its orbit is known."""
+    rules = {"targets": {"names": ["eps Eri"]}, "stop": {"after_detection": False, "after_orbit": True}}
+    season = {"start_utc": "2033-01-01", "duration_days": 1095, "slot_days": 30}
+    return prepare(small(rules | {"revisits": {"max_visits": 6}}, universe=season)).surveys[0]
+
+
+def known_sample(survey, n=40):
+    how = {"epoch_mjd": survey.calendar.start_mjd, "n": n, "seed": 1}
+    return draw_planet_sample("eps Eri", 0.8, 0.3, None, known=survey.known, known_rows=survey.known_rows[0], **how)
+
+
+def test_a_known_planet_begins_with_its_published_orbit(host):
+    survey, planets = host, known_sample(host)
+    (row,) = survey.known_rows[0]
+    every, distance = np.ones(len(planets), bool), float(survey.targets.distance_pc[0])
+    orbit = published_orbit(survey.known, row, epoch_mjd=survey.calendar.start_mjd, star_mass_msun=0.8)
+    star = history(planets, (400.0, "F520", 10.0 * every, every), (600.0, "F520", 10.0 * every, every))
+    star.published = {row: orbit}
+    found = found_orbits(survey, 0, star, every)
+    width = survey.model.metrics["F520"].lambda_d_arcsec
+    errors = np.full((len(planets), 2), astrometric_error_arcsec(10.0, width))
+    given = planets, planets.period_days, distance, np.array([[400.0, 600.0]] * len(planets)), errors, found.next_day
+    alone = orbit_quality(*given, published=orbit.covariance(planets, planets.period_days))
+    assert found.quality.axis_error == pytest.approx(alone.axis_error, rel=1e-9)
+    assert found.place_error_lambda_d * width == pytest.approx(alone.place_error_arcsec, rel=1e-9)
+    # Its period is published to 1 %: with the mass of the star the axis follows to 2.2 %, whatever the images say.
+    assert (found.quality.axis_error < np.hypot(2.0 * 0.0102, STAR_MASS_ERROR) / 3.0 + 1e-3).all()
+    nobody_s = replace(planets, known=np.full(len(planets), NEW))
+    blind = found_orbits(survey, 0, history(nobody_s, *star.epochs), every)
+    assert (blind.quality.axis_error > 3.0 * found.quality.axis_error).all()
+    assert found.known.sum() > blind.known.sum() == 0
+
+
+def test_one_position_is_enough_where_node_and_inclination_are_published(host):
+    """Where they are not, the orbit turned the other way passes through the same place, and goes elsewhere."""
+    (row,), planets = host.known_rows[0], known_sample(host)
+    every = np.ones(len(planets), bool)
+    fine = PublishedOrbit(np.diag([1e-3, 1e-3, 0.01, 0.01, 0.01, 0.01]) ** 2, False)
+    star = history(planets, (400.0, "F520", 50.0 * every, every))
+    star.published = {row: fine}
+    columns = dict(host.known.columns)
+    for name, value in (
+        ("node_deg", 80.0),
+        ("node_err_deg", 0.5),
+        ("inclination_deg", 130.0),
+        ("inclination_err_deg", 0.5),
+    ):
+        columns[name] = np.where(np.arange(len(host.known)) == row, value, columns[name])
+    for name in ("period_err_days", "periastron_err_days", "conjunction_err_days"):
+        columns[name] = np.where(np.arange(len(host.known)) == row, 1.0, columns[name])
+    placed = replace(host, known=replace(host.known, columns=columns))
+    assert placed.known.placed[row]
+    assert not host.known.placed[row]
+    assert found_orbits(placed, 0, star, every).known.all()
+    assert len(found_orbits(host, 0, star, every).planet) == 0
+    # The second orbit: at the same place on that day by another node, 180 days later up to two radii away.
+    planet = planets.select([0])
+    turned = replace(planet, inclination_deg=180.0 - planet.inclination_deg)
+    here, there = planet.places([400.0]), turned.places([400.0])
+    swing = np.rad2deg(np.arctan2(here.east_au, here.north_au) - np.arctan2(there.east_au, there.north_au))[0]
+    turned = replace(turned, node_deg=turned.node_deg + swing)
+    same, later = (
+        np.hypot(one.east_au - two.east_au, one.north_au - two.north_au)[0, 0] / float(host.targets.distance_pc[0])
+        for one, two in ((planet.places([day]), turned.places([day])) for day in (400.0, 580.0))
+    )
+    assert same < 1e-9
+    assert later > 0.3 * host.model.metrics["F520"].lambda_d_arcsec
+
+
+def test_a_published_period_counts_the_turns(host):
+    """Two fine positions more than a period apart: the fourth is not asked for where the period is known."""
+    (row,), planets = host.known_rows[0], known_sample(host)
+    planets = replace(planets, period_days=np.full(len(planets), 300.0), semi_major_axis_au=np.full(len(planets), 0.82))
+    every = np.ones(len(planets), bool)
+    for period_error, known in ((1e-3, True), (0.2, False)):
+        star = history(planets, *((day, "F520", 1e3 * every, every) for day in (0.0, 80.0, 640.0)))
+        star.published = {row: PublishedOrbit(np.diag([period_error, 0.01, 0.1, 0.2, 1.0, 0.1]) ** 2, False)}
+        assert (found_orbits(host, 0, star, every).known == known).all()
+
+
+def logged(survey, *visits):
+    """The survey with visits of its star that were made so many days after its start and showed so many planets."""
+    own = survey.options[0][0]
+    made = [
+        ObservedVisit("eps Eri", survey.calendar.start_mjd + day, own, 9.0, float("nan"), planets)
+        for day, planets in visits
+    ]
+    return replace(survey, log=ObservationLog(tuple(made), "test"))
+
+
+def test_positions_of_the_log_are_of_planets_that_its_visits_showed(host, change):
+    survey = logged(host, (-300.0, 1), (340.0, 0), (400.0, 1))
+    population = survey.strategy.population
+    how = {"epoch_mjd": survey.calendar.start_mjd, "n": 300, "seed": 1, "one_each": True}
+    planets = draw_planet_sample(
+        "eps Eri", 0.8, 0.3, population, known=survey.known, known_rows=survey.known_rows[0], **how
+    )
+    every, albedos = np.ones(len(planets), bool), albedos_of(population)
+    found = logged_epochs(survey, 0, planets, every, albedos, None)
+    assert [epoch.day for epoch in found] == pytest.approx([-300.0, 400.0])
+    star, rule = survey.targets.select([0]), survey.strategy.detection
+    for epoch in found:
+        visit = survey.log.visits[0 if epoch.day < 0.0 else 2]
+        roll = sun_position_angle_deg(star, np.array([[visit.mjd]]))[0]  # the log has none
+        seen = expected_signals(
+            survey.model, star, visit.setting, planets, albedos, planets.places([epoch.day]), roll, None
+        )
+        odds = detection_chance(seen, rule, np.zeros(len(planets), bool), calibration=rule.calibration)[0]
+        # What it showed of a new planet is in the log, and no planet of a universe.
+        assert epoch.shown.tolist() == ((odds >= 0.5) & (planets.known != NEW)).tolist()
+        assert epoch.snr == pytest.approx(seen.snr[0])
+    assert found[1].shown.any()
+    several = change(survey, detection={"visits_needed": 2})
+    _, both = logged_epochs(several, 0, planets, every, albedos, None)
+    assert np.bincount(planets.universe[both.shown]).max() == 1  # one planet, as the log says
+    assert (planets.known[both.shown] == NEW).any()
+    assert not logged_epochs(survey, 0, planets, ~every, albedos, None)
+
+
+def test_positions_of_the_log_count_for_orbits(host, change):
+    """One image of the known planet from before: no orbit is known worse with it, and more are known."""
+    survey = change(logged(host, (395.0, 1)), stop={"after_orbit": False})
+    run = module._played(survey, 0, 200, 1)
+    star = run.stars[0]
+    assert star.epochs[0].day == pytest.approx(395.0)
+    assert not (star.epochs[0].shown & ~star.allowed).any()
+    found = found_orbits(survey, 0, star, star.found)
+    tables = run.log.outcome(survey, run.stars, run.clock, 0)
+    assert tables.universes["orbits_known"].sum() == found.known.sum()
+    star.epochs = star.epochs[1:]
+    without = found_orbits(survey, 0, star, star.found)
+    both = np.isin(found.planet, without.planet)
+    assert set(without.planet[without.known]) < set(found.planet[found.known])
+    assert (found.quality.axis_error[both] <= without.quality.axis_error * (1.0 + 1e-9)).all()
+    assert (found.place_error_lambda_d[both] <= without.place_error_lambda_d * (1.0 + 1e-9)).all()

@@ -154,10 +154,9 @@ def test_a_known_planet_is_looked_at_where_its_orbit_has_it(plain):
     star.place[0] = 9.0  # arcsec: far outside
     answers = set()
     for slot in np.flatnonzero(survey.calendar.fraction[number] > 0):
-        found, _, _ = run._visited(
-            number, survey.options[number][0], star.planets, np.array([[slot], [slot]]), known, None
-        )
-        inside = run._inside(number, star, band, int(slot))
+        when = np.array([[slot], [slot]])
+        found, _, _ = run._visited(number, survey.options[number][0], star.planets, when, known, None)
+        inside = star.inside(survey, number, band, int(slot))
         np.testing.assert_array_equal(inside[known], found.contrast[0, known] > 0.0)
         assert not inside[~known].any()
         answers |= set(inside[known].tolist())
