@@ -22,6 +22,8 @@ _LABELS = {
     "v_mag_max": "Faintest V (mag)",
     "date_utc": "Date (UTC)",
     "set": "Change of the instrument",
+    "v_mag": "V (mag)",
+    "teff_k": "Temperature (K)",
     "known_hosts": "Only stars with known planets",
     "dwarfs_only": "Only dwarfs",
     "singles_only": "Only single stars",
@@ -44,6 +46,9 @@ _EXAMPLES = {
 _HINTS = {
     "albedo": "jupiter, saturn, uranus, neptune, or a number.",
     "target": "A star by any of its names, or a known planet, at its place and brightness of the date.",
+    "v_mag": "The star above is then only a name, and may be left out.",
+    "sp_type": "Or give a temperature.",
+    "distance_pc": "Instead of the catalogue's; 10 pc for a star of your own without one.",
     "separation_arcsec": "Projected, on the diagonal of a quadrant; several between commas. Without: the best place.",
     "separation_au": "The same in au, at the distance of the star; several between commas.",
     "contrast": "Planet-to-star ratio instead of a planet model; several between commas, as many as separations.",
@@ -117,13 +122,14 @@ class Form:
 
 ETC_GROUPS = (
     ("Who", "target date_utc", False),
+    ("A star that is in no table", "v_mag sp_type teff_k distance_pc", True),
     ("What is asked: the time for a level, or the SNR in a time", "snr detect time_s contrast_limit", False),
     ("Planet: at its best place, unless said here", "separation_arcsec contrast planet_radius_rjup albedo", False),
     ("Bands and visits", "bands visits visit_time_s library search", False),
     (
         "More: frames, instrument, orbit, reduction",
         "sigma separation_au semi_major_axis_au phase_deg exposure_s n_frames em_gain mode exozodi drift_nm instrument "
-        "set distance_pc observation_roll_deg companions reference_v_mag roll_deg known_planets candidates",
+        "set observation_roll_deg companions reference_v_mag roll_deg known_planets candidates",
         True,
     ),
 )
