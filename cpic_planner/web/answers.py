@@ -128,7 +128,7 @@ def etc_figure(pairs: Pairs, form: Literal["svg", "png"]) -> bytes:
     pairs : sequence of (str, str)
     form : {"svg", "png"}
     """
-    return _drawn(etc_answer(pairs).figure, form)
+    return drawn(etc_answer(pairs).figure, form)
 
 
 @functools.lru_cache(maxsize=16)
@@ -143,10 +143,17 @@ def rank_figure(pairs: Pairs, limit: int, form: Literal["svg", "png"]) -> bytes:
     form : {"svg", "png"}
     """
     result = ranking(pairs)
-    return _drawn(lambda: report.rank_figure(result, limit), form)
+    return drawn(lambda: report.rank_figure(result, limit), form)
 
 
-def _drawn(figure: Callable[[], Figure], form: Literal["svg", "png"]) -> bytes:
+def drawn(figure: Callable[[], Figure], form: Literal["svg", "png"]) -> bytes:
+    """Return a figure in a form, while no other is drawn.
+
+    Parameters
+    ----------
+    figure : callable
+    form : {"svg", "png"}
+    """
     with _PENCIL, report.style():
         picture = report.save(figure(), form, alt="", caption="")
     return base64.b64decode(picture.uri.partition(",")[2])

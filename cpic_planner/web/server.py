@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from typing import Any, Literal, cast
+from urllib.parse import urlencode
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
@@ -14,12 +15,15 @@ from starlette.routing import Route
 
 from cpic_core import InputError
 from cpic_planner import report
-from cpic_planner.web import answers, forms, pages
+from cpic_planner.web import answers, forms, pages, star
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
 from cpic_planner.web.guard import FAILED, Guard, line
+from cpic_planner.web.star import STAR, View
 from cpic_planner.web.work import Busy, Workers
 
 MOST_PARAMETERS = 200
+VIEWS = (STAR,)
+"""Pages that are no question of a command."""
 _OWN = ("format", "limit")
 """Parameters of an address that are no fields of the question."""
 _SVG_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
@@ -49,7 +53,34 @@ class Site:
         for asking in (ETC, RANK):
             found.append(Route(asking.page, partial(self._asked, asking)))
             found += [Route(f"{asking.page}.{form}", partial(self._figure, asking, form)) for form in ("svg", "png")]
+        found += [Route(view.path, partial(self._viewed, view)) for view in VIEWS]
+        found += [Route(f"{star.PAGE}/{{which}}.{form}", partial(self._star, form)) for form in ("svg", "png")]
         return found
+
+    async def _viewed(self, view: View, request: Request) -> Response:
+        """Show a page that is no question of a command; without parameters its form."""
+        given = _parameters(request)
+        try:
+            pairs = view.pairs(given)
+            if any(not text for _, text in given):
+                return RedirectResponse(f"{view.path}?{urlencode(pairs)}", 303)
+            if not pairs:
+                return _page(pages.page(view.title, view.about, view.form((), None)))
+            return await self._workers.do(_view, view, pairs)
+        except InputError as error:
+            return _page(pages.page(view.title, view.about, view.form(given, error)), 400)
+
+    async def _star(self, form: Literal["svg", "png"], request: Request) -> Response:
+        """Draw a figure of a star."""
+        which = request.path_params["which"]
+        if which not in ("seasons", "planets"):
+            raise HTTPException(404)
+        try:
+            pairs = star.star_pairs(_parameters(request))
+            drawing = partial(self._workers.do, star.star_figure, pairs, which, form)
+            return await _drawing(request, answers.tag_of(f"{which}.{form}", pairs), form, drawing)
+        except InputError as error:
+            return line(str(error), 400)
 
     async def _asked(self, asking: Asking[Any], request: Request) -> Response:
         """Answer a question as a page or as data; without parameters the page of the calculator is its form."""
@@ -80,17 +111,27 @@ class Site:
             pairs = asking.canonical((name, text) for name, text in given if name not in _OWN)
             limit = min(answers.rows_of(_own(given, "limit")), report.MOST_STARS)
             tag = answers.tag_of(f"{asking.page}.{form} {limit}", pairs)
-            headers = {"ETag": tag, "Cache-Control": "private, max-age=86400", "Content-Security-Policy": _SVG_POLICY}
-            if tag in request.headers.get("if-none-match", ""):
-                return Response(status_code=304, headers=headers)
             draw: Callable[..., bytes] = answers.etc_figure
             more: tuple[Any, ...] = (form,)
             if asking is RANK:
                 draw, more = answers.rank_figure, (limit, form)
-            drawn = await self._workers.do(draw, pairs, *more)
+            return await _drawing(request, tag, form, partial(self._workers.do, draw, pairs, *more))
         except InputError as error:
             return line(str(error), 400)
-        return Response(drawn, media_type="image/svg+xml" if form == "svg" else "image/png", headers=headers)
+
+
+async def _drawing(request: Request, tag: str, form: str, draw: Callable[[], Awaitable[bytes]]) -> Response:
+    """Send a figure, unless the asker has it already."""
+    headers = {"ETag": tag, "Cache-Control": "private, max-age=86400", "Content-Security-Policy": _SVG_POLICY}
+    if tag in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    kind = "image/svg+xml" if form == "svg" else "image/png"
+    return Response(await draw(), media_type=kind, headers=headers)
+
+
+def _view(view: View, pairs: Pairs) -> Response:
+    """Make a page; this runs in a thread of its own."""
+    return _page(pages.page(view.heading(pairs), view.about, view.form(pairs, None), view.blocks(pairs)))
 
 
 def _parameters(request: Request) -> list[tuple[str, str]]:
@@ -150,7 +191,7 @@ async def _style(request: Request) -> Response:
 
 async def _missing(request: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 404
-    return line("There is no such page; /etc and /priorities are the pages.", status)
+    return line("There is no such page; /etc, /priorities and /star are the pages.", status)
 
 
 async def _busy(request: Request, error: Exception) -> Response:
