@@ -280,7 +280,7 @@ def _planets(answer: StarAnswer, pairs: Pairs) -> Iterator[report.Block]:
 def _seasons(answer: StarAnswer, pairs: Pairs) -> Iterator[report.Block]:
     yield report.Heading("When it is seen")
     yield from blocks_of(partial(report.print_visibility, answer.seasons))
-    alt = f"Time per orbit in which {report.pretty_name(answer.name)} is seen, day by day, and the angles from Sun and Moon"
+    alt = f"Time per orbit in which {report.pretty_name(answer.name)} is seen, day by day, and the angles"
     yield report.Figure(report.Picture(_address(pairs, "seasons"), alt, f"{alt}."))
 
 
