@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin
 from urllib.parse import urlencode
 
-from cpic_core import InputError
+from cpic_core import InputError, was_sent
 from cpic_planner.queries import (
     EtcQuestion,
     Option,
@@ -226,7 +226,7 @@ def _value(name: str, text: str, option: Option) -> Any:
     kind = option.kind
     if option.path[-1] == "changes":
         return _change(name, text)
-    if option.asked.names_file is not None and option.asked.names_file(text):
+    if option.asked.names_file is not None and option.asked.names_file(text) and not was_sent(text):
         raise InputError(name, "another word", allowed=_A_FILE)
     if get_origin(kind) is Literal and text not in get_args(kind):
         raise InputError(name, text, allowed=", ".join(get_args(kind)))

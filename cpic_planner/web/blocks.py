@@ -59,19 +59,3 @@ def blocks_of(tables: Callable[[Console], None]) -> list[report.Block]:
     sheet = Blocks()
     tables(cast("Console", sheet))
     return sheet.blocks
-
-
-def code_facts(commands: Sequence[str], python: Sequence[str], cited: str) -> list[report.Block]:
-    """Return the same question on the command line and in Python, and how to cite the answer.
-
-    Parameters
-    ----------
-    commands, python : sequence of str
-        Lines.
-    cited : str
-    """
-    facts: list[tuple[Any, Any]] = []
-    for name, texts in (("Command", commands), ("Python", python)):
-        if texts:
-            facts.append((name, report.lines(*map(report.code, filter(None, texts)))))
-    return [report.Heading("The same elsewhere"), report.Facts([*facts, ("To cite", cited)])]

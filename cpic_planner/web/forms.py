@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args, get_origin
 
 from cpic_core import InputError
@@ -71,7 +71,7 @@ class Field:
     name : str
         Parameter of the address.
     label, hint : str
-    kind : {"text", "choice", "tick", "ticks"}
+    kind : {"text", "choice", "tick", "ticks", "file"}
     choices : tuple of str
         Words of a choice or of several ticks.
     values : tuple of str
@@ -84,7 +84,7 @@ class Field:
     name: str
     label: str
     hint: str
-    kind: Literal["text", "choice", "tick", "ticks"]
+    kind: Literal["text", "choice", "tick", "ticks", "file"]
     choices: tuple[str, ...]
     values: tuple[str, ...]
     error: str
@@ -113,6 +113,12 @@ class Form:
     groups: tuple[Group, ...]
     button: str
     error: str = ""
+    method: Literal["get", "post"] = "get"
+
+    @property
+    def sends(self) -> bool:
+        """Whether files are sent with it."""
+        return any(field.kind == "file" for group in self.groups for field in group.fields)
 
     @property
     def wrong(self) -> tuple[Field, ...]:
@@ -174,6 +180,35 @@ def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None)
     first, *others = form.groups
     groups = (Group(first.title, (*first.fields, limit)), *others)
     return Form(form.action, groups, form.button, "" if wrong else form.error)
+
+
+_FILES = {
+    "catalog": ("Star table", "CSV, ECSV, VOTable or FITS, with name, V, distance, and spectral type or temperature."),
+    "instrument": ("Instrument", "YAML of kind: instrument, with what differs from a shipped one; its optics stay."),
+    "albedo": ("Spectrum of the planet", "Two columns: wavelength and geometric albedo."),
+    "known_planets": ("Known planets", "Table that is laid over the shipped one planet by planet."),
+}
+
+
+def own_form(form: Form) -> Form:
+    """Return a form that sends files with its question; nothing of them is kept.
+
+    Parameters
+    ----------
+    form : Form
+        That of the question without files.
+    """
+    wrong = {field.name: field.error for field in form.wrong}
+    kept = [
+        replace(group, fields=tuple(field for field in group.fields if field.name not in _FILES))
+        for group in form.groups
+    ]
+    files = tuple(
+        Field(name, label, hint, "file", (), (), wrong.get(name, ""), "") for name, (label, hint) in _FILES.items()
+    )
+    who, *others = kept
+    groups = (who, Group("Files of your own, 2 MB in all", files), *others)
+    return replace(form, groups=groups, method="post", error=form.error)
 
 
 def _form(

@@ -11,8 +11,9 @@ from cpic_planner import report
 from cpic_planner.version import __version__
 from cpic_planner.web import answers
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs, python_lines
-from cpic_planner.web.blocks import blocks_of, code_facts
+from cpic_planner.web.blocks import blocks_of
 from cpic_planner.web.forms import Form
+from cpic_planner.web.sent import Sent
 
 _NAMES = {"latex": "LaTeX", "markdown": "Markdown"}
 
@@ -24,7 +25,9 @@ def style_sheet() -> bytes:
     return "".join(environment.get_template(name).render() for name in ("plan.css", "web.css")).encode()
 
 
-def page(title: str, about: str, form: Form, blocks: Sequence[report.Block] = (), sources: Sequence[Any] = ()) -> str:
+def page(
+    title: str, about: str, form: Form, blocks: Sequence[report.Block] = (), sources: Sequence[Any] = (), own: str = ""
+) -> str:
     """Return a page.
 
     Parameters
@@ -35,35 +38,40 @@ def page(title: str, about: str, form: Form, blocks: Sequence[report.Block] = ()
         The answer; none without a question.
     sources : sequence
         Links to the same answer in other forms, as (name, address).
+    own : str
+        Address of the form that takes files; none where it is empty.
     """
     template = report.templates("cpic_planner.web", "cpic_planner.report").get_template("asked.html.j2")
-    told = {"title": title, "about_text": about, "form": form, "blocks": blocks, "sources": sources}
+    told = {"title": title, "about_text": about, "form": form, "blocks": blocks, "sources": sources, "own": own}
     return template.render(version=__version__, **told)
 
 
-def etc_blocks(pairs: Pairs) -> list[report.Block]:
+def etc_blocks(pairs: Pairs, sent: Sent | None = None) -> list[report.Block]:
     """Return the answer of the calculator to an address as blocks.
 
     Parameters
     ----------
     pairs : sequence of (str, str)
+    sent : Sent, optional
+        Files that came with it: the figure is then in the page, and there are no lines of Python.
     """
-    answer = answers.etc_answer(pairs)
+    answer = answers.etc_answer(pairs) if sent is None else answers.fresh_etc(pairs, sent)
     blocks = blocks_of(answer.print)
     question = report.question_text(answer.question)
     if any(row.budget for row in answer.result.answers):
         alt = f"SNR against wall time, contrast limit against separation, and noise budget of {answer.result.target}"
         caption = f"{alt}; asked: {question}."
-        blocks.append(report.Figure(report.Picture(ETC.address(pairs, ".svg"), alt, caption)))
+        address = ETC.address(pairs, ".svg") if sent is None else answers.picture_uri(answer.figure)
+        blocks.append(report.Figure(report.Picture(address, alt, caption)))
     if answer.question.catalog == "snapshot" and answer.question.v_mag is None:
         more = report.page_link(f"/star?{urlencode({'name': answer.result.target})}", "its page")
         blocks.append(report.Paragraph(["Seasons, known planets and priority of the star: ", more, "."]))
-    lines = python_lines(answer.question, pairs)
+    lines = python_lines(answer.question, pairs) if sent is None else ""
     catalogue = answer.result.catalogue
-    return blocks + _elsewhere(ETC.command_line(pairs), lines, answer.result.config_hash, catalogue)
+    return blocks + elsewhere(ETC.command_line(pairs), lines, answer.result.config_hash, catalogue)
 
 
-def rank_blocks(pairs: Pairs, limit: int) -> list[report.Block]:
+def rank_blocks(pairs: Pairs, limit: int, sent: Sent | None = None) -> list[report.Block]:
     """Return a ranking as blocks.
 
     Parameters
@@ -71,20 +79,35 @@ def rank_blocks(pairs: Pairs, limit: int) -> list[report.Block]:
     pairs : sequence of (str, str)
     limit : int
         Rows that are shown.
+    sent : Sent, optional
+        As of `etc_blocks`.
     """
-    result = answers.ranking(pairs)
+    result = answers.ranking(pairs) if sent is None else answers.fresh_ranking(pairs, sent)
     blocks = blocks_of(functools.partial(report.print_rank, result, limit=limit, full=False))
     if result.targets:
         alt = f"Scores of the first {min(limit, len(result.targets), report.MOST_STARS)} stars"
         address = RANK.address(pairs, ".svg", limit=str(limit))
+        if sent is not None:
+            address = answers.picture_uri(functools.partial(report.rank_figure, result, limit))
         blocks.append(report.Figure(report.Picture(address, alt, f"{alt}.")))
     command = f"{RANK.command_line(pairs)} --limit {limit}"
-    return blocks + _elsewhere(command, "", result.config_hash, result.catalogue)
+    return blocks + elsewhere(command, "", result.config_hash, result.catalogue)
 
 
-def _elsewhere(command: str, lines: str, config_hash: str, catalogue: str) -> list[report.Block]:
+def elsewhere(command: str, lines: str, config_hash: str, catalogue: str) -> list[report.Block]:
+    """Return the same question on the command line and in Python, where there are such, and how to cite the answer.
+
+    Parameters
+    ----------
+    command, lines : str
+        Empty for none.
+    config_hash, catalogue : str
+    """
     cited = f"cpic-planner {__version__}, configuration {config_hash}; {catalogue}"
-    return code_facts([command], lines.split("\n") if lines else [], cited)
+    facts: list[tuple[Any, Any]] = [("Command", report.code(command))] if command else []
+    if lines:
+        facts.append(("Python", report.lines(*map(report.code, filter(None, lines.split("\n"))))))
+    return [report.Heading("The same elsewhere"), report.Facts([*facts, ("To cite", cited)])]
 
 
 def sources_of(asking: Asking[Any], pairs: Pairs, **more: str) -> list[tuple[str, str]]:

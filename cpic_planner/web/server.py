@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Literal, cast
 from urllib.parse import urlencode
@@ -13,15 +13,17 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from cpic_core import InputError
+from cpic_core import InputError, only_sent_files
 from cpic_planner import report
 from cpic_planner.web import answers, forms, pages, star
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
-from cpic_planner.web.guard import FAILED, Guard, line
+from cpic_planner.web.guard import FAILED, HEADERS, Guard, line
+from cpic_planner.web.sent import Sent, read_sent
 from cpic_planner.web.star import STAR, View
 from cpic_planner.web.work import Busy, Workers
 
 MOST_PARAMETERS = 200
+_FORM_OF: dict[str, Callable[..., forms.Form]] = {"etc": forms.etc_form, "rank": forms.rank_form}
 VIEWS = (STAR,)
 """Pages that are no question of a command."""
 _OWN = ("format", "limit")
@@ -53,6 +55,8 @@ class Site:
         for asking in (ETC, RANK):
             found.append(Route(asking.page, partial(self._asked, asking)))
             found += [Route(f"{asking.page}.{form}", partial(self._figure, asking, form)) for form in ("svg", "png")]
+            found.append(Route(asking.page, partial(self._posted, asking), methods=["POST"]))
+            found.append(Route(f"{asking.page}/own", partial(_own_form, asking)))
         found += [Route(view.path, partial(self._viewed, view)) for view in VIEWS]
         found += [Route(f"{star.PAGE}/{{which}}.{form}", partial(self._star, form)) for form in ("svg", "png")]
         return found
@@ -96,10 +100,27 @@ class Site:
             if form in ("", "html") and any(not text for _, text in given):
                 return RedirectResponse(asking.address(pairs, **shown), 303)
             if not given and asking is ETC:
-                return _page(pages.page(_TITLE["etc"], _ABOUT["etc"], forms.etc_form(())))
+                return _page(pages.page(_TITLE["etc"], _ABOUT["etc"], forms.etc_form(()), own=f"{asking.page}/own"))
             return await self._workers.do(_answer, asking, pairs, rows, form, shown)
         except InputError as error:
             return _refused(asking, given, error, form)
+
+    async def _posted(self, asking: Asking[Any], request: Request) -> Response:
+        """Answer a question that comes with files."""
+        given: Sequence[tuple[str, str]] = ()
+        form = "" if "text/html" in request.headers.get("accept", "") else "line"
+        try:
+            sent = read_sent(request.headers.get("content-type", ""), await request.body())
+            given = [(name, text.strip()) for name, text in sent.given]
+            form = _own(given, "format")
+            _check_own(given, asking)
+            rest = [(name, text) for name, text in given if name not in _OWN]
+            pairs, rows = asking.canonical(rest), answers.rows_of(_own(given, "limit") if asking is RANK else "")
+            if form not in ("", "html", *answers.MEDIA):
+                raise InputError("format", form[:40], allowed=f"html, {', '.join(answers.MEDIA)}")
+            return await self._workers.do(_answer_sent, asking, pairs, rows, form, sent)
+        except InputError as error:
+            return _refused(asking, given, error, form, sends=True)
 
     async def _figure(self, asking: Asking[Any], form: Literal["svg", "png"], request: Request) -> Response:
         """Draw an answer, unless the asker has its figure already."""
@@ -166,23 +187,59 @@ def _answer(asking: Asking[Any], pairs: Pairs, rows: int, form: str, shown: dict
     sources = pages.sources_of(asking, pairs, **shown)
     if asking is ETC:
         title = f"{report.pretty_name(result.target)}: {_TITLE['etc']}"
-        return _page(pages.page(title, _ABOUT["etc"], forms.etc_form(pairs), pages.etc_blocks(pairs), sources))
+        own = ETC.address(pairs, "/own")
+        return _page(pages.page(title, _ABOUT["etc"], forms.etc_form(pairs), pages.etc_blocks(pairs), sources, own))
     form_of = forms.rank_form([*pairs, *shown.items()])
-    return _page(pages.page(_TITLE["rank"], _ABOUT["rank"], form_of, pages.rank_blocks(pairs, rows), sources))
+    own = RANK.address(pairs, "/own", **shown)
+    return _page(pages.page(_TITLE["rank"], _ABOUT["rank"], form_of, pages.rank_blocks(pairs, rows), sources, own))
 
 
-def _page(text: str, status: int = 200) -> Response:
-    return Response(text, status, media_type="text/html; charset=utf-8")
+def _answer_sent(asking: Asking[Any], pairs: Pairs, rows: int, form: str, sent: Sent) -> Response:
+    """Answer with files that were sent; this runs in a thread of its own."""
+    with only_sent_files(sent.files):
+        headers = {
+            "Cache-Control": "no-store",
+            "Cpic-Files": ", ".join(f"{name}: sha256 {own}" for name, own in sent.hashes),
+        }
+        if form in ("", "html"):
+            blocks = pages.etc_blocks(pairs, sent) if asking is ETC else pages.rank_blocks(pairs, rows, sent)
+            told = [report.lines(name, report.code(f"sha256 {own}")) for name, own in sent.hashes]
+            blocks = [*blocks, report.Heading("Files that were sent, and not kept"), report.Items(told)]
+            made = _FORM_OF[asking.command](pairs, None)
+            page = pages.page(_TITLE[asking.command], _ABOUT[asking.command], forms.own_form(made), blocks)
+            policy = HEADERS["Content-Security-Policy"].replace("img-src 'self'", "img-src 'self' data:")
+            return _page(page, headers=headers | {"Content-Security-Policy": policy})
+        result: Any
+        if asking is ETC:
+            answer = answers.fresh_etc(pairs, sent)
+            result, tables = answer.result, answer.print
+        else:
+            result = answers.fresh_ranking(pairs, sent)
+            tables = cast(Any, partial(report.print_rank, result, limit=rows))
+        return Response(answers.form_text(form, result, tables), media_type=answers.MEDIA[form], headers=headers)
 
 
-def _refused(asking: Asking[Any], given: Sequence[tuple[str, str]], error: InputError, form: str) -> Response:
+async def _own_form(asking: Asking[Any], request: Request) -> Response:
+    """Show the form that takes files; an address fills in the rest."""
+    made = _FORM_OF[asking.command](_parameters(request), None)
+    return _page(pages.page(_TITLE[asking.command], _ABOUT[asking.command], forms.own_form(made)))
+
+
+def _page(text: str, status: int = 200, headers: Mapping[str, str] | None = None) -> Response:
+    return Response(text, status, media_type="text/html; charset=utf-8", headers=headers)
+
+
+def _refused(
+    asking: Asking[Any], given: Sequence[tuple[str, str]], error: InputError, form: str, *, sends: bool = False
+) -> Response:
     """Answer bad input: the form with one line at the field, JSON with its parts, or one line."""
     if form == "json":
         return JSONResponse(answers.Problem.of(error).model_dump(mode="json"), 400)
     if form not in ("", "html"):
         return line(str(error), 400)
-    made = forms.etc_form if asking is ETC else forms.rank_form
-    return _page(pages.page(_TITLE[asking.command], _ABOUT[asking.command], made(given, error)), 400)
+    made = _FORM_OF[asking.command](given, error)
+    made = forms.own_form(made) if sends else made
+    return _page(pages.page(_TITLE[asking.command], _ABOUT[asking.command], made), 400)
 
 
 async def _style(request: Request) -> Response:

@@ -20,7 +20,7 @@ from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from cpic_planner.web import answers
 from cpic_planner.web.asking import ETC, Pairs
-from cpic_planner.web.blocks import blocks_of, code_facts
+from cpic_planner.web.blocks import blocks_of
 from cpic_planner.web.forms import Field, Form, Group
 
 if TYPE_CHECKING:
@@ -293,7 +293,9 @@ def _same(answer: StarAnswer) -> list[report.Block]:
     commands = [f"cpic rank --explain {quoted}", f"cpic visibility {quoted} --start {start}"]
     if answer.known is not None:
         commands.append(f"cpic known {quoted} --date {start}")
-    return code_facts(commands, [], f"cpic-planner {__version__}; {answer.catalogue}")
+    cited = f"cpic-planner {__version__}; {answer.catalogue}"
+    facts: list[tuple[Any, Any]] = [("Commands", report.lines(*map(report.code, commands))), ("To cite", cited)]
+    return [report.Heading("The same elsewhere"), report.Facts(facts)]
 
 
 STAR = View(
