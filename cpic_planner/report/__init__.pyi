@@ -7,6 +7,7 @@ from cpic_planner.report.console import (
     print_planned as print_planned,
     print_simulation as print_simulation,
 )
+from cpic_planner.report.console_both import print_both as print_both
 from cpic_planner.report.console_etc import (
     best_row as best_row,
     print_etc as print_etc,

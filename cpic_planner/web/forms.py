@@ -185,6 +185,7 @@ def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None)
 _FILES = {
     "catalog": ("Star table", "CSV, ECSV, VOTable or FITS, with name, V, distance, and spectral type or temperature."),
     "instrument": ("Instrument", "YAML of kind: instrument, with what differs from a shipped one; its optics stay."),
+    "other": ("The other instrument", "The same, of the one that the first is compared with."),
     "albedo": ("Spectrum of the planet", "Two columns: wavelength and geometric albedo."),
     "known_planets": ("Known planets", "Table that is laid over the shipped one planet by planet."),
 }
@@ -203,8 +204,11 @@ def own_form(form: Form) -> Form:
         replace(group, fields=tuple(field for field in group.fields if field.name not in _FILES))
         for group in form.groups
     ]
+    has = {field.name for group in form.groups for field in group.fields}
     files = tuple(
-        Field(name, label, hint, "file", (), (), wrong.get(name, ""), "") for name, (label, hint) in _FILES.items()
+        Field(name, label, hint, "file", (), (), wrong.get(name, ""), "")
+        for name, (label, hint) in _FILES.items()
+        if name != "other" or name in has
     )
     who, *others = kept
     groups = (who, Group("Files of your own, 2 MB in all", files), *others)

@@ -18,7 +18,7 @@ MOST_PARTS = 200
 _NAME = re.compile(r"[\w][\w.+ -]{0,79}")
 _QUOTED = re.compile(rb'(name|filename)="((?:[^"\\]|\\.)*)"')
 _FOLDED = re.compile(rb"\r\n[ \t]+")
-FILE_FIELDS = ("instrument", "catalog", "albedo", "known_planets")
+FILE_FIELDS = ("instrument", "other", "catalog", "albedo", "known_planets")
 """Parameters that take a file."""
 
 
@@ -100,7 +100,7 @@ def _parts(body: bytes, boundary: bytes) -> list[tuple[bytes, bytes]]:
 
 
 def _check_file(parameter: str, name: str, files: Mapping[str, bytes]) -> None:
-    if parameter not in (*FILE_FIELDS, "other"):
+    if parameter not in FILE_FIELDS:
         raise InputError(parameter[:40] or "a file", "a file", allowed=f"files for {', '.join(FILE_FIELDS)}")
     if not _NAME.fullmatch(name) or "." not in name:
         allowed = "a name of letters, digits, blanks, points, + and -, with an ending such as .csv, .yaml or .fits"

@@ -17,6 +17,7 @@ from cpic_core import InputError, only_sent_files
 from cpic_planner import report
 from cpic_planner.web import answers, forms, pages, star
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
+from cpic_planner.web.compare import COMPARE
 from cpic_planner.web.guard import FAILED, HEADERS, Guard, line
 from cpic_planner.web.sent import Sent, read_sent
 from cpic_planner.web.star import STAR, View
@@ -24,7 +25,7 @@ from cpic_planner.web.work import Busy, Workers
 
 MOST_PARAMETERS = 200
 _FORM_OF: dict[str, Callable[..., forms.Form]] = {"etc": forms.etc_form, "rank": forms.rank_form}
-VIEWS = (STAR,)
+VIEWS = (STAR, COMPARE)
 """Pages that are no question of a command."""
 _OWN = ("format", "limit")
 """Parameters of an address that are no fields of the question."""
@@ -57,7 +58,11 @@ class Site:
             found += [Route(f"{asking.page}.{form}", partial(self._figure, asking, form)) for form in ("svg", "png")]
             found.append(Route(asking.page, partial(self._posted, asking), methods=["POST"]))
             found.append(Route(f"{asking.page}/own", partial(_own_form, asking)))
-        found += [Route(view.path, partial(self._viewed, view)) for view in VIEWS]
+        for view in VIEWS:
+            found.append(Route(view.path, partial(self._viewed, view)))
+            if view.takes_files:
+                found.append(Route(view.path, partial(self._viewed_with_files, view), methods=["POST"]))
+                found.append(Route(f"{view.path}/own", partial(_own_view, view)))
         found += [Route(f"{star.PAGE}/{{which}}.{form}", partial(self._star, form)) for form in ("svg", "png")]
         return found
 
@@ -69,10 +74,20 @@ class Site:
             if any(not text for _, text in given):
                 return RedirectResponse(f"{view.path}?{urlencode(pairs)}", 303)
             if not pairs:
-                return _page(pages.page(view.title, view.about, view.form((), None)))
+                return _page(pages.page(view.title, view.about, view.form((), None), own=_own_of(view)))
             return await self._workers.do(_view, view, pairs)
         except InputError as error:
             return _page(pages.page(view.title, view.about, view.form(given, error)), 400)
+
+    async def _viewed_with_files(self, view: View, request: Request) -> Response:
+        """Show a page about files that are sent."""
+        given: Sequence[tuple[str, str]] = ()
+        try:
+            sent = read_sent(request.headers.get("content-type", ""), await request.body())
+            given = [(name, text.strip()) for name, text in sent.given]
+            return await self._workers.do(_view_sent, view, given, sent)
+        except InputError as error:
+            return _page(pages.page(view.title, view.about, forms.own_form(view.form(given, error))), 400)
 
     async def _star(self, form: Literal["svg", "png"], request: Request) -> Response:
         """Draw a figure of a star."""
@@ -152,7 +167,38 @@ async def _drawing(request: Request, tag: str, form: str, draw: Callable[[], Awa
 
 def _view(view: View, pairs: Pairs) -> Response:
     """Make a page; this runs in a thread of its own."""
-    return _page(pages.page(view.heading(pairs), view.about, view.form(pairs, None), view.blocks(pairs)))
+    with only_sent_files({}):
+        form, own = view.form(pairs, None), _own_of(view, urlencode(pairs))
+        return _page(pages.page(view.heading(pairs), view.about, form, view.blocks(pairs), own=own))
+
+
+def _view_sent(view: View, given: Sequence[tuple[str, str]], sent: Sent) -> Response:
+    """Make a page about files that were sent; this runs in a thread of its own."""
+    with only_sent_files(sent.files):
+        pairs = view.pairs(given)
+        blocks, form = [*view.blocks(pairs, sent), *_told_of(sent)], forms.own_form(view.form(pairs, None))
+        return _page(pages.page(view.heading(pairs), view.about, form, blocks), headers=_of_sent(sent))
+
+
+def _own_of(view: View, asked: str = "") -> str:
+    return f"{view.path}/own{'?' * bool(asked)}{asked}" if view.takes_files else ""
+
+
+async def _own_view(view: View, request: Request) -> Response:
+    """Show the form of a page that takes files."""
+    form = forms.own_form(view.form(_parameters(request), None))
+    return _page(pages.page(view.title, view.about, form))
+
+
+def _of_sent(sent: Sent) -> dict[str, str]:
+    """Headers of an answer with files."""
+    told = ", ".join(f"{name}: sha256 {own}" for name, own in sent.hashes)
+    return {"Cache-Control": "no-store", "Cpic-Files": told}
+
+
+def _told_of(sent: Sent) -> list[report.Block]:
+    told = [report.lines(name, report.code(f"sha256 {own}")) for name, own in sent.hashes]
+    return [report.Heading("Files that were sent, and not kept"), report.Items(told)]
 
 
 def _parameters(request: Request) -> list[tuple[str, str]]:
@@ -197,14 +243,10 @@ def _answer(asking: Asking[Any], pairs: Pairs, rows: int, form: str, shown: dict
 def _answer_sent(asking: Asking[Any], pairs: Pairs, rows: int, form: str, sent: Sent) -> Response:
     """Answer with files that were sent; this runs in a thread of its own."""
     with only_sent_files(sent.files):
-        headers = {
-            "Cache-Control": "no-store",
-            "Cpic-Files": ", ".join(f"{name}: sha256 {own}" for name, own in sent.hashes),
-        }
+        headers = _of_sent(sent)
         if form in ("", "html"):
             blocks = pages.etc_blocks(pairs, sent) if asking is ETC else pages.rank_blocks(pairs, rows, sent)
-            told = [report.lines(name, report.code(f"sha256 {own}")) for name, own in sent.hashes]
-            blocks = [*blocks, report.Heading("Files that were sent, and not kept"), report.Items(told)]
+            blocks = [*blocks, *_told_of(sent)]
             made = _FORM_OF[asking.command](pairs, None)
             page = pages.page(_TITLE[asking.command], _ABOUT[asking.command], forms.own_form(made), blocks)
             policy = HEADERS["Content-Security-Policy"].replace("img-src 'self'", "img-src 'self' data:")
@@ -248,7 +290,7 @@ async def _style(request: Request) -> Response:
 
 async def _missing(request: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 404
-    return line("There is no such page; /etc, /priorities and /star are the pages.", status)
+    return line("There is no such page; /etc, /priorities, /star and /compare are the pages.", status)
 
 
 async def _busy(request: Request, error: Exception) -> Response:

@@ -50,6 +50,8 @@ class View:
         The answer, as `star_blocks`.
     heading : callable
         Title of an answer.
+    takes_files : bool
+        Whether files may be sent with it; ``blocks`` takes them second.
     """
 
     path: str
@@ -57,8 +59,9 @@ class View:
     about: str
     pairs: Callable[[Sequence[tuple[str, str]]], Pairs]
     form: Callable[[Sequence[tuple[str, str]], InputError | None], Form]
-    blocks: Callable[[Pairs], list[report.Block]]
+    blocks: Callable[..., list[report.Block]]
     heading: Callable[[Pairs], str]
+    takes_files: bool = False
 
 
 def star_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
