@@ -79,6 +79,8 @@ class Field:
     error : str
         What is wrong with it; empty where nothing is.
     example : str
+    check : tuple of (str, str)
+        What a number has to be, for the script of the page: its kind, bounds and unit.
     """
 
     name: str
@@ -89,6 +91,7 @@ class Field:
     values: tuple[str, ...]
     error: str
     example: str
+    check: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -249,7 +252,19 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
         values = [", ".join(values)] if values else []
     labels = {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}
     hint = _HINTS.get(name) or spelled(option.text, labels)
-    return Field(name, _label(option), hint, kind, choices, tuple(values), error, _EXAMPLES.get(name, ""))
+    check = _check_of(option) if kind == "text" else ()
+    return Field(name, _label(option), hint, kind, choices, tuple(values), error, _EXAMPLES.get(name, ""), check)
+
+
+def _check_of(option: Option) -> tuple[tuple[str, str], ...]:
+    """What a number of the question has to be."""
+    if option.kind not in (int, float):
+        return ()
+    kind = "whole" if option.kind is int else "several" if option.several else "number"
+    name = parameter(option)
+    kind = "time" if name.endswith("_s") and kind == "number" else kind
+    bounds = ((key, f"{bound:.12g}") for key, bound in option.bounds.items())
+    return (("number", kind), *bounds, ("unit", option.asked.unit or unit_of(name)))
 
 
 def _choices(option: Option) -> tuple[str, ...]:

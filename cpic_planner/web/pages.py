@@ -25,6 +25,14 @@ def style_sheet() -> bytes:
     return "".join(environment.get_template(name).render() for name in ("plan.css", "web.css")).encode()
 
 
+@functools.lru_cache(maxsize=1)
+def script() -> bytes:
+    """Return the script of all pages; they work without it."""
+    environment = report.templates("cpic_planner.web", "cpic_planner.report")
+    assert environment.loader is not None
+    return environment.loader.get_source(environment, "page.js")[0].encode()
+
+
 def page(
     title: str, about: str, form: Form, blocks: Sequence[report.Block] = (), sources: Sequence[Any] = (), own: str = ""
 ) -> str:

@@ -52,7 +52,11 @@ class Site:
 
     def routes(self) -> list[Route]:
         """Return the addresses that are answered."""
-        found = [Route("/", lambda _: RedirectResponse(ETC.page, 307)), Route("/style.css", _style)]
+        found = [
+            Route("/", lambda _: RedirectResponse(ETC.page, 307)),
+            Route("/style.css", _style),
+            Route("/page.js", _script),
+        ]
         for asking in (ETC, RANK):
             found.append(Route(asking.page, partial(self._asked, asking)))
             found += [Route(f"{asking.page}.{form}", partial(self._figure, asking, form)) for form in ("svg", "png")]
@@ -286,6 +290,10 @@ def _refused(
 
 async def _style(request: Request) -> Response:
     return Response(pages.style_sheet(), media_type="text/css", headers={"Cache-Control": "private, max-age=3600"})
+
+
+async def _script(request: Request) -> Response:
+    return Response(pages.script(), media_type="text/javascript", headers={"Cache-Control": "private, max-age=3600"})
 
 
 async def _missing(request: Request, error: Exception) -> Response:
