@@ -280,7 +280,7 @@ def python_lines(question: EtcQuestion, pairs: Pairs) -> str:
     """
     import cpic_planner
 
-    tree, made = dict(ETC.tree(pairs)), _parts(pairs)
+    tree, made = {"target": question.target[0]} | ETC.tree(pairs), _parts(pairs)
     imports = sorted({f"from {module} import {kind}" for module, kind, _ in made.values()})
     name = "contrast_limit" if question.contrast_limit else "exposure_time" if question.asks_time else "signal_to_noise"
     if name == "signal_to_noise" and question.strategy.visits is None:

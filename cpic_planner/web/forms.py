@@ -39,7 +39,9 @@ _EXAMPLES = {
     "separation_arcsec": "0.36, or 0.4, 0.6",
     "contrast": "1e-8",
     "set": "drift.visit_nm=0.1nm",
-    "sp_type": "K, or G8V",
+    "etc.sp_type": "G8V",
+    "rank.sp_type": "K, or G8V",
+    "v_mag": "4.5",
 }
 
 
@@ -47,7 +49,7 @@ _HINTS = {
     "albedo": "jupiter, saturn, uranus, neptune, or a number.",
     "target": "A star by any of its names, or a known planet, at its place and brightness of the date.",
     "v_mag": "The star above is then only a name, and may be left out.",
-    "sp_type": "Or give a temperature.",
+    "etc.sp_type": "Or give a temperature.",
     "distance_pc": "Instead of the catalogue's; 10 pc for a star of your own without one.",
     "separation_arcsec": "Projected, on the diagonal of a quadrant; several between commas. Without: the best place.",
     "separation_au": "The same in au, at the distance of the star; several between commas.",
@@ -251,9 +253,10 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
     elif option.several and option.kind is float:
         values = [", ".join(values)] if values else []
     labels = {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}
-    hint = _HINTS.get(name) or spelled(option.text, labels)
+    hint, example = (texts.get(f"{asking.command}.{name}") or texts.get(name) for texts in (_HINTS, _EXAMPLES))
+    hint = hint or spelled(option.text, labels)
     check = _check_of(option) if kind == "text" else ()
-    return Field(name, _label(option), hint, kind, choices, tuple(values), error, _EXAMPLES.get(name, ""), check)
+    return Field(name, _label(option), hint, kind, choices, tuple(values), error, example or "", check)
 
 
 def _check_of(option: Option) -> tuple[tuple[str, str], ...]:

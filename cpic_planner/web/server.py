@@ -57,6 +57,7 @@ class Site:
             Route("/style.css", _style),
             Route("/page.js", _script),
         ]
+        found.append(Route("/favicon.ico", _no_icon))
         for asking in (ETC, RANK):
             found.append(Route(asking.page, partial(self._asked, asking)))
             found += [Route(f"{asking.page}.{form}", partial(self._figure, asking, form)) for form in ("svg", "png")]
@@ -294,6 +295,10 @@ async def _style(request: Request) -> Response:
 
 async def _script(request: Request) -> Response:
     return Response(pages.script(), media_type="text/javascript", headers={"Cache-Control": "private, max-age=3600"})
+
+
+async def _no_icon(request: Request) -> Response:
+    return Response(status_code=204)
 
 
 async def _missing(request: Request, error: Exception) -> Response:

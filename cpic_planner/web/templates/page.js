@@ -129,7 +129,7 @@ function equip(table) {
       button.addEventListener("click", () => sort(table, column, head));
       head.replaceChildren(button);
     });
-  const bar = make("p", { className: "tools" });
+  const scroll = table.closest(".scroll"), bar = make("p", { className: "tools" });
   if (rows.length > 7) {
     const input = make("input", { type: "text", placeholder: "Filter rows", autocomplete: "off" });
     input.setAttribute("aria-label", `Filter rows of ${label}`);
@@ -137,7 +137,7 @@ function equip(table) {
       const wanted = input.value.trim().toLowerCase();
       for (const row of rows) row.hidden = !row.textContent.toLowerCase().includes(wanted);
     });
-    bar.append(input);
+    scroll.before(make("p", { className: "tools" }, input));
   }
   for (const [name, form] of [["Copy as CSV", asCsv], ["Copy as LaTeX", asLatex]]) {
     const button = make("button", { type: "button", textContent: name });
@@ -145,7 +145,7 @@ function equip(table) {
     button.addEventListener("click", () => copy(form(cells(table)), button));
     bar.append(button);
   }
-  table.closest(".scroll").before(bar);
+  scroll.after(bar);
 }
 
 // ---- an answer that follows the question ----
@@ -170,7 +170,8 @@ function follow(form) {
     answer.replaceChildren(...found.childNodes);
     answer.querySelectorAll("table").forEach(equip);
     history.replaceState(null, "", told.url);
-    document.querySelector(".sources").replaceWith(page.querySelector(".sources"));
+    const there = document.querySelector(".sources"), next = page.querySelector(".sources");
+    if (there && next) there.replaceWith(next);
   };
   form.addEventListener("input", (event) => {
     clearTimeout(waiting);
