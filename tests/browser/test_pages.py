@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+pytestmark = pytest.mark.browser
 STARS = "name,v_mag,sp_type,distance_pc\nBob,4.5,G8V,7\n"
 PAGES = {
     "form": "/etc",
@@ -32,6 +33,7 @@ def first_answer(page):
     return page.locator(".answer table").first.locator("tbody tr").first.inner_text().split("\t")
 
 
+@pytest.mark.slice
 @pytest.mark.parametrize("script", [True, False], ids=["script", "plain"])
 def test_fill_ask_and_share(context, script):
     page = context(script=script)
@@ -98,6 +100,7 @@ def test_what_the_script_refuses_the_server_refuses_too(context):
         assert page.locator(f"#wrong-{field}").is_visible(), field
 
 
+@pytest.mark.slice
 def test_tables_sort_filter_and_copy(context):
     page = context(permissions=["clipboard-read", "clipboard-write"])
     page.goto(PAGES["priorities"])
@@ -144,6 +147,7 @@ def test_times_sort_by_how_long_they_are(context):
     assert [text.split()[-1] for text in bands] == [row["band"] for row in sorted(told, key=lambda row: row["value"])]
 
 
+@pytest.mark.slice
 def test_downloads_are_what_the_links_say(context):
     page = context()
     page.goto(PAGES["answer"])
@@ -204,7 +208,9 @@ def test_from_priorities_to_a_star_to_its_answer(context):
 
 
 @pytest.mark.parametrize("width", [390, 1400])
-@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slice) if name == "answer" else name for name in PAGES]
+)
 def test_nothing_is_wider_than_the_window_and_nothing_is_hard_to_use(context, tmp_path, name, width):
     from axe_playwright_python.sync_playwright import Axe
 
