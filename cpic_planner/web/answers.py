@@ -119,19 +119,10 @@ def ranking(pairs: Pairs) -> RankResult:
     InputError
         As `etc_answer`.
     """
-    return fresh_ranking(pairs)
+    from cpic_planner.queries import called_as
 
-
-def fresh_ranking(pairs: Pairs, sent: Sent | None = None) -> RankResult:
-    """Return a ranking with files that were sent; as `fresh_etc`.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    sent : Sent, optional
-    """
-    with _asked(RANK, pairs, sent) as question:
-        return prepared(question).ranked()
+    with called_as(RANK.names):
+        return prepared(RANK.question(pairs)).ranked()
 
 
 def form_text(form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
@@ -193,6 +184,18 @@ def drawn(figure: Callable[[], Figure], form: Literal["svg", "png"]) -> bytes:
     with _PENCIL, report.style():
         picture = report.save(figure(), form, alt="", caption="")
     return base64.b64decode(picture.uri.partition(",")[2])
+
+
+def fresh_ranking(pairs: Pairs, sent: Sent | None = None) -> RankResult:
+    """Return a ranking with files that were sent; as `fresh_etc`.
+
+    Parameters
+    ----------
+    pairs : sequence of (str, str)
+    sent : Sent, optional
+    """
+    with _asked(RANK, pairs, sent) as question:
+        return prepared(question).ranked()
 
 
 def picture_uri(figure: Callable[[], Figure]) -> str:

@@ -224,6 +224,7 @@ def _check_own(given: Sequence[tuple[str, str]], asking: Asking[Any]) -> None:
             raise InputError(name, "given", allowed="once" if asking is RANK else "with the ranking only")
 
 
+@only_sent_files({})
 def _answer(asking: Asking[Any], pairs: Pairs, rows: int, form: str, shown: dict[str, str]) -> Response:
     """Compute an answer and write it; this runs in a thread of its own."""
     result: Any

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from urllib.parse import urlencode
 
 from catalogs import open_catalogue, velocity_limit
-from cpic_core import InputError
+from cpic_core import InputError, only_sent_files
 from cpic_planner import report
 from cpic_planner.api import prepared, visibility_of
 from cpic_planner.api.named import named
@@ -138,6 +138,7 @@ def _prepared() -> Prepared:
 
 
 @functools.lru_cache(maxsize=64)
+@only_sent_files({})
 def star_answer(pairs: Pairs) -> StarAnswer:
     """Return what is known of the star of an address; the last ones are kept.
 
