@@ -162,7 +162,10 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
     def _check_star(self) -> None:
         if self.v_mag is None:
             if "target" not in self.model_fields_set:
-                raise InputError("target", "missing", allowed=f"a star or a known planet, or {called('v_mag')}")
+                hint = "see cpic etc --help" if called("target") == "TARGET" else ""
+                raise InputError(
+                    "target", "missing", allowed=f"a star, a known planet, or {called('v_mag')}", hint=hint
+                )
             for name in ("sp_type", "teff_k"):
                 if self.is_given(name):
                     raise InputError(name, getattr(self, name), allowed=f"together with {called('v_mag')}")
