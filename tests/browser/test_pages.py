@@ -33,8 +33,7 @@ def first_answer(page):
     return page.locator(".answer table").first.locator("tbody tr").first.inner_text().split("\t")
 
 
-@pytest.mark.slice
-@pytest.mark.parametrize("script", [True, False], ids=["script", "plain"])
+@pytest.mark.parametrize("script", [pytest.param(True, marks=pytest.mark.slice), False], ids=["script", "plain"])
 def test_fill_ask_and_share(context, script):
     page = context(script=script)
     ask(page, target="tau Cet", snr="5", separation_arcsec="0.36")

@@ -22,7 +22,7 @@ def answered(request):
 
 
 @pytest.mark.parametrize(
-    "seed", [pytest.param(seed, marks=pytest.mark.slice) if seed < 2 else seed for seed in range(QUESTIONS)]
+    "seed", [pytest.param(seed, marks=pytest.mark.slice) if seed == 0 else seed for seed in range(QUESTIONS)]
 )
 def test_page_command_and_python_say_the_same(context, capsys, answered, seed):
     given = question(seed)
