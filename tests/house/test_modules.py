@@ -17,8 +17,9 @@ ROOT = Path(__file__).resolve().parents[2]
 # what counts them (`ranking.in_zone`), 381 before the calculator was served to browsers: the room `web`, its command,
 # and the answer about one star, which page and command share (`api.one_star`), 391 before chances of visits stood apart
 # from their law (`etc.chances`), and visits for orbits (`survey.orbit_visits`) and what was published of them
-# (`planets.published_orbits`) were counted.
-MOST_MODULES, MOST_LINES, MOST_SKIPS = 392, 400, 20
+# (`planets.published_orbits`) were counted, 392 before pages of stars, of two instruments and of files that are sent
+# (`web.star`, `web.compare`, `web.sent`, `web.blocks`, `report.console_both`).
+MOST_MODULES, MOST_LINES, MOST_SKIPS = 397, 400, 20
 
 
 def sources():
