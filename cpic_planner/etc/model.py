@@ -23,13 +23,17 @@ from simulator.imaging import HoleZone, PsfMetrics, metrics_key, psf_metrics
 from simulator.passbands import Passbands
 from simulator.signal import BandModes, ProgrammeLaw, SpeckleLaw
 
+_ONE, _ZERO, _ENDLESS = np.array(1.0), np.array(0.0), np.array(np.inf)
+for _constant in (_ONE, _ZERO, _ENDLESS):
+    _constant.flags.writeable = False
+
 
 def _one() -> FloatArray:
-    return np.array(1.0)
+    return _ONE
 
 
 def _zero() -> FloatArray:
-    return np.array(0.0)
+    return _ZERO
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +58,7 @@ class Programme(CaseArrays):
     visits: FloatArray = field(default_factory=_one)
     reference_visits: FloatArray = field(default_factory=_one)
     reference_length: FloatArray = field(default_factory=_one)
-    gap_s: FloatArray = field(default_factory=lambda: np.array(np.inf))
+    gap_s: FloatArray = field(default_factory=lambda: _ENDLESS)
     n_modes: FloatArray = field(default_factory=_zero)
     speckle: FloatArray = field(default_factory=_one)
     white: FloatArray = field(default_factory=_one)
@@ -85,7 +89,12 @@ class Programme(CaseArrays):
         every visit is one more draw of the same field of speckles, and they leave as much of it.
         """
         left = law.law(self.visits, self.reference_visits, self.gap_s, reference_length=self.reference_length)
-        return left.scaled(self.speckle * self.planet_factor2)
+        return left if self.by_mean else left.scaled(self.speckle * self.planet_factor2)
+
+    @property
+    def by_mean(self) -> bool:
+        """Whether it is known without a look at them that modes change nothing."""
+        return self.speckle is _ONE and self.white is _ONE and self.throughput is _ONE
 
     def of_mean(self) -> "Programme":
         """Return the programme without modes, reduced by the mean of its references."""

@@ -5,7 +5,7 @@ The signal-to-noise ratio of Zhu et al. 2025 (Eqs. 3 and 4) as a prediction: for
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ from cpic_planner.etc.frames import FrameProblem
 from cpic_planner.etc.model import ONE_VISIT, Programme
 from cpic_planner.etc.photon_counting import CountingLight, counted_terms, counting_probabilities, reference_pixel
 from cpic_planner.etc.rates import ApertureRates
+from cpic_planner.etc.searches import spread
 from cpic_planner.queries import Strategy
 from simulator.detectors import GAIN_LIMIT, FrameTerm, clean_fraction, frames_per_clean, noise_factor2
 from simulator.signal import SpeckleLaw
@@ -50,7 +51,7 @@ class StackNoise:
     @functools.cached_property
     def terms(self) -> dict[str, FloatArray]:
         """Parts of the variance by origin, e-^2, each in the shape of the SNR."""
-        return {name: np.broadcast_to(part, self.snr.shape) for name, part in self._terms().items()}
+        return {name: spread(part, self.snr.shape) for name, part in self._terms().items()}
 
 
 def light_factor2(camera: FrameCamera, em_gain: ArrayLike) -> FloatArray:
@@ -131,6 +132,7 @@ def frame_problem(
     objective: Objective = "snr",
     em_gain: float | None = None,
     programme: Programme | None = None,
+    white: FrameTerm | None = None,
 ) -> FrameProblem:
     """Return what the solver of frames needs of an aperture's rates.
 
@@ -146,6 +148,8 @@ def frame_problem(
         Fixed gain.
     programme : Programme, optional
         Visits that are reduced together, ``n_frames`` in each; by default those of the strategy, or one.
+    white : FrameTerm, optional
+        Where it is known: `white_term` of these rates, of this programme's references.
 
     Notes
     -----
@@ -158,7 +162,7 @@ def frame_problem(
     factor = made.white_factor * rates.variance_factor
     share = level * rates.noise_fraction * factor
     ratio = made.frame_ratio(strategy.reference_ratio)
-    white = white_term(rates, camera, ratio)
+    white = white_term(rates, camera, ratio) if white is None else white
     own = own_noise(rates, camera, made) if with_planet else 0.0
     residual = dict(zip(("z0", "z1", "z2"), _residual(rates, level, made), strict=True))
     arrays = _broadcast(
@@ -192,6 +196,29 @@ def frame_problem(
     return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
 
 
+def in_programme(
+    problem: FrameProblem, rates: ApertureRates, programme: Programme, objective: Objective = "snr"
+) -> FrameProblem:
+    """Return the problem of one visit in a programme by the mean of as many reference frames: only speckles differ.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+        Of one visit, by `frame_problem` of the rates.
+    rates : ApertureRates
+    programme : Programme
+        Without modes.
+    objective : {"snr", "significance"}
+        That of the problem.
+    """
+    level = 1.0 + 1.0 / rates.background_apertures if objective == "snr" else 1.0
+    z0, z1, z2 = _residual(rates, level, programme)
+    shape = np.broadcast(problem.signal_e_s, z0, z1, z2, programme.visits).shape
+    parts = {"z0": z0, "z1": z1, "z2": z2, "visits": programme.visits}
+    wide = problem if problem.signal_e_s.shape == shape else problem.spread(shape)
+    return replace(wide, **{name: spread(part, shape) for name, part in parts.items()})
+
+
 def own_noise(rates: ApertureRates, camera: FrameCamera, programme: Programme = ONE_VISIT) -> FloatArray:
     """Return the variance of the planet's own light per second, before the gain register's excess noise, e-^2/s.
 
@@ -217,7 +244,8 @@ def residual_law(rates: ApertureRates, programme: Programme) -> SpeckleLaw:
     programme : Programme
     """
     law = programme.law(rates.speckle)
-    return law._replace(k0=law.k0 + rates.wings_e2_s2 * programme.planet_factor2)
+    wings = rates.wings_e2_s2 if programme.by_mean else rates.wings_e2_s2 * programme.planet_factor2
+    return law._replace(k0=law.k0 + wings)
 
 
 def stack_noise(
@@ -288,7 +316,7 @@ def stack_noise(
     with np.errstate(divide="ignore", invalid="ignore"):
         snr = np.where(signal > 0, signal / np.sqrt(quiet + mean + planet), 0.0)
         significance = np.where(signal > 0, signal / np.sqrt(quiet), 0.0)
-    return StackNoise(signal, quiet, white, np.broadcast_to(speckle, snr.shape), snr, significance, terms)
+    return StackNoise(signal, quiet, white, spread(speckle, snr.shape), snr, significance, terms)
 
 
 def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
@@ -296,7 +324,7 @@ def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
     arrays = [np.asarray(value) for value in values.values()]
     shape = np.broadcast(*arrays, *others).shape
     return {
-        name: array if array.shape == shape else np.broadcast_to(array, shape)
+        name: array if array.shape == shape else spread(array, shape)
         for name, array in zip(values, arrays, strict=True)
     }
 

@@ -39,7 +39,8 @@ class SpeckleLaw(NamedTuple):
 
     def scaled(self, factor: ArrayLike) -> "SpeckleLaw":
         """All of it times a factor."""
-        return SpeckleLaw(*(np.asarray(factor, float) * part for part in self))
+        times = np.asarray(factor, float)
+        return SpeckleLaw(times * self.k0, times * self.k1, times * self.k2)
 
     def stretched(self, ratio: ArrayLike) -> "SpeckleLaw":
         """Return the law of visits that are ``ratio`` times as long as those that it is asked for."""
@@ -126,11 +127,12 @@ class ProgrammeLaw(NamedTuple):
         many = np.asarray(visits, float)
         others = many if reference_visits is None else np.asarray(reference_visits, float)
         length = many / others if reference_length is None else reference_length
-        own, second = 1.0 / self.independent(many, gap_s), self.reference.stretched(length)
-        if others is many and np.all(np.asarray(length) == 1.0):
-            parts = (_summed(self.science, second).scaled(own), self.common)
+        own = 1.0 / self.independent(many, gap_s)
+        if others is many and (np.asarray(length) == 1.0).all():
+            parts = (_summed(self.science, self.reference).scaled(own), self.common)
         else:
             later = own if others is many else 1.0 / self.independent(others, gap_s)
+            second = self.reference.stretched(length)
             parts = (_summed(self.science.scaled(own), second.scaled(later)), self.common)
         return _summed(*parts, *(() if self.turned is None else (self.turned.scaled(1.0 / many**2),)))
 
@@ -147,7 +149,10 @@ class ProgrammeLaw(NamedTuple):
 
 def _summed(*laws: SpeckleLaw) -> SpeckleLaw:
     """Law of residuals that know nothing of each other."""
-    return SpeckleLaw(*(functools.reduce(np.add, part) for part in zip(*laws, strict=True)))
+    k0, k1, k2 = laws[0]
+    for law in laws[1:]:
+        k0, k1, k2 = k0 + law.k0, k1 + law.k1, k2 + law.k2
+    return SpeckleLaw(k0, k1, k2)
 
 
 def speckle_law(
