@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -21,7 +21,10 @@ from simulator.camera import aperture_loss_per_s
 from simulator.config import Instrument, Timing, content_hash
 from simulator.imaging import HoleZone, PsfMetrics, metrics_key, psf_metrics
 from simulator.passbands import Passbands
-from simulator.signal import BandModes, ProgrammeLaw, SpeckleLaw
+from simulator.signal import ProgrammeLaw, SpeckleLaw
+
+if TYPE_CHECKING:
+    from simulator.signal import BandModes
 
 _ONE, _ZERO, _ENDLESS = np.array(1.0), np.array(0.0), np.array(np.inf)
 for _constant in (_ONE, _ZERO, _ENDLESS):
@@ -154,16 +157,18 @@ class EtcModel:
         """Rate of particles that void an aperture of the band."""
         return self._losses[band]
 
-    def modes(self, band: str) -> BandModes:
+    def modes(self, band: str) -> "BandModes":
         """Modes of the speckles of the band's references: of the offset of visits, of the walk in an hour without."""
         if band not in self._modes:
+            from simulator.signal import BandModes
+
             drift = self.instrument.drift
             offset_nm = drift.visit_nm or drift.walk_nm_per_sqrt_hour / math.sqrt(3.0)
             self._modes[band] = BandModes.of(self.instrument, band, offset_nm)
         return self._modes[band]
 
     @functools.cached_property
-    def _modes(self) -> dict[str, BandModes]:
+    def _modes(self) -> "dict[str, BandModes]":
         return {}
 
     @functools.cached_property

@@ -23,7 +23,6 @@ from simulator.signal import (
     lit_rows,
     programme_law,
 )
-from simulator.target import sky_to_detector
 
 EVERY_ANGLE_DEG = tuple(np.arange(36) * 10.0 + 2.5)
 """Position angles over which the light of a companion is averaged whose own is not known."""
@@ -241,6 +240,8 @@ def _companion_e_s(model: EtcModel, band: str, near: Targets) -> FloatArray:
 
 def _companion_place(model: EtcModel, near: Targets, turns_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Offsets x and y of ``k`` companions on the detector, ``(k, a)``, at ``a`` rolls beside that of the targets."""
+    from simulator.target import sky_to_detector
+
     separation, pa_deg = (part[:, None] for part in (near.companion_separation_arcsec, near.companion_pa_deg))
     turned = np.nan_to_num(pa_deg) - np.reshape(near.roll_deg, (-1, 1)) - np.asarray(turns_deg, float)
     return sky_to_detector(separation, turned, parity=model.instrument.detector.parity)

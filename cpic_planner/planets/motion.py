@@ -13,7 +13,6 @@ import numpy as np
 from catalogs import KnownPlanetTable
 from cpic_core import ArrayLike, FloatArray, InputError, check_finite, special
 from cpic_planner.planets.allowed import catalogue_masses_msun
-from cpic_planner.planets.known_draws import draw_known, known_uniforms, places_at
 
 MOST_SHIFT_LAMBDA_D = 0.3
 """A planet that goes farther within a programme moves; and a searched orbit stays as near to the planet's own."""
@@ -198,6 +197,8 @@ def known_shift_arcsec(
     ndarray, shape (n,)
         Arcseconds.
     """
+    from cpic_planner.planets.known_draws import draw_known, known_uniforms, places_at
+
     uniforms = known_uniforms(table, [row], n_draws, seed)
     drawn = draw_known(table, [row], uniforms, epoch_mjd=mjd, star_mass_msun=star_mass_msun)
     places = places_at(drawn, 0, mjd + np.concatenate([[0.0], np.atleast_1d(np.asarray(days, float))]))

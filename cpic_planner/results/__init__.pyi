@@ -16,6 +16,7 @@ from cpic_planner.results.base import (
     DetectionMode as DetectionMode,
     LimitText as LimitText,
     ProgrammeColumns as ProgrammeColumns,
+    ReferencePlanetRecord as ReferencePlanetRecord,
     Result as Result,
     Row as Row,
     StatusText as StatusText,
@@ -86,7 +87,6 @@ from cpic_planner.results.ranked import (
     RankedTarget as RankedTarget,
     RankMove as RankMove,
     RankResult as RankResult,
-    ReferencePlanetRecord as ReferencePlanetRecord,
     SettingChange as SettingChange,
     StarInRanking as StarInRanking,
 )

@@ -10,9 +10,17 @@ from typing import Any, Literal, Self
 from pydantic import Field, PrivateAttr
 
 from cpic_core import Reason, Status
-from cpic_planner.results.base import ProgrammeColumns, Result, Row, StatusText, VerdictColumns, column, optional
+from cpic_planner.results.base import (
+    ProgrammeColumns,
+    ReferencePlanetRecord,
+    Result,
+    Row,
+    StatusText,
+    VerdictColumns,
+    column,
+    optional,
+)
 from cpic_planner.results.known import Quantiles
-from cpic_planner.results.ranked import ReferencePlanetRecord
 from simulator.knobs import Knobs, Quantity
 
 
