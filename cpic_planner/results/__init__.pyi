@@ -9,6 +9,7 @@ from cpic_planner.results.answers import (
     KnownPlanetLook as KnownPlanetLook,
     ModellingRecord as ModellingRecord,
     OpenQuantiles as OpenQuantiles,
+    Quantiles as Quantiles,
     Question as Question,
 )
 from cpic_planner.results.base import (
@@ -54,7 +55,6 @@ from cpic_planner.results.known import (
     KnownTrack as KnownTrack,
     KnownWindow as KnownWindow,
     PointingRecord as PointingRecord,
-    Quantiles as Quantiles,
     SeasonRecord as SeasonRecord,
     VisibilityResult as VisibilityResult,
     VisibleDays as VisibleDays,

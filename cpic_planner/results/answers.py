@@ -20,8 +20,15 @@ from cpic_planner.results.base import (
     column,
     optional,
 )
-from cpic_planner.results.known import Quantiles
 from simulator.knobs import Knobs, Quantity
+
+
+class Quantiles(Result):
+    """What the published errors leave open: 16, 50 and 84 % of the draws lie below."""
+
+    low: float
+    median: float
+    high: float
 
 
 class EffectRecord(Result):
