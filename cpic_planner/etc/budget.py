@@ -236,7 +236,7 @@ def time_at_rest_s(cases: CameraCases, visit_time_s: float | None) -> FloatArray
     every = Programmes(cases.model, problem, rest, rest.steady, cases.with_modes)
     if visit_time_s is not None:
         return every.fewest(cases.model.visit_s(visit_time_s)) * visit_time_s
-    return visits * cases.model.time_s(every.solved(visits)[0])
+    return np.asarray(visits * cases.model.time_s(every.solved(visits)[0]))
 
 
 def programme_floor(cases: CameraCases, visits: float) -> FloatArray:

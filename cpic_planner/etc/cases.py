@@ -190,7 +190,7 @@ class BandCases(Cases):
     def usable(self) -> NDArray[np.bool_]:
         """Cases whose aperture lies in the controlled zone."""
         inside = np.array([place[0] is Status.OK for place in self.places])
-        return spread(inside, self.contrast.shape)
+        return np.asarray(spread(inside, self.contrast.shape))
 
     @functools.cached_property
     def motion(self) -> SearchMotion | None:
@@ -314,7 +314,7 @@ def _contrasts(model: EtcModel, targets: Targets, band: str, planets: Planets) -
     """Contrasts ``(n_star, n_planet)``; planets of one model are computed together."""
     shape = (len(targets), len(planets))
     if planets.contrast is not None:
-        return spread(planets.contrast, shape)
+        return np.asarray(spread(planets.contrast, shape))
     contrast = np.zeros(shape)
     for body in dict.fromkeys(planets.models):
         own = np.array([other == body for other in planets.models]) & (planets.separation_arcsec > 0)

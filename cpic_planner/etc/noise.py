@@ -5,7 +5,7 @@ The signal-to-noise ratio of Zhu et al. 2025 (Eqs. 3 and 4) as a prediction: for
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -164,7 +164,7 @@ def frame_problem(
     ratio = made.frame_ratio(strategy.reference_ratio)
     white = white_term(rates, camera, ratio) if white is None else white
     own = own_noise(rates, camera, made) if with_planet else 0.0
-    residual = dict(zip(("z0", "z1", "z2"), _residual(rates, level, made), strict=True))
+    residual = dict(zip(("z0", "z1", "z2"), residuals(rates, level, made), strict=True))
     arrays = _broadcast(
         alpha_e_s=camera.light_factor * share * white.rate_e_s + own,
         beta_e=camera.light_factor * share * white.charge_e,
@@ -194,29 +194,6 @@ def frame_problem(
         )
         counting = CountingLight(**parts, law=law, own_noise=with_planet)
     return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
-
-
-def in_programme(
-    problem: FrameProblem, rates: ApertureRates, programme: Programme, objective: Objective = "snr"
-) -> FrameProblem:
-    """Return the problem of one visit in a programme by the mean of as many reference frames: only speckles differ.
-
-    Parameters
-    ----------
-    problem : FrameProblem
-        Of one visit, by `frame_problem` of the rates.
-    rates : ApertureRates
-    programme : Programme
-        Without modes.
-    objective : {"snr", "significance"}
-        That of the problem.
-    """
-    level = 1.0 + 1.0 / rates.background_apertures if objective == "snr" else 1.0
-    z0, z1, z2 = _residual(rates, level, programme)
-    shape = np.broadcast(problem.signal_e_s, z0, z1, z2, programme.visits).shape
-    parts = {"z0": z0, "z1": z1, "z2": z2, "visits": programme.visits}
-    wide = problem if problem.signal_e_s.shape == shape else problem.spread(shape)
-    return replace(wide, **{name: spread(part, shape) for name, part in parts.items()})
 
 
 def own_noise(rates: ApertureRates, camera: FrameCamera, programme: Programme = ONE_VISIT) -> FloatArray:
@@ -329,8 +306,16 @@ def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
     }
 
 
-def _residual(rates: ApertureRates, level: FloatArray | float, programme: Programme) -> list[FloatArray]:
-    """Variance that frames do not average over signal squared, as a polynomial of the visit."""
+def residuals(rates: ApertureRates, level: FloatArray | float, programme: Programme) -> list[FloatArray]:
+    """Return the variance that frames do not average over signal squared, as a polynomial of the visit.
+
+    Parameters
+    ----------
+    rates : ApertureRates
+    level : ndarray or float
+        1, or with the error of the mean background.
+    programme : Programme
+    """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         scale = level * rates.variance_factor / rates.planet_e_s**2
         return [np.where(part > 0, part * scale, 0.0) for part in residual_law(rates, programme)]

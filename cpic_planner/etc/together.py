@@ -14,7 +14,7 @@ from cpic_planner.etc.detection import Chances, DetectionLaw, law_of, margin_of
 from cpic_planner.etc.frames import FrameProblem, best_exposure_s
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme
 from cpic_planner.etc.motion import SearchMotion, motion_factor
-from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, in_programme, white_term
+from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, residuals, white_term
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import spread
 from simulator.detectors import FrameTerm
@@ -121,9 +121,9 @@ class CameraCases(Cases):
         # As many references a frame: a visit has the white noise of a single one.
         alike = bool((shares == ratio).all())
         if contrast is not None:
-            own, settings = self.rates_at(contrast), {"objective": objective, "em_gain": self.fixed.em_gain}
-            white = self._white if alike else None
-            return frame_problem(own, self.camera, self.model.strategy, programme=reduced, white=white, **settings)
+            settings: dict[str, Any] = {"objective": objective, "em_gain": self.fixed.em_gain, "programme": reduced}
+            settings["white"] = self._white if alike else None
+            return frame_problem(self.rates_at(contrast), self.camera, self.model.strategy, **settings)
         if not alike and np.any(np.abs(shares / ratio - 1.0) > _ROUNDING):
             return super().problem(objective, None, reduced)
         if objective not in self._single:
@@ -153,6 +153,29 @@ class CameraCases(Cases):
     def of_contrast(self, contrast: FloatArray) -> Self:
         """Return the cases with other contrasts, ``(n_band, n_star, n_planet)``."""
         return replace(self, contrast=contrast, rates=self.rates_at(contrast))
+
+
+def in_programme(
+    problem: FrameProblem, rates: ApertureRates, programme: Programme, objective: Objective = "snr"
+) -> FrameProblem:
+    """Return the problem of one visit in a programme by the mean of as many reference frames: only speckles differ.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+        Of one visit, by `frame_problem` of the rates.
+    rates : ApertureRates
+    programme : Programme
+        Without modes.
+    objective : {"snr", "significance"}
+        That of the problem.
+    """
+    level = 1.0 + 1.0 / rates.background_apertures if objective == "snr" else 1.0
+    z0, z1, z2 = residuals(rates, level, programme)
+    shape = np.broadcast(problem.signal_e_s, z0, z1, z2, programme.visits).shape
+    parts = {"z0": z0, "z1": z1, "z2": z2, "visits": programme.visits}
+    wide = problem if problem.signal_e_s.shape == shape else problem.spread(shape)
+    return replace(wide, **{name: spread(part, shape) for name, part in parts.items()})
 
 
 def _of_band(array: FloatArray, index: int) -> FloatArray:

@@ -39,8 +39,7 @@ class SpeckleLaw(NamedTuple):
 
     def scaled(self, factor: ArrayLike) -> "SpeckleLaw":
         """All of it times a factor."""
-        times = np.asarray(factor, float)
-        return SpeckleLaw(times * self.k0, times * self.k1, times * self.k2)
+        return SpeckleLaw(*(np.multiply(factor, part) for part in self))
 
     def stretched(self, ratio: ArrayLike) -> "SpeckleLaw":
         """Return the law of visits that are ``ratio`` times as long as those that it is asked for."""
@@ -131,9 +130,8 @@ class ProgrammeLaw(NamedTuple):
         if others is many and (np.asarray(length) == 1.0).all():
             parts = (_summed(self.science, self.reference).scaled(own), self.common)
         else:
-            later = own if others is many else 1.0 / self.independent(others, gap_s)
-            second = self.reference.stretched(length)
-            parts = (_summed(self.science.scaled(own), second.scaled(later)), self.common)
+            second = self.reference.stretched(length).scaled(1.0 / self.independent(others, gap_s))
+            parts = (_summed(self.science.scaled(own), second), self.common)
         return _summed(*parts, *(() if self.turned is None else (self.turned.scaled(1.0 / many**2),)))
 
     def scaled(self, factor: ArrayLike) -> "ProgrammeLaw":
@@ -149,10 +147,7 @@ class ProgrammeLaw(NamedTuple):
 
 def _summed(*laws: SpeckleLaw) -> SpeckleLaw:
     """Law of residuals that know nothing of each other."""
-    k0, k1, k2 = laws[0]
-    for law in laws[1:]:
-        k0, k1, k2 = k0 + law.k0, k1 + law.k1, k2 + law.k2
-    return SpeckleLaw(k0, k1, k2)
+    return SpeckleLaw(*(sum(part[1:], part[0]) for part in zip(*laws, strict=True)))
 
 
 def speckle_law(
