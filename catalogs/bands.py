@@ -168,7 +168,7 @@ def band_from_file(
 
 @functools.cache
 def _tree() -> dict[str, Any]:
-    tree: dict[str, Any] = load_yaml(_FILE)
+    tree: dict[str, Any] = load_yaml(_FILE, shipped=True)
     return tree
 
 

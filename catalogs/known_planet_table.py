@@ -162,7 +162,8 @@ def star_key(name: str) -> str:
     True
     """
     key = designation_key(name)
-    return designation_key(snapshot_aliases().get(key, (name, 0))[0])
+    known = snapshot_aliases().get(key, (name, 0))[0]
+    return key if known == name else designation_key(known)
 
 
 def planet_key(star: str, planet: str) -> tuple[str, str]:

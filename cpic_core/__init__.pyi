@@ -44,6 +44,7 @@ from cpic_core.runtime import (
     numeric_context as numeric_context,
     untold as untold,
 )
+from cpic_core.special_functions import special as special
 from cpic_core.user_files import (
     digest_of as digest_of,
     file_state as file_state,

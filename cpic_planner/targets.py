@@ -71,6 +71,8 @@ class Targets:
     @classmethod
     def joined(cls, parts: Sequence[Targets]) -> Targets:
         """Rows of several targets, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
         joined: dict[str, Any] = {}
         for item in fields(cls):
             values = [getattr(part, item.name) for part in parts]

@@ -49,7 +49,8 @@ def as_asked(question: EtcQuestion, star: Targets) -> Targets:
     InputError
         For a distance out of range.
     """
-    star = replace(star, roll_deg=question.observation_roll_deg)
+    if star.roll_deg is not question.observation_roll_deg and star.roll_deg != question.observation_roll_deg:
+        star = replace(star, roll_deg=question.observation_roll_deg)
     if question.distance_pc is None:
         return star
     there = check_range("distance_pc", question.distance_pc, 0.01, 1e5, "pc")

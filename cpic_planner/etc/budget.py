@@ -25,6 +25,7 @@ from cpic_planner.etc.model import Programme
 from cpic_planner.etc.noise import StackNoise, residual_law
 from cpic_planner.etc.programmes import Programmes
 from cpic_planner.etc.rates import ApertureRates
+from cpic_planner.etc.searches import spread
 from cpic_planner.etc.together import CameraCases
 from cpic_planner.results import LimitText
 from simulator.signal import gain_caps, largest_gain, longest_exposure_s
@@ -81,7 +82,7 @@ def binding_limits(problem: FrameProblem, rates: ApertureRates, choice: FrameCho
     gain_bound = ""
     if camera.em_gain_max > 1.0 and gain >= cap * (1.0 - _EDGE):
         gain_bound = EM_GAIN_MAX if cap >= camera.em_gain_max else _output_limit(hole, tail, exposure, camera)
-    frame = float(np.broadcast_to(rates.peak_frame_e_s, problem.signal_e_s.shape)[index])
+    frame = float(spread(rates.peak_frame_e_s, problem.signal_e_s.shape)[index])
     return Binding(bound, gain_bound, gain_caps(hole, tail, frame, exposure, camera))
 
 
@@ -194,7 +195,7 @@ def without_background(problem: FrameProblem, own_e_s: FloatArray) -> FrameProbl
         Variance of the planet's own light, e-^2/s.
     """
     nothing = np.zeros_like(problem.alpha_e_s)
-    own = np.array(np.broadcast_to(own_e_s, nothing.shape))
+    own = np.array(spread(own_e_s, nothing.shape))
     return replace(problem, alpha_e_s=own, beta_e=nothing, gamma_e2=nothing, counting=None, best_s=None)
 
 
@@ -231,11 +232,11 @@ def time_at_rest_s(cases: CameraCases, visit_time_s: float | None) -> FloatArray
     def problem(made: Programme) -> FrameProblem:
         return cases.problem("significance", programme=made)
 
-    visits = np.broadcast_to(cases.programme.visits, cases.contrast.shape)
+    visits = spread(cases.programme.visits, cases.contrast.shape)
     every = Programmes(cases.model, problem, rest, rest.steady, cases.with_modes)
     if visit_time_s is not None:
         return every.fewest(cases.model.visit_s(visit_time_s)) * visit_time_s
-    return visits * cases.model.time_s(every.solved(visits)[0])
+    return np.asarray(visits * cases.model.time_s(every.solved(visits)[0]))
 
 
 def programme_floor(cases: CameraCases, visits: float) -> FloatArray:

@@ -36,6 +36,7 @@ from cpic_planner.etc.planet import (
     reference_notes,
 )
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
+from cpic_planner.etc.searches import spread
 from cpic_planner.planets import excluded_by_rv
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.results import EtcAnswer, EtcResult, ReferencePlanetRecord
@@ -189,12 +190,12 @@ class BandCases(Cases):
     def usable(self) -> NDArray[np.bool_]:
         """Cases whose aperture lies in the controlled zone."""
         inside = np.array([place[0] is Status.OK for place in self.places])
-        return np.broadcast_to(inside, self.contrast.shape)
+        return np.asarray(spread(inside, self.contrast.shape))
 
     @functools.cached_property
     def motion(self) -> SearchMotion | None:
         """Price that a search pays for the motion of the planets; None where it knows their places."""
-        place = np.broadcast_to(np.hypot(self.x_arcsec, self.y_arcsec), self.contrast.shape)
+        place = spread(np.hypot(self.x_arcsec, self.y_arcsec), self.contrast.shape)
         return SearchMotion.asked(self.model, self.targets, self.band, place)
 
     @property
@@ -240,7 +241,7 @@ class BandCases(Cases):
         inside = self.places[planet][0] is Status.OK
 
         def of_case(values: FloatArray) -> float:
-            return float(np.broadcast_to(values, self.contrast.shape)[star, planet])
+            return float(spread(values, self.contrast.shape)[star, planet])
 
         x, y = of_case(self.x_arcsec), of_case(self.y_arcsec)
         return {
@@ -313,7 +314,7 @@ def _contrasts(model: EtcModel, targets: Targets, band: str, planets: Planets) -
     """Contrasts ``(n_star, n_planet)``; planets of one model are computed together."""
     shape = (len(targets), len(planets))
     if planets.contrast is not None:
-        return np.broadcast_to(planets.contrast, shape)
+        return np.asarray(spread(planets.contrast, shape))
     contrast = np.zeros(shape)
     for body in dict.fromkeys(planets.models):
         own = np.array([other == body for other in planets.models]) & (planets.separation_arcsec > 0)

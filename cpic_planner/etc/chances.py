@@ -6,7 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray
+from cpic_core import ArrayLike, FloatArray, special
 from cpic_planner.etc.detection import (
     DetectionLaw,
     detection_probability,
@@ -106,9 +106,7 @@ def least_margin(law: DetectionLaw, inward: ArrayLike, programme: Programme) -> 
     the width, so that the least of the one and the largest of the other are those of the fewest or of the most. Tails
     raise the middle, or lower it by no more than with the fewest.
     """
-    from scipy.special import ndtri
-
-    far = ndtri(LEAST_PROBABILITY)
+    far = special().ndtri(LEAST_PROBABILITY)
     visits, references = programme.visits, programme.reference_visits
     fewest = np.where(visits == references, 1.0, _FEWEST)
     ends = np.stack(np.broadcast_arrays(fewest, np.maximum(visits, references)))

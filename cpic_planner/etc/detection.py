@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from cpic_core import ArrayLike, FloatArray, InputError, Outcome, Reason, Status, load_yaml, split_sourced
+from cpic_core import ArrayLike, FloatArray, InputError, Outcome, Reason, Status, load_yaml, special, split_sourced
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
 from cpic_planner.results import VerdictText
@@ -82,8 +82,6 @@ def threshold_array(n_resolution_elements: npt.ArrayLike, sigma: npt.ArrayLike =
     InputError
         If an element is not a finite number in range.
     """
-    from scipy.special import ndtr, stdtrit
-
     elements = _numbers("n_resolution_elements", n_resolution_elements, "finite and at least 0")
     if not (np.isfinite(elements) & (elements >= 0)).all():
         raise InputError("n_resolution_elements", n_resolution_elements, allowed="finite and at least 0")
@@ -93,7 +91,7 @@ def threshold_array(n_resolution_elements: npt.ArrayLike, sigma: npt.ArrayLike =
     defined = elements >= MIN_ELEMENTS
     n = np.where(defined, elements, float(MIN_ELEMENTS))
     # Lower tail of the symmetric law: its probability keeps full relative precision where 1 - p would not.
-    quantile = -stdtrit(n - 2.0, ndtr(-level))
+    quantile = -special().stdtrit(n - 2.0, special().ndtr(-level))
     return np.asarray(np.where(defined, quantile * np.sqrt(1.0 + 1.0 / (n - 1.0)), np.inf))
 
 
@@ -175,7 +173,7 @@ def default_law() -> DetectionLaw:
     """Return the law of the preset strategy ``default``, whose numbers were measured on simulated images."""
     path = preset_path("strategy", "default", package="cpic_planner")
     assert path is not None
-    stated = split_sourced(load_yaml(path))[0]["detection"]
+    stated = split_sourced(load_yaml(path, shipped=True))[0]["detection"]
     own = {key: value for key, value in stated.items() if key in DetectionLaw.model_fields}
     return validate(DetectionLaw, own, where="strategy.detection")
 
@@ -309,8 +307,6 @@ def detection_probability(
     calibration : array_like
         ``c``: recovered over predicted SNR.
     """
-    from scipy.special import ndtr
-
     off = np.asarray(shift, float)
     with np.errstate(divide="ignore"):
         reached = np.log(np.asarray(margin) * np.asarray(calibration, float))
@@ -318,7 +314,7 @@ def detection_probability(
     blind = blind / law_width(law.blind_width, law.stack_width, visits)
     known = reached - math.log(law.known_margin) - law.known_margin_error * off
     known = known / law_width(law.known_width, law.known_stack_width, visits)
-    return np.asarray(ndtr(np.where(np.asarray(at_place, bool), np.fmax(known, blind), blind)))
+    return np.asarray(special().ndtr(np.where(np.asarray(at_place, bool), np.fmax(known, blind), blind)))
 
 
 def law_width(single: float, stack: float, visits: ArrayLike) -> FloatArray:

@@ -10,6 +10,7 @@ whatever the visit; whole numbers of frames next to ``v / (t + readout)`` then f
 for a time are inverses of each other.
 """
 
+import functools
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy as np
 from cpic_core import FloatArray
 from cpic_planner.etc.camera import FrameCamera, best_gain
 from cpic_planner.etc.photon_counting import CountingLight
-from cpic_planner.etc.searches import CaseArrays, bracketed, first_root, lowest, taken
+from cpic_planner.etc.searches import CaseArrays, bracketed, first_root, lowest, spread, taken
 from simulator.detectors import frame_variance_e2, frames_per_clean, noise_factor2
 from simulator.signal import largest_gain, longest_exposure_s
 
@@ -84,6 +85,7 @@ class FrameProblem(CaseArrays):
         """Light of some cases that must not saturate: in the hole's columns, inside it, and before the register."""
         return self.peak_columns_e_s[index], self.peak_in_hole_e_s[index], self.register_tail_e_s[index]
 
+    @functools.cached_property
     def longest_s(self) -> FloatArray:
         """Longest exposure that saturates nothing and that the camera allows."""
         limit = longest_exposure_s(*self.peaks_e_s(), self.camera, self.fixed_gain() or 1.0)
@@ -150,7 +152,7 @@ def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
         ``cost`` is ``inf`` where even the shortest frame saturates or there is no light.
     """
     camera = problem.camera
-    longest = problem.longest_s()
+    longest = problem.longest_s
     usable = (longest >= camera.exposure_min_s * (1.0 - _ROUNDING)) & (problem.signal_e_s > 0)
     if problem.best_s is not None:
         t = np.array(problem.best_s)
@@ -243,11 +245,11 @@ def best_in_visit(
         Of the settings that reach as much, give the one of least time; not needed for the SNR alone.
     """
     camera = problem.camera
-    visit = np.broadcast_to(np.asarray(visit_s, float), problem.signal_e_s.shape)
+    visit = spread(np.asarray(visit_s, float), problem.signal_e_s.shape)
     t_best, cost = best_exposure_s(problem)
     aim = visit if whole else np.minimum(visit, peak_visit_s(problem, cost, _ELASTICITY))
     frames = _candidates(aim * (1.0 + 1e-12), t_best + camera.readout_s)
-    longest = problem.longest_s()
+    longest = problem.longest_s
     # A frame as long as the visit allows; a hair of slack lets the frames of an answer fit their own time again.
     top = np.minimum(visit / frames * (1.0 + 1e-13) - camera.readout_s, longest)
     shortest = camera.exposure_min_s
@@ -259,7 +261,7 @@ def best_in_visit(
         filled = np.where(feasible, frames * (top + camera.readout_s), 0.0)
         feasible &= filled >= filled.max(axis=0) * (1.0 - 1e-9)
     else:
-        t = _paying_exposure_s(wide, frames, top, np.broadcast_to(np.maximum(longest, shortest), top.shape))
+        t = _paying_exposure_s(wide, frames, top, spread(np.maximum(longest, shortest), top.shape))
     value = wide.inverse_snr2(t, frames)
     chosen = _pick(problem, t, frames, np.where(feasible, value, np.inf), value)
     return chosen if whole or not quickest else shortened(problem, chosen, visit)
@@ -277,7 +279,7 @@ def shortened(problem: FrameProblem, chosen: FrameChoice, visit_s: FloatArray) -
         Its length.
     """
     short = (chosen.n_frames > 0) & (chosen.visit_s < visit_s * (1.0 - 1e-9))
-    stopped = short & (chosen.exposure_s < problem.longest_s())
+    stopped = short & (chosen.exposure_s < problem.longest_s)
     if not stopped.any():
         return chosen
     again = least_time(problem.at(stopped), 1.0 / np.sqrt(chosen.inverse_snr2[stopped]))
@@ -303,16 +305,16 @@ def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
     with frames that need not be whole, then for the whole numbers next to it.
     """
     camera = problem.camera
-    aim = 1.0 / np.broadcast_to(np.asarray(level, float), problem.signal_e_s.shape) ** 2
+    aim = 1.0 / spread(np.asarray(level, float), problem.signal_e_s.shape) ** 2
     t_best, cost = best_exposure_s(problem)
     lower = _smooth_visit_s(problem, cost, aim)
     frames = _candidates(np.where(np.isfinite(lower), lower, 0.0), t_best + camera.readout_s)
     possible = np.isfinite(lower)
-    shortest, longest = camera.exposure_min_s, np.maximum(problem.longest_s(), camera.exposure_min_s)
+    shortest, longest = camera.exposure_min_s, np.maximum(problem.longest_s, camera.exposure_min_s)
     wide = problem.spread(frames.shape)
     low = np.clip(np.where(possible, lower, 0.0) * (1.0 - 1e-9) / frames - camera.readout_s, shortest, longest)
     low = np.where(frames > 1.0, low, shortest)
-    high, aims = (np.broadcast_to(part, frames.shape) for part in (longest, np.where(possible, aim, 1.0)))
+    high, aims = (spread(part, frames.shape) for part in (longest, np.where(possible, aim, 1.0)))
     start, top, least = bracketed(wide, _over_aim, low, high, frames, aims)
     hidden = possible & (least > 1.0) & (least < _NEARLY)  # a valley between two points may reach it
     if hidden.any():
@@ -352,7 +354,7 @@ def smooth_least_visit_s(
     cost : ndarray, optional
         Least ``G`` of the problem, where it is known (`best_exposure_s`).
     """
-    aim = 1.0 / np.broadcast_to(np.asarray(level, float), problem.signal_e_s.shape) ** 2
+    aim = 1.0 / spread(np.asarray(level, float), problem.signal_e_s.shape) ** 2
     return _smooth_visit_s(problem, best_exposure_s(problem)[1] if cost is None else cost, aim)
 
 

@@ -10,7 +10,7 @@ from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit, le
 from cpic_planner.etc.model import EtcModel, Programme
 from cpic_planner.etc.noise import Objective
 from cpic_planner.etc.programmes import Programmes, Span, shortest
-from cpic_planner.etc.searches import taken
+from cpic_planner.etc.searches import spread, taken
 from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import MAX_VISITS
 
@@ -33,7 +33,7 @@ class Found:
         """Return one element of the first axis of every case."""
 
         def take(array: FloatArray) -> FloatArray:
-            return taken(np.broadcast_to(array, self.level.shape), index)
+            return taken(spread(array, self.level.shape), index)
 
         programme, problem = self.programme._combined(take), self.problem._combined(take)
         return Found(self.group, programme, problem, self.choice._combined(take), take(self.level))
@@ -126,7 +126,7 @@ class Group:
         if span.visits is None:
             visits = np.stack(_beside(visits))
         found = self.framed(visits, span.time_s / visits, whole=exact, quickest=False)
-        visit_s = np.broadcast_to(self.model.visit_s(span.time_s / visits), found.level.shape)
+        visit_s = spread(self.model.visit_s(span.time_s / visits), found.level.shape)
         if span.visits is None:
             missed = np.where(visit_s > 0, found.choice.inverse_snr2 * found.level**2, np.inf)
             index = np.argmin(missed, axis=0)
@@ -149,7 +149,7 @@ class Group:
         """
         programme = self.programmes.programme(visits, visit_time_s)
         problem = self.problem(programme)
-        visit_s = np.broadcast_to(self.model.visit_s(visit_time_s), problem.signal_e_s.shape)
+        visit_s = spread(self.model.visit_s(visit_time_s), problem.signal_e_s.shape)
         choice = best_in_visit(problem, visit_s, **settings)
         for _ in range(_LEVEL_STEPS if self._with_modes else 0):
             last, programme = choice, self.made(visits, visit_time_s, choice, of_choice=True)
@@ -163,7 +163,7 @@ class Group:
         """Programmes of so many visits in a time, with the length of their science visits."""
         programme = self.programmes.programme(visits, time_s / visits)
         problem = self.problem(programme)
-        return programme, problem, np.broadcast_to(self.model.visit_s(time_s / visits), problem.signal_e_s.shape)
+        return programme, problem, spread(self.model.visit_s(time_s / visits), problem.signal_e_s.shape)
 
     def for_level(self, span: Span) -> Found:
         """Return the quickest frames that reach the level, with the number of visits that is given or best."""
@@ -218,7 +218,7 @@ class Group:
         model, last = self.model, None
         steady = self.wanted.steady and model.instrument.drift.correlation_time_h == 0.0
         if steady:
-            wall_s, level = np.array(np.inf), np.broadcast_to(self.wanted.level, visits.shape)
+            wall_s, level = np.array(np.inf), spread(self.wanted.level, visits.shape)
         else:
             visit_s, level = self.programmes.solved(visits)
             wall_s = model.time_s(visit_s)

@@ -7,7 +7,7 @@ import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -20,15 +20,22 @@ from simulator.camera import aperture_loss_per_s
 from simulator.config import Instrument, Timing, content_hash
 from simulator.imaging import HoleZone, PsfMetrics, metrics_key, psf_metrics
 from simulator.passbands import Passbands
-from simulator.signal import BandModes, ProgrammeLaw, SpeckleLaw
+from simulator.signal import ProgrammeLaw, SpeckleLaw
+
+if TYPE_CHECKING:
+    from simulator.signal import BandModes
+
+_ONE, _ZERO, _ENDLESS = np.array(1.0), np.array(0.0), np.array(np.inf)
+for _constant in (_ONE, _ZERO, _ENDLESS):
+    _constant.flags.writeable = False
 
 
 def _one() -> FloatArray:
-    return np.array(1.0)
+    return _ONE
 
 
 def _zero() -> FloatArray:
-    return np.array(0.0)
+    return _ZERO
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +60,7 @@ class Programme(CaseArrays):
     visits: FloatArray = field(default_factory=_one)
     reference_visits: FloatArray = field(default_factory=_one)
     reference_length: FloatArray = field(default_factory=_one)
-    gap_s: FloatArray = field(default_factory=lambda: np.array(np.inf))
+    gap_s: FloatArray = field(default_factory=lambda: _ENDLESS)
     n_modes: FloatArray = field(default_factory=_zero)
     speckle: FloatArray = field(default_factory=_one)
     white: FloatArray = field(default_factory=_one)
@@ -84,7 +91,12 @@ class Programme(CaseArrays):
         every visit is one more draw of the same field of speckles, and they leave as much of it.
         """
         left = law.law(self.visits, self.reference_visits, self.gap_s, reference_length=self.reference_length)
-        return left.scaled(self.speckle * self.planet_factor2)
+        return left if self.by_mean else left.scaled(self.speckle * self.planet_factor2)
+
+    @property
+    def by_mean(self) -> bool:
+        """Whether it is known without a look at them that modes change nothing."""
+        return self.speckle is _ONE and self.white is _ONE and self.throughput is _ONE
 
     def of_mean(self) -> "Programme":
         """Return the programme without modes, reduced by the mean of its references."""
@@ -144,16 +156,18 @@ class EtcModel:
         """Rate of particles that void an aperture of the band."""
         return self._losses[band]
 
-    def modes(self, band: str) -> BandModes:
+    def modes(self, band: str) -> "BandModes":
         """Modes of the speckles of the band's references: of the offset of visits, of the walk in an hour without."""
         if band not in self._modes:
+            from simulator.signal import BandModes
+
             drift = self.instrument.drift
             offset_nm = drift.visit_nm or drift.walk_nm_per_sqrt_hour / math.sqrt(3.0)
             self._modes[band] = BandModes.of(self.instrument, band, offset_nm)
         return self._modes[band]
 
     @functools.cached_property
-    def _modes(self) -> dict[str, BandModes]:
+    def _modes(self) -> "dict[str, BandModes]":
         return {}
 
     @functools.cached_property

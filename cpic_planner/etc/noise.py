@@ -16,6 +16,7 @@ from cpic_planner.etc.frames import FrameProblem
 from cpic_planner.etc.model import ONE_VISIT, Programme
 from cpic_planner.etc.photon_counting import CountingLight, counted_terms, counting_probabilities, reference_pixel
 from cpic_planner.etc.rates import ApertureRates
+from cpic_planner.etc.searches import spread
 from cpic_planner.queries import Strategy
 from simulator.detectors import GAIN_LIMIT, FrameTerm, clean_fraction, frames_per_clean, noise_factor2
 from simulator.signal import SpeckleLaw
@@ -50,7 +51,7 @@ class StackNoise:
     @functools.cached_property
     def terms(self) -> dict[str, FloatArray]:
         """Parts of the variance by origin, e-^2, each in the shape of the SNR."""
-        return {name: np.broadcast_to(part, self.snr.shape) for name, part in self._terms().items()}
+        return {name: spread(part, self.snr.shape) for name, part in self._terms().items()}
 
 
 def light_factor2(camera: FrameCamera, em_gain: ArrayLike) -> FloatArray:
@@ -131,6 +132,7 @@ def frame_problem(
     objective: Objective = "snr",
     em_gain: float | None = None,
     programme: Programme | None = None,
+    white: FrameTerm | None = None,
 ) -> FrameProblem:
     """Return what the solver of frames needs of an aperture's rates.
 
@@ -146,6 +148,8 @@ def frame_problem(
         Fixed gain.
     programme : Programme, optional
         Visits that are reduced together, ``n_frames`` in each; by default those of the strategy, or one.
+    white : FrameTerm, optional
+        Where it is known: `white_term` of these rates, of this programme's references.
 
     Notes
     -----
@@ -158,9 +162,9 @@ def frame_problem(
     factor = made.white_factor * rates.variance_factor
     share = level * rates.noise_fraction * factor
     ratio = made.frame_ratio(strategy.reference_ratio)
-    white = white_term(rates, camera, ratio)
+    white = white_term(rates, camera, ratio) if white is None else white
     own = own_noise(rates, camera, made) if with_planet else 0.0
-    residual = dict(zip(("z0", "z1", "z2"), _residual(rates, level, made), strict=True))
+    residual = dict(zip(("z0", "z1", "z2"), residuals(rates, level, made), strict=True))
     arrays = _broadcast(
         alpha_e_s=camera.light_factor * share * white.rate_e_s + own,
         beta_e=camera.light_factor * share * white.charge_e,
@@ -217,7 +221,8 @@ def residual_law(rates: ApertureRates, programme: Programme) -> SpeckleLaw:
     programme : Programme
     """
     law = programme.law(rates.speckle)
-    return law._replace(k0=law.k0 + rates.wings_e2_s2 * programme.planet_factor2)
+    wings = rates.wings_e2_s2 if programme.by_mean else rates.wings_e2_s2 * programme.planet_factor2
+    return law._replace(k0=law.k0 + wings)
 
 
 def stack_noise(
@@ -288,7 +293,7 @@ def stack_noise(
     with np.errstate(divide="ignore", invalid="ignore"):
         snr = np.where(signal > 0, signal / np.sqrt(quiet + mean + planet), 0.0)
         significance = np.where(signal > 0, signal / np.sqrt(quiet), 0.0)
-    return StackNoise(signal, quiet, white, np.broadcast_to(speckle, snr.shape), snr, significance, terms)
+    return StackNoise(signal, quiet, white, spread(speckle, snr.shape), snr, significance, terms)
 
 
 def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
@@ -296,13 +301,21 @@ def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
     arrays = [np.asarray(value) for value in values.values()]
     shape = np.broadcast(*arrays, *others).shape
     return {
-        name: array if array.shape == shape else np.broadcast_to(array, shape)
+        name: array if array.shape == shape else spread(array, shape)
         for name, array in zip(values, arrays, strict=True)
     }
 
 
-def _residual(rates: ApertureRates, level: FloatArray | float, programme: Programme) -> list[FloatArray]:
-    """Variance that frames do not average over signal squared, as a polynomial of the visit."""
+def residuals(rates: ApertureRates, level: FloatArray | float, programme: Programme) -> list[FloatArray]:
+    """Return the variance that frames do not average over signal squared, as a polynomial of the visit.
+
+    Parameters
+    ----------
+    rates : ApertureRates
+    level : ndarray or float
+        1, or with the error of the mean background.
+    programme : Programme
+    """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         scale = level * rates.variance_factor / rates.planet_e_s**2
         return [np.where(part > 0, part * scale, 0.0) for part in residual_law(rates, programme)]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray, checked_array, checked_scalar
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, checked_array, checked_scalar, special
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import CaseArrays
@@ -227,7 +227,6 @@ def counted(pixels: FloatArray, mean_e: FloatArray, law: CountingLaw) -> FloatAr
 
 @functools.lru_cache(maxsize=64)
 def _law(em_gain: float, stages: int, read_noise_e: float, threshold_e: float) -> CountingLaw:
-    from scipy.special import ndtr
 
     p = float(stage_probability(em_gain, stages))
     n = np.arange(_N_MAX + 1)
@@ -244,7 +243,7 @@ def _law(em_gain: float, stages: int, read_noise_e: float, threshold_e: float) -
         weight[0] *= 0.5
         phi = generating_function(np.exp(-s / read_noise_e), p, stages)
         passed = 1.0 - (weight * phi ** n[:, None]).sum(axis=1).real
-        passed[0] = ndtr(-level)
+        passed[0] = special().ndtr(-level)
         # Rounding must not make a law that falls or leaves its range.
         passed = np.maximum.accumulate(np.clip(passed, 0.0, 1.0))
     passed.flags.writeable = False

@@ -24,7 +24,6 @@ from simulator.target import (
     albedo_notes,
     albedo_source,
     contrast_at,
-    detector_to_sky,
     needs_insolation,
     phase_value,
     sin_phase,
@@ -261,6 +260,8 @@ def diagonal_pa_deg(model: EtcModel, target: Targets, band: str) -> float:
     band : str
         Name of a band of the instrument, such as ``F520``.
     """
+    from simulator.target import detector_to_sky
+
     (number,) = dark_quadrants(model, target, band)
     _, pa = detector_to_sky(1 - 2 * (number % 2), 1 - 2 * (number // 2), parity=model.instrument.detector.parity)
     return float(pa)

@@ -27,7 +27,7 @@ from cpic_planner.etc.frames import (
     smooth_least_visit_s,
 )
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme, check_range
-from cpic_planner.etc.searches import around_lowest, first_root, lowest_whole
+from cpic_planner.etc.searches import around_lowest, first_root, lowest_whole, spread
 from cpic_planner.queries import MAX_VISITS
 
 _ROUNDS, _POINTS = 3, 18
@@ -129,7 +129,7 @@ class Programmes:
         best_s, camera = self._exposure_s, self.problem(ONE_VISIT).camera
         visit_s = float(self.model.time_s(camera.exposure_min_s + camera.readout_s))
         most = np.minimum(np.floor(np.asarray(time_s, float) / visit_s * (1.0 + 1e-12)), MAX_VISITS)
-        most = np.broadcast_to(most, best_s.shape)
+        most = spread(most, best_s.shape)
         return lowest_whole(lambda visits: self._missed(visits, time_s, best_s)[0], most)
 
     def missed(self, visits: ArrayLike, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -327,7 +327,7 @@ class Programmes:
 def _cost(problem: FrameProblem, exposure_s: FloatArray) -> FloatArray:
     """White noise over signal squared of one second of every visit, in frames of an exposure."""
     camera = problem.camera
-    usable = (problem.longest_s() >= camera.exposure_min_s * (1.0 - 1e-12)) & (problem.signal_e_s > 0)
+    usable = (problem.longest_s >= camera.exposure_min_s * (1.0 - 1e-12)) & (problem.signal_e_s > 0)
     return np.where(usable, problem.frame_noise(exposure_s)[0] * (exposure_s + camera.readout_s), np.inf)
 
 

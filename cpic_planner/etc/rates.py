@@ -10,10 +10,9 @@ import scipy
 
 from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.star_light import light_of, star_e_s
 from cpic_planner.targets import Targets
-from simulator.config import Instrument
 from simulator.detectors import aperture_noise_pixels
-from simulator.effects import sky_rates_e_s_arcsec2, stray_light_map
 from simulator.imaging import PsfMetrics
 from simulator.signal import (
     CompanionTables,
@@ -23,9 +22,7 @@ from simulator.signal import (
     companion_tables,
     lit_rows,
     programme_law,
-    sky_pixel_e_s,
 )
-from simulator.target import sky_to_detector
 
 EVERY_ANGLE_DEG = tuple(np.arange(36) * 10.0 + 2.5)
 """Position angles over which the light of a companion is averaged whose own is not known."""
@@ -155,13 +152,13 @@ def aperture_rates(
     all of them.
     """
     instrument, metrics, strategy = model.instrument, model.metrics[band], model.strategy
-    star = _star_e_s(model, band, targets, targets.v_mag, targets.teff_k)
+    star, of_sky = light_of(model, targets, band)
     x, y = np.broadcast_arrays(np.asarray(x_arcsec, float), np.asarray(y_arcsec, float))
     ratio, separation = np.asarray(contrast, float), np.hypot(x, y)
     star = star.reshape(star.shape + (1,) * max(0, x.ndim - 1, ratio.ndim - 1))
     planet_total = star * ratio
     dims = max(star.ndim, x.ndim)
-    sky = aperture_sky_e_s(model, targets, band).reshape(-1, *(1,) * (dims - 1))
+    sky = of_sky.reshape(-1, *(1,) * (dims - 1))
     companion = _companions(model, targets, band, x, y)
     halo = star * metrics.halo_aperture(x, y)
     area, core = metrics.aperture_pixels, metrics.core_throughput(x, y)
@@ -204,44 +201,6 @@ def aperture_rates(
     )
 
 
-def aperture_sky_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray:
-    """Return the electrons per second of sky, earthshine and stray light in an aperture of the hole.
-
-    Parameters
-    ----------
-    model : EtcModel
-    targets : Targets
-    band : str
-
-    Returns
-    -------
-    ndarray, shape (n_targets,)
-        A map of stray light counts with its mean over the hole.
-
-    Raises
-    ------
-    InputError
-        If the sky is that of a date and a target has no place.
-    """
-    instrument, metrics = model.instrument, model.metrics[band]
-    start = targets.date_utc or instrument.mission.start_utc
-    sky = sky_pixel_e_s(metrics, sky_rates_e_s_arcsec2(instrument, band, targets.ra_deg, targets.dec_deg, start))
-    return np.asarray((sky + _stray_e_s_pixel(instrument, band, metrics)) * metrics.aperture_pixels)
-
-
-def _stray_e_s_pixel(instrument: Instrument, band: str, metrics: PsfMetrics) -> float:
-    """Mean stray light on the pixels of the hole that lie on the detector."""
-    detector = instrument.detector_of(band)
-    stray = stray_light_map(instrument, band, (detector.n_rows, detector.n_columns))
-    if stray is None:
-        return 0.0
-    rows, columns = np.nonzero(metrics.hole)
-    row = rows - metrics.hole.shape[0] // 2 + detector.star_row
-    column = columns - metrics.hole.shape[1] // 2 + detector.star_column
-    inside = (row >= 0) & (row < stray.shape[0]) & (column >= 0) & (column < stray.shape[1])
-    return float(stray[row[inside], column[inside]].mean()) if inside.any() else 0.0
-
-
 def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s: ArrayLike) -> NDArray[np.bool_]:
     """Return whether a companion that falls on the frame overflows its pixels in one exposure; shape ``(n,)``.
 
@@ -269,13 +228,6 @@ def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s
     return over
 
 
-def _star_e_s(model: EtcModel, band: str, targets: Targets, v_mag: FloatArray, teff_k: FloatArray) -> FloatArray:
-    """Light of stars on the clear disc, with the surface gravity and metallicity of the targets; shape ``(n,)``."""
-    area = model.instrument.telescope.area_cm2
-    rate = model.passbands.star_rate_e_s(v_mag, teff_k, targets.log_g, targets.metallicity, area)
-    return np.asarray(rate[:, model.passbands.names.index(band)])
-
-
 def _with_companion(targets: Targets) -> NDArray[np.bool_]:
     """Stars whose companion's light and place are known and count."""
     known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
@@ -283,11 +235,13 @@ def _with_companion(targets: Targets) -> NDArray[np.bool_]:
 
 
 def _companion_e_s(model: EtcModel, band: str, near: Targets) -> FloatArray:
-    return _star_e_s(model, band, near, near.companion_v_mag, near.companion_teff_k)
+    return star_e_s(model, band, near, near.companion_v_mag, near.companion_teff_k)
 
 
 def _companion_place(model: EtcModel, near: Targets, turns_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Offsets x and y of ``k`` companions on the detector, ``(k, a)``, at ``a`` rolls beside that of the targets."""
+    from simulator.target import sky_to_detector
+
     separation, pa_deg = (part[:, None] for part in (near.companion_separation_arcsec, near.companion_pa_deg))
     turned = np.nan_to_num(pa_deg) - np.reshape(near.roll_deg, (-1, 1)) - np.asarray(turns_deg, float)
     return sky_to_detector(separation, turned, parity=model.instrument.detector.parity)

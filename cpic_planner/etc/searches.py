@@ -5,7 +5,7 @@ Functions are searched in the logarithm of their argument.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -20,14 +20,28 @@ _MAX_STEPS = 200
 _ULPS = 8e-16
 # A root is often just above its lower bracket, where the function falls with a slope of some -1.
 _START = 3.0
+_GRID, _NINE = np.linspace(0.0, 1.0, _COARSE), np.linspace(0.0, 1.0, 9)
+
+
+def spread(array: Any, shape: tuple[int, ...]) -> Any:
+    """Return an array in a shape that it broadcasts to: itself where it has it, which `numpy` takes longer to find.
+
+    Parameters
+    ----------
+    array : array_like
+    shape : tuple of int
+    """
+    return array if getattr(array, "shape", None) == shape else np.broadcast_to(array, shape)
 
 
 class CaseArrays:
     """Base of dataclasses whose arrays have one shape, a case each; what is no array is the same for all cases."""
 
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
     def _combined(self, function: Callable[..., Any], *others: "CaseArrays") -> Self:
         """These cases with every array changed by a function of it and of those of others."""
-        parts = dict(vars(self))
+        parts = {name: getattr(self, name) for name in self.__dataclass_fields__}
         for name, own in parts.items():
             if isinstance(own, (np.ndarray, np.floating)):
                 parts[name] = function(own, *(getattr(case, name) for case in others))
@@ -41,7 +55,7 @@ class CaseArrays:
 
     def spread(self, shape: tuple[int, ...]) -> Self:
         """Return the cases repeated along new first axes."""
-        return self._combined(lambda array: np.broadcast_to(array, shape))
+        return self._combined(lambda array: spread(array, shape))
 
     def where(self, mask: NDArray[np.bool_], other: Self) -> Self:
         """Return these cases where the mask holds, others elsewhere.
@@ -100,7 +114,7 @@ def lowest(
     still falls there and no point of a grid lies below it. The others are closed in on from the lowest point of the
     grid, to some 3e-6 of it.
     """
-    grid = _between(low, high, np.linspace(0.0, 1.0, _COARSE)) if coarse else np.array(high, float)[None]
+    grid = _between(low, high, _GRID) if coarse else np.array(high, float)[None]
     beside = np.maximum(high * (1.0 - _NUDGE), low)[None]
     seen = function(problem, np.concatenate((grid, beside)), *more)
     values, at_high = seen[:-1], seen[-2]
@@ -188,7 +202,7 @@ def lowest_whole(cost: Callable[[FloatArray], FloatArray], most: FloatArray) -> 
     grid = np.minimum(2.0 ** np.arange(np.ceil(np.log2(top.max())) + 1.0).reshape(axis), top)
     for _ in range(2):
         low, high = around_lowest(grid, cost(grid))[::2]
-        grid = np.round(low * (high / low) ** np.linspace(0.0, 1.0, 9).reshape(axis))
+        grid = np.round(low * (high / low) ** _NINE.reshape(axis))
     return around_lowest(grid, cost(grid))[1]
 
 
@@ -201,7 +215,7 @@ def around_lowest(grid: FloatArray, values: FloatArray) -> tuple[FloatArray, Flo
         NaN is never least.
     """
     k = np.argmin(np.where(np.isnan(values), np.inf, values), axis=0)
-    wide = np.broadcast_to(grid, values.shape)
+    wide = spread(grid, values.shape)
     return taken(wide, np.maximum(k - 1, 0)), taken(wide, k), taken(wide, np.minimum(k + 1, len(grid) - 1))
 
 
@@ -259,7 +273,7 @@ def bracketed(
         The last point before the function is at most 1, and the first one where it is; without such a point the given
         brackets. ``least`` is the least value that was seen.
     """
-    grid = _between(low, high, np.linspace(0.0, 1.0, _COARSE))
+    grid = _between(low, high, _GRID)
     seen = function(problem, grid, *more)
     seen = np.where(np.isnan(seen), np.inf, seen)
     k, least = np.argmax(seen <= 1.0, axis=0), seen.min(axis=0)
@@ -315,7 +329,7 @@ def first_root(
     for _ in range(_MAX_STEPS):
         below = np.where(fx <= 0.0, fx, f_other)
         roundings = _ULPS * np.maximum(np.abs(x), 1.0)
-        if np.all(at_low | (below > -tolerance) | (np.abs(x - other) <= 0.25 * roundings)):
+        if (at_low | (below > -tolerance) | (np.abs(x - other) <= 0.25 * roundings)).all():
             break
         f_new = np.log(function(part, np.exp(new), *others))
         same = (f_new <= 0.0) == (fx <= 0.0)
@@ -329,7 +343,7 @@ def first_root(
             curved = (value**2 < place) & ((1.0 - value) ** 2 < 1.0 - place)
             # A root that rounding puts on an end is a few roundings inside of it, not halfway to the other one.
             within = np.minimum(roundings / np.abs(other - x), 0.25)
-            share = np.clip(np.where(curved, share, 0.5), within, 1.0 - within)
+            share = np.minimum(np.maximum(np.where(curved, share, 0.5), within), 1.0 - within)
         new = x + share * (other - x)
     t[mask] = np.where(at_low, low[mask], np.minimum(np.exp(np.where(fx <= 0.0, x, other)), high[mask]))
     return t

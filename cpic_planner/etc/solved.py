@@ -17,7 +17,7 @@ from cpic_planner.etc.modes import MODES_LIMITED, modes_obstacle
 from cpic_planner.etc.motion import motion_factor, programme_days
 from cpic_planner.etc.noise import StackNoise, own_noise, snr_paper, stack_noise
 from cpic_planner.etc.programmes import Programmes, Span
-from cpic_planner.etc.searches import last_true
+from cpic_planner.etc.searches import last_true, spread
 from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import MAX_VISITS
 from cpic_planner.results import DetectionMode, EtcAnswer, Question
@@ -33,6 +33,8 @@ _LONGEST_S = 1e12
 _ROUNDING = 1e-6
 _ENDLESS = 1e12
 _MOST_VISITS, _N_VISITS, _HALVINGS = 1e5, 64, 40
+_FEW_OR_MANY = np.unique(np.round(np.geomspace(1.0, _MOST_VISITS, _N_VISITS))).reshape(-1, 1, 1, 1)
+_SHARES = np.linspace(0.0, 1.0, _N_VISITS)[:, None, None, None]
 _UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "contrast_limit": "contrast"}
 
 
@@ -77,7 +79,7 @@ class Solved:
         setting, ratio = (choice.exposure_s, choice.n_frames, choice.em_gain), strategy.reference_ratio
         paper = snr_paper(cases.rates, *setting, camera, reference_ratio=ratio, programme=programme)
         visits, others, used = (
-            np.broadcast_to(number, choice.visit_s.shape)
+            spread(number, choice.visit_s.shape)
             for number in (programme.visits, programme.reference_visits, programme.n_modes)
         )
         wall, left_s = model.time_s(choice.visit_s), np.zeros_like(choice.visit_s)
@@ -85,7 +87,7 @@ class Solved:
             left_s = model.visit_s(time_s / visits) - choice.visit_s
             wall = np.minimum(wall, time_s / visits)
         paid, alone = (
-            np.broadcast_to(part, choice.visit_s.shape)
+            spread(part, choice.visit_s.shape)
             for part in (
                 motion_factor(cases.motion, programme, choice.visit_s),
                 cases.rates.speckle.independent(programme.visits, programme.gap_s),
@@ -198,7 +200,7 @@ class Solved:
     def _floor(self, most: "_Most", index: tuple[int, ...], level: float) -> tuple[Status, Reason, str]:
         """Why no time reaches the level: the residual of so many visits, or of any number."""
         name, wanted = "SNR" if self.with_planet else "significance", f"{level:.4g}" if level < 1e4 else f"{level:g}"
-        many = int(np.broadcast_to(self.cases.programme.visits, self.choice.n_frames.shape)[index])
+        many = int(spread(self.cases.programme.visits, self.choice.n_frames.shape)[index])
         visits = "one visit" if many == 1 else f"{many} visits"
         length = f" of {self.span.visit_time_s:g} s" if self.span.visit_time_s is not None else ", whatever the length"
         common, what, where = most.endless[index] <= level, "the speckle residual", f"in {visits}{length}"
@@ -239,16 +241,16 @@ class _Most:
         if lost.any():
             part = problem.at(lost)
             cost = best_exposure_s(part)[1]
-            parts[0, lost], parts[1, lost] = part.longest_s(), cost
+            parts[0, lost], parts[1, lost] = part.longest_s, cost
             if level is not None:
                 wanted = np.where(np.isfinite(level), level, 1.0)[lost]
                 parts[2, lost] = smooth_least_visit_s(part, wanted, cost)
                 best = best_in_visit(part, np.full(wanted.shape, _LONGEST_S))
                 parts[3, lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
                 endless = budget.programme_floor(cases, _ENDLESS)
-                parts[4, lost] = np.broadcast_to(endless, lost.shape)[lost]
+                parts[4, lost] = spread(endless, lost.shape)[lost]
                 parts[5, lost] = smooth_least_visit_s(budget.without_speckles(part), wanted, cost)
-                own = np.broadcast_to(own_noise(cases.rates, problem.camera, cases.programme), lost.shape)[lost]
+                own = spread(own_noise(cases.rates, problem.camera, cases.programme), lost.shape)[lost]
                 parts[6, lost] = smooth_least_visit_s(budget.without_background(part, own), wanted)
         return cls(*parts)
 
@@ -286,14 +288,14 @@ class _Detection:
             # Without speckles one visit is best, unless the number is given, and no mode pays.
             alone = cases.problem("significance", programme=Programme.of(strategy, 1 if chosen else programme.visits))
             total_s = programme.visits * model.time_s(visit) if time_s is None else np.array(time_s)
-            visits = np.broadcast_to(programme.visits, margin.shape)
-            each = np.broadcast_to(model.visit_s(total_s / visits), margin.shape)
-            whole = np.broadcast_to(model.visit_s(total_s), margin.shape) if chosen else each
-            own = np.broadcast_to(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
+            visits = spread(programme.visits, margin.shape)
+            each = spread(model.visit_s(total_s / visits), margin.shape)
+            whole = spread(model.visit_s(total_s), margin.shape) if chosen else each
+            own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
             least = wanted.of_tails(programme)(np.zeros_like(level), visit)
             calm[lost] = budget.reached(budget.without_speckles(alone.at(lost)), whole[lost], least[lost])
             dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
-            floor = np.broadcast_to(budget.programme_floor(cases, _ENDLESS), level.shape)
+            floor = spread(budget.programme_floor(cases, _ENDLESS), level.shape)
             common = calm & (floor <= least)
             moving = noise.significance >= level / paid * (1.0 - _ROUNDING)
             required = _required(cases, choice, noise, wanted, level, lost)
@@ -345,7 +347,7 @@ def _required(
         return cases.problem("significance", programme=made)
 
     every = Programmes(model, problem, wanted, modes=cases.with_modes)
-    visits = np.broadcast_to(programme.visits, level.shape)
+    visits = spread(programme.visits, level.shape)
     required["time_s"] = visits * model.time_s(every.solved(visits)[0])
     return {name: np.where(lost, value, np.inf) for name, value in required.items()}
 
@@ -384,11 +386,10 @@ def _more_visits(cases: CameraCases, choice: FrameChoice, wanted: Wanted) -> Flo
             inverse = significance**-2.0
         return np.asarray(significance >= wanted(programme, problem)(choice.visit_s, inverse) * (1.0 - _ROUNDING))
 
-    grid = np.unique(np.round(np.geomspace(1.0, _MOST_VISITS, _N_VISITS))).reshape(-1, 1, 1, 1)
+    grid = _FEW_OR_MANY
     reached = enough(grid)
     first = np.argmax(reached, axis=0)
     high, low = grid[first, 0, 0, 0], grid[np.maximum(first - 1, 0), 0, 0, 0]
-    share = np.linspace(0.0, 1.0, _N_VISITS)[:, None, None, None]
-    fine = np.ceil(low + share * (high - low))
+    fine = np.ceil(low + _SHARES * (high - low))
     first = np.argmax(enough(fine), axis=0)[None]
     return np.where(reached.any(axis=0), np.take_along_axis(fine, first, axis=0)[0], np.inf)

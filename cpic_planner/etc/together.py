@@ -15,8 +15,10 @@ from cpic_planner.etc.detection import DetectionLaw, law_of, margin_of
 from cpic_planner.etc.frames import FrameProblem, best_exposure_s
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme
 from cpic_planner.etc.motion import SearchMotion, motion_factor
-from cpic_planner.etc.noise import Objective, StackNoise
+from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, residuals, white_term
 from cpic_planner.etc.rates import ApertureRates
+from cpic_planner.etc.searches import spread
+from simulator.detectors import FrameTerm
 from simulator.signal import ProgrammeLaw, SpeckleLaw
 
 _ROUNDING = 1e-12
@@ -100,24 +102,38 @@ class CameraCases(Cases):
         return Wanted.of(self)
 
     @functools.cached_property
-    def _best_s(self) -> dict[Objective, FloatArray]:
-        """Exposures of most SNR per time in a single visit, as far as they were asked for."""
+    def _single(self) -> dict[Objective, FrameProblem]:
+        """Problems of a single visit, with their exposures of most SNR per time, as far as they were asked for."""
         return {}
+
+    @functools.cached_property
+    def _white(self) -> FrameTerm:
+        """White noise of a frame of a single visit but the planet's own."""
+        return white_term(self.rates, self.camera, ONE_VISIT.frame_ratio(self.model.strategy.reference_ratio))
 
     def problem(
         self, objective: Objective, contrast: FloatArray | None = None, programme: Programme | None = None
     ) -> FrameProblem:
         """Return what the solver needs, as `Cases.problem`; exposure of most SNR per time where it is of one visit."""
-        made, ratio = super().problem(objective, contrast, programme), self.model.strategy.reference_ratio
-        if contrast is not None or self.model.strategy.n_modes:  # of the planet's own light modes leave another part
-            return made
-        shares = (self.programme if programme is None else programme).frame_ratio(ratio)
-        if np.any(np.abs(shares / ratio - 1.0) > _ROUNDING):
-            return made
+        reduced, ratio = self.programme if programme is None else programme, self.model.strategy.reference_ratio
+        if self.model.strategy.n_modes:  # of the planet's own light modes leave another part
+            return super().problem(objective, contrast, programme)
+        shares = reduced.frame_ratio(ratio)
         # As many references a frame: a visit has the white noise of a single one.
-        if objective not in self._best_s:
-            self._best_s[objective] = best_exposure_s(super().problem(objective, None, ONE_VISIT))[0]
-        return replace(made, best_s=np.broadcast_to(self._best_s[objective], made.signal_e_s.shape))
+        alike = bool((shares == ratio).all())
+        if contrast is not None:
+            settings: dict[str, Any] = {"objective": objective, "em_gain": self.fixed.em_gain, "programme": reduced}
+            settings["white"] = self._white if alike else None
+            return frame_problem(self.rates_at(contrast), self.camera, self.model.strategy, **settings)
+        if not alike and np.any(np.abs(shares / ratio - 1.0) > _ROUNDING):
+            return super().problem(objective, None, reduced)
+        if objective not in self._single:
+            single = super().problem(objective, None, ONE_VISIT)
+            self._single[objective] = replace(single, best_s=best_exposure_s(single)[0])
+        if alike:
+            return in_programme(self._single[objective], self.rates, reduced, objective)
+        made = super().problem(objective, None, reduced)
+        return replace(made, best_s=spread(self._single[objective].best_s, made.signal_e_s.shape))
 
     def with_modes(
         self, programme: Programme, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
@@ -138,6 +154,29 @@ class CameraCases(Cases):
     def of_contrast(self, contrast: FloatArray) -> Self:
         """Return the cases with other contrasts, ``(n_band, n_star, n_planet)``."""
         return replace(self, contrast=contrast, rates=self.rates_at(contrast))
+
+
+def in_programme(
+    problem: FrameProblem, rates: ApertureRates, programme: Programme, objective: Objective = "snr"
+) -> FrameProblem:
+    """Return the problem of one visit in a programme by the mean of as many reference frames: only speckles differ.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+        Of one visit, by `frame_problem` of the rates.
+    rates : ApertureRates
+    programme : Programme
+        Without modes.
+    objective : {"snr", "significance"}
+        That of the problem.
+    """
+    level = 1.0 + 1.0 / rates.background_apertures if objective == "snr" else 1.0
+    z0, z1, z2 = residuals(rates, level, programme)
+    shape = np.broadcast(problem.signal_e_s, z0, z1, z2, programme.visits).shape
+    parts = {"z0": z0, "z1": z1, "z2": z2, "visits": programme.visits}
+    wide = problem if problem.signal_e_s.shape == shape else problem.spread(shape)
+    return replace(wide, **{name: spread(part, shape) for name, part in parts.items()})
 
 
 def _of_band(array: FloatArray, index: int) -> FloatArray:
@@ -216,7 +255,7 @@ class Wanted:
         if value is not None:
             return cls(np.full(shape, float(value)))
         model, law = cases.model, law_of(cases.model, cases.bands[0].band)
-        thresholds = np.broadcast_to(cases.threshold, shape)
+        thresholds = spread(cases.threshold, shape)
         if law is None:
             return cls(thresholds, motion=cases.motion)
         averaging = cases.rates.speckle.averaging().scaled(cases.rates.variance_factor)

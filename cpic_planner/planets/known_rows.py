@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 from catalogs import KnownPlanetTable
-from cpic_core import BoolArray, FloatArray, InputError, IntArray
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, special
 from cpic_planner.planets.laws import Isotropic, Law
 from cpic_planner.planets.mass_radius import MJUP_IN_MSUN, STAR_MJUP, radius_from_mass
 from cpic_planner.planets.population_config import load_population
@@ -175,10 +175,8 @@ class DrawnRows:
 
     def radius(self, mass_mjup: FloatArray) -> FloatArray:
         """Radius: about its value, or that of the true mass with scatter."""
-        from scipy.special import ndtri
-
         known = self.normal("radius_rjup", "radius_err_rjup", "radius")
-        deviate = ndtri(np.clip(self.share("radius"), 1e-12, 1.0 - 1e-12))
+        deviate = special().ndtri(np.clip(self.share("radius"), 1e-12, 1.0 - 1e-12))
         other = radius_from_mass(np.where(np.isfinite(mass_mjup), mass_mjup, 1.0), deviate)
         return np.where(np.isfinite(known), known, other)
 
@@ -201,11 +199,9 @@ def truncated_normal(
     high : ndarray
         Upper limit.
     """
-    from scipy.special import ndtr, ndtri
-
     width = np.where(sd > 0.0, sd, 1.0)
-    first, last = ndtr((low - mean) / width), ndtr((high - mean) / width)
+    first, last = special().ndtr((low - mean) / width), special().ndtr((high - mean) / width)
     with np.errstate(invalid="ignore"):
-        drawn = mean + width * ndtri(np.clip(first + share * (last - first), 1e-15, 1.0 - 1e-15))
+        drawn = mean + width * special().ndtri(np.clip(first + share * (last - first), 1e-15, 1.0 - 1e-15))
         drawn = np.clip(drawn, low, high)
     return np.where(sd > 0.0, drawn, np.broadcast_to(mean, drawn.shape))

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias, cast, get_args
 import numpy as np
 from pydantic import Field, model_validator
 
-from cpic_core import FloatArray, InputError, IntArray
+from cpic_core import FloatArray, InputError, IntArray, special
 from simulator.config import FrozenModel, Real, nearest, validate
 
 
@@ -131,13 +131,11 @@ class Normal(_Between):
 
     def quantile(self, share: FloatArray) -> FloatArray:
         """Values below which these shares of the population lie."""
-        from scipy.special import ndtr, ndtri
-
         low, high = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
         # In the upper tail the complement keeps its digits.
         sign = -1.0 if low > 0.0 else 1.0
-        first, last = float(ndtr(sign * low)), float(ndtr(sign * high))
-        z = sign * ndtri(first + share * (last - first))
+        first, last = float(special().ndtr(sign * low)), float(special().ndtr(sign * high))
+        z = sign * special().ndtri(first + share * (last - first))
         return np.asarray(np.clip(self.mean + self.sd * z, self.low, self.high))
 
 
@@ -174,9 +172,9 @@ class Beta(FrozenModel):
 
     def quantile(self, share: FloatArray) -> FloatArray:
         """Values below which these shares of the population lie."""
-        from scipy.special import betainc, betaincinv
-
-        value: FloatArray = betaincinv(self.a, self.b, share * float(betainc(self.a, self.b, self.high)))
+        value: FloatArray = special().betaincinv(
+            self.a, self.b, share * float(special().betainc(self.a, self.b, self.high))
+        )
         return np.minimum(value, self.high)
 
 

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from catalogs import KnownPlanetTable
-from cpic_core import ArrayLike, FloatArray, InputError, check_finite
+from cpic_core import ArrayLike, FloatArray, InputError, check_finite, special
 from cpic_planner.planets.allowed import catalogue_masses_msun
-from cpic_planner.planets.known_draws import draw_known, known_uniforms, places_at
 
 MOST_SHIFT_LAMBDA_D = 0.3
 """A planet that goes farther within a programme moves; and a searched orbit stays as near to the planet's own."""
@@ -133,13 +132,11 @@ def aperture_track() -> ApertureTrack:
     filtered with the image has the square of the transfer function as its power spectrum, and minus the curvature of
     its correlation is the roughness.
     """
-    from scipy.special import j0, j1
-
     relative = (np.arange(_N_FREQUENCIES) + 0.5) / _N_FREQUENCIES
     transfer, frequency = np.arccos(relative) - relative * np.sqrt(1.0 - relative**2), _PUPIL * relative
     offset = _FARTHEST_LAMBDA_D * np.linspace(0.0, 1.0, _N_PLACES) ** 2  # closer where the light falls first
-    aperture = transfer * j1(2.0 * np.pi * _APERTURE_LAMBDA_D * frequency)
-    light = j0(2.0 * np.pi * offset[:, None] * frequency) @ aperture
+    aperture = transfer * special().j1(2.0 * np.pi * _APERTURE_LAMBDA_D * frequency)
+    light = special().j0(2.0 * np.pi * offset[:, None] * frequency) @ aperture
     along = np.concatenate([[0.0], np.cumsum((light[1:] + light[:-1]) * np.diff(offset) / 2.0)]) / light[0]
     power = transfer**2 * frequency
     roughness = 2.0 * np.pi**2 * float((power * frequency**2).sum() / power.sum())
@@ -200,6 +197,8 @@ def known_shift_arcsec(
     ndarray, shape (n,)
         Arcseconds.
     """
+    from cpic_planner.planets.known_draws import draw_known, known_uniforms, places_at
+
     uniforms = known_uniforms(table, [row], n_draws, seed)
     drawn = draw_known(table, [row], uniforms, epoch_mjd=mjd, star_mass_msun=star_mass_msun)
     places = places_at(drawn, 0, mjd + np.concatenate([[0.0], np.atleast_1d(np.asarray(days, float))]))

@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, special
 from cpic_planner.planets.motion import (
     MOST_SHIFT_LAMBDA_D,
     ORBIT_DUTY,
@@ -39,25 +39,19 @@ def _along_a_bend() -> FloatArray:
     return np.asarray(np.interp(_BENDS[:, None] * off, track.offset, track.light).mean(axis=1))
 
 
-@functools.cache
-def _smears() -> tuple[float, float, float]:
-    """Coefficients of ``1 / smeared(s) - 1`` in ``s^2``, ``s^4``, ``s^6`` up to 0.6 lambda/D, to 1e-6."""
-    way = np.linspace(0.02, 2.0 * MOST_SHIFT_LAMBDA_D, 30)
-    powers = np.stack([way**2, way**4, way**6], axis=1)
-    one, two, three = np.linalg.lstsq(powers, 1.0 / smeared(way) - 1.0, rcond=None)[0]
-    return float(one), float(two), float(three)
+_SMEARS = (0.07185791269126228, 0.0009736420291557501, 0.0001017194757545384)
+"""Coefficients of ``1 / smeared(s) - 1`` in ``s^2``, ``s^4``, ``s^6`` up to 0.6 lambda/D, to 1e-6: a fit to `smeared`,
+which the tests repeat (it takes as long as all else that a cold answer computes)."""
 
 
 @functools.lru_cache(maxsize=16)
 def _levels_of_ways(sigma: float) -> FloatArray:
     """Significance with the false alarms of ``sigma`` at rest, of searches whose fastest planet goes `_WAYS`."""
-    from scipy.special import ndtr, ndtri
-
-    alone, level, way = ndtr(-sigma), np.full(_WAYS.shape, sigma), _WAYS
+    alone, level, way = special().ndtr(-sigma), np.full(_WAYS.shape, sigma), _WAYS
     for _ in range(_ITERATIONS):  # the number of trials depends on the threshold as its square
         edge = math.sqrt(math.pi / 2.0) * way * (level**2 - 1.0) / level
         trials = 1.0 + edge + way**2 * np.maximum(level**2 - 3.0, 0.0) / 2.0
-        level = -ndtri(alone / trials)
+        level = -special().ndtri(alone / trials)
     return np.asarray(level)
 
 
@@ -207,7 +201,7 @@ class OrbitSearch:
         span = self.span_days(visits, visit_time_s)
         shift = self.speed * span
         square = np.minimum(shift, 2.0 * MOST_SHIFT_LAMBDA_D) ** 2
-        one, two, three = _smears()
+        one, two, three = _SMEARS
         factor = np.asarray(1.0 + square * (one + square * (two + square * three)))
         far = shift > _RESTING
         if np.any(far):
@@ -219,15 +213,13 @@ class OrbitSearch:
 
     def _level(self, visits: FloatArray, span: FloatArray, speed: FloatArray) -> FloatArray:
         """Significance with the false alarms of the one at rest, for planets that may leave their place."""
-        from scipy.special import ndtr, ndtri
-
         fastest = math.sqrt(2.0) * speed
         gap = self.gap_h / 24.0
         visit = (span - (visits - 1.0) * gap) / visits
         spread = np.sqrt(((visit + gap) ** 2 * (visits**2 - 1.0) + visit**2) / 12.0)
         way = math.sqrt(aperture_track().roughness) * fastest * spread
         beyond = np.maximum(fastest * span / (2.0 * MOST_SHIFT_LAMBDA_D) - 1.0, 0.0)
-        most = -ndtri(ndtr(-self.sigma) / _squares(beyond))
+        most = -special().ndtri(special().ndtr(-self.sigma) / _squares(beyond))
         return np.asarray(np.minimum(np.interp(way, _WAYS, _levels_of_ways(self.sigma)), most))
 
     def n_orbits(self, visits: ArrayLike, visit_time_s: ArrayLike) -> FloatArray:
@@ -237,8 +229,6 @@ class OrbitSearch:
 
     def motion(self, visits: ArrayLike, visit_time_s: ArrayLike) -> ProgrammeMotion:
         """Return everything about the motion within programmes; parameters as of `threshold_factor`."""
-        from scipy.special import ndtr
-
         span, longest = self.span_days(visits, visit_time_s), np.sqrt(16.0 * MOST_SHIFT_LAMBDA_D / self.bend)
         shift = self.speed * span
         level = self._level(np.asarray(visits, float), span, self.speed)
@@ -249,7 +239,7 @@ class OrbitSearch:
             shift > MOST_SHIFT_LAMBDA_D,
             smeared(shift),
             self.n_orbits(visits, visit_time_s),
-            ndtr(-self.sigma) / ndtr(-level),
+            special().ndtr(-self.sigma) / special().ndtr(-level),
             kept,
             level,
             longest,

@@ -48,7 +48,6 @@ from cpic_planner.queries.images import (
 from cpic_planner.queries.overrides import SimulatorOverrides as SimulatorOverrides
 from cpic_planner.queries.rank import (
     DEFAULT_YEARS as DEFAULT_YEARS,
-    EXCLUSIONS as EXCLUSIONS,
     FILTERS as FILTERS,
     MAX_PLANETS as MAX_PLANETS,
     N_PLANETS as N_PLANETS,
@@ -69,6 +68,7 @@ from cpic_planner.queries.runs import (
 )
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S as DEFAULT_TIME_S,
+    EXCLUSIONS as EXCLUSIONS,
     MAX_VISITS as MAX_VISITS,
     FluxFilter as FluxFilter,
     ReferencePlanet as ReferencePlanet,

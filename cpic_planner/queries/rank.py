@@ -18,6 +18,7 @@ from cpic_planner.queries.changes import InstrumentParts, default_instrument, re
 from cpic_planner.queries.ensemble import Ensemble, EnsembleChoice, load_ensemble
 from cpic_planner.queries.etc import KnownPlanetsQuestion, check_visits
 from cpic_planner.queries.fields import asked
+from cpic_planner.queries.shared import EXCLUSIONS
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo, preset_names
 
@@ -90,8 +91,6 @@ class VisibilityQuestion(shared.CatalogQuestion):
 N_PLANETS = 4000
 """Planets that a ranking draws."""
 MAX_PLANETS = 1_000_000
-EXCLUSIONS = ("rv", "stability", "known_giants")
-"""What can exclude planets: velocities of the star, its companion star, and its giant planets."""
 
 
 def read_exclusions(given: Any) -> tuple[str, ...]:

@@ -25,6 +25,9 @@ from simulator.config import FrozenModel, Instrument
 if TYPE_CHECKING:
     from cpic_planner.jobs import RunSettings
 
+EXCLUSIONS = ("rv", "stability", "known_giants")
+"""What can exclude planets: velocities of the star, its companion star, and its giant planets."""
+
 
 class AlbedoParts(Parts):
     """Options of an albedo; parameters without a name mean the parametric model, with a file a grid of models."""

@@ -13,12 +13,14 @@ from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking.known_completeness import CountedPlanets
 from cpic_planner.ranking.optimiser import best_in_band
 from cpic_planner.ranking.order import RankSetting, rank_targets
-from cpic_planner.ranking.sensitivity import N_TOP, near_top, under_others
+from cpic_planner.ranking.sensitivity import ASSUMPTIONS, N_TOP, near_top, under_others
 from cpic_planner.ranking.settings import OptimalSetting, detection_statuses, limits_of, setting_fields
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.results import BandStanding, Explanation, RankedTarget, RankResult
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
+
+_FEW = 10
 
 
 def explain_star(
@@ -85,15 +87,23 @@ def explain_star(
 
 
 def _other_ranks(setting: RankSetting, targets: Targets, rows: Sequence[RankedTarget], name: str) -> dict[str, int]:
-    """Rank of a star under every other assumption; one near the top is ranked among those near it only."""
+    """Rank of a star under every other assumption; one near the top is ranked among those near it only.
+
+    One of the first few is looked for among fewer stars, and among more where it falls behind the first few.
+    """
     nominal = {row.name: row for row in rows}
-    if nominal[name].rank <= N_TOP:
-        standing = [nominal[str(star)] for star in targets.name]
-        rank = np.array([row.rank for row in standing])
-        margin = np.array([row.detection_margin for row in standing])
-        targets = targets.select(near_top(rank, margin, N_TOP))
-    index = [str(star) for star in targets.name].index(name)
-    return {item.key: int(order.rank[index]) for item, order in under_others(setting, targets)}
+    standing = [nominal[str(star)] for star in targets.name]
+    rank = np.array([row.rank for row in standing])
+    margin = np.array([row.detection_margin for row in standing])
+    own, found, left = nominal[name].rank, dict[str, int](), list(ASSUMPTIONS)
+    for top in [top for top in (_FEW, N_TOP) if own <= top] or [len(rows)]:
+        near = targets.select(near_top(rank, margin, top))
+        index = [str(star) for star in near.name].index(name)
+        found |= {item.key: int(order.rank[index]) for item, order in under_others(setting, near, left)}
+        left = [item for item in left if found.get(item.key, 0) > top]
+        if not left:
+            break
+    return found
 
 
 def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPlanets) -> BandStanding:

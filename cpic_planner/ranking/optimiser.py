@@ -326,7 +326,7 @@ class _Search:
             contrast_limit=column(limit),
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],
-            longest_exposure_s=column(chosen.problem("significance").longest_s()),
+            longest_exposure_s=column(chosen.problem("significance").longest_s),
             peak_columns_e_s=column(chosen.rates.peak_columns_e_s),
             peak_hole_e_s=column(chosen.rates.peak_in_hole_e_s),
             tail_e_s=column(chosen.rates.register_tail_e_s),

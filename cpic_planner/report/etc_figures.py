@@ -25,7 +25,17 @@ from cpic_planner.etc import (
     planets_of,
 )
 from cpic_planner.ranking import separation_grid
-from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, Look, band_style, literal, new_figure, plain_ticks, style
+from cpic_planner.report.drawing import (
+    BAND_STYLE,
+    IMAGE_DPI,
+    Look,
+    band_style,
+    lay_out,
+    literal,
+    new_figure,
+    plain_ticks,
+    style,
+)
 from cpic_planner.report.numbers import duration_text, level_text, pretty_name
 from cpic_planner.report.words import term_text
 from cpic_planner.results import EtcAnswer, EtcResult
@@ -233,7 +243,7 @@ def etc_figure(result: EtcResult, curves: EtcCurves) -> Figure:
             _budgets(figure.add_subplot(grid[1, :]), rows)
         title = f"{pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"
         figure.suptitle(literal(title), fontsize=12)
-        figure.draw_without_rendering()
+        lay_out(figure)
     return figure
 
 

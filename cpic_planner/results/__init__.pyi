@@ -9,6 +9,7 @@ from cpic_planner.results.answers import (
     KnownPlanetLook as KnownPlanetLook,
     ModellingRecord as ModellingRecord,
     OpenQuantiles as OpenQuantiles,
+    Quantiles as Quantiles,
     Question as Question,
 )
 from cpic_planner.results.base import (
@@ -16,6 +17,7 @@ from cpic_planner.results.base import (
     DetectionMode as DetectionMode,
     LimitText as LimitText,
     ProgrammeColumns as ProgrammeColumns,
+    ReferencePlanetRecord as ReferencePlanetRecord,
     Result as Result,
     Row as Row,
     StatusText as StatusText,
@@ -53,7 +55,6 @@ from cpic_planner.results.known import (
     KnownTrack as KnownTrack,
     KnownWindow as KnownWindow,
     PointingRecord as PointingRecord,
-    Quantiles as Quantiles,
     SeasonRecord as SeasonRecord,
     VisibilityResult as VisibilityResult,
     VisibleDays as VisibleDays,
@@ -86,7 +87,6 @@ from cpic_planner.results.ranked import (
     RankedTarget as RankedTarget,
     RankMove as RankMove,
     RankResult as RankResult,
-    ReferencePlanetRecord as ReferencePlanetRecord,
     SettingChange as SettingChange,
     StarInRanking as StarInRanking,
 )

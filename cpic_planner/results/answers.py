@@ -10,10 +10,25 @@ from typing import Any, Literal, Self
 from pydantic import Field, PrivateAttr
 
 from cpic_core import Reason, Status
-from cpic_planner.results.base import ProgrammeColumns, Result, Row, StatusText, VerdictColumns, column, optional
-from cpic_planner.results.known import Quantiles
-from cpic_planner.results.ranked import ReferencePlanetRecord
+from cpic_planner.results.base import (
+    ProgrammeColumns,
+    ReferencePlanetRecord,
+    Result,
+    Row,
+    StatusText,
+    VerdictColumns,
+    column,
+    optional,
+)
 from simulator.knobs import Knobs, Quantity
+
+
+class Quantiles(Result):
+    """What the published errors leave open: 16, 50 and 84 % of the draws lie below."""
+
+    low: float
+    median: float
+    high: float
 
 
 class EffectRecord(Result):

@@ -382,3 +382,12 @@ def _dtype(annotation: Any) -> str:
         return "string" if _dtype(kinds[0]) else ""
     plain = {bool: "bool", int: "int64", float: "float64"}
     return plain.get(annotation, "string" if isinstance(annotation, type) and issubclass(annotation, str) else "")
+
+
+class ReferencePlanetRecord(Result):
+    """The planet that ranked numbers refer to."""
+
+    radius_rjup: float = Field(description="radius in Jupiter equatorial radii (71 492 km)")
+    phase_deg: float = Field(description="star-planet-observer phase angle")
+    albedo: str = Field(description="what reflects the light: a measured planet, or a model and its parameters")
+    position: str = Field(default="on the diagonal of a quadrant", description="where in the dark hole")

@@ -7,16 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from cpic_planner.results.answers import Quantiles
 from cpic_planner.results.base import Result, Row, column
 from simulator.config import Real
-
-
-class Quantiles(Result):
-    """What the published errors leave open: 16, 50 and 84 % of the draws lie below."""
-
-    low: float
-    median: float
-    high: float
 
 
 class KnownBand(Result):

@@ -8,8 +8,8 @@ from typing import Any, Literal
 from pydantic import Field
 
 from cpic_planner.results.answers import ModellingRecord
-from cpic_planner.results.base import Result, Row, StatusText, VerdictText, column, optional
-from cpic_planner.results.ranked import RankedTarget, ReferencePlanetRecord
+from cpic_planner.results.base import ReferencePlanetRecord, Result, Row, StatusText, VerdictText, column, optional
+from cpic_planner.results.ranked import RankedTarget
 from simulator.knobs import Quantity
 
 

@@ -9,6 +9,7 @@ from cpic_planner.results.base import (
     DetectionMode,
     LimitText,
     ProgrammeColumns,
+    ReferencePlanetRecord,
     Result,
     Row,
     StatusText,
@@ -20,15 +21,6 @@ from cpic_planner.results.ensemble import EnsembleRecord
 
 KNOWN_PLANETS = "known planets"
 """Name of the population where completeness refers to the stars' own planets."""
-
-
-class ReferencePlanetRecord(Result):
-    """The planet that ranked numbers refer to."""
-
-    radius_rjup: float = Field(description="radius in Jupiter equatorial radii (71 492 km)")
-    phase_deg: float = Field(description="star-planet-observer phase angle")
-    albedo: str = Field(description="what reflects the light: a measured planet, or a model and its parameters")
-    position: str = Field(default="on the diagonal of a quadrant", description="where in the dark hole")
 
 
 class PopulationRecord(Result):

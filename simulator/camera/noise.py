@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, checked_array, checked_scalar
+from cpic_core import ArrayLike, FloatArray, checked_array, checked_scalar, special
 from simulator.config import AnyDetector, CosmicRayConfig, Detector, Instrument
 from simulator.detectors import MOST, FrameTerm, added_variance, excess_noise_factor2, frame_variance_e2
 from simulator.effects import TemplateSet, cosmic_ray_rate, generated_projection_um, read_templates
@@ -258,8 +258,6 @@ def _less_sine(angle: float) -> float:
 
 def _mean_shape_um(rays: CosmicRayConfig) -> tuple[float, float, float]:
     """Mean area and perimeter of the convex hull of a track (um^2, um), and how far its charge reaches beyond (um)."""
-    from scipy.special import ndtri
-
     tracks, streaks = rays.physical, rays.paper
     if rays.model == "paper":
         length, sigma = mean_projection_um(streaks.depth_um, streaks.max_length_um), streaks.width_um
@@ -275,7 +273,7 @@ def _mean_shape_um(rays: CosmicRayConfig) -> tuple[float, float, float]:
         near_e = tracks.mean_loss_e_um * tracks.depth_um
     else:
         near_e = streaks.mean_charge_e * min(1.0, _STRETCH_SIGMA * sigma / length)
-    return 0.0, 2.0 * length, sigma * -float(ndtri(1.0 / max(near_e, 2.0)))
+    return 0.0, 2.0 * length, sigma * -float(special().ndtri(1.0 / max(near_e, 2.0)))
 
 
 def _mean_hull_um(templates: TemplateSet) -> tuple[float, float, float]:

@@ -292,7 +292,7 @@ def _with_own_sky(own: dict[str, Any], base: Mapping[str, Any]) -> dict[str, Any
 @functools.lru_cache(maxsize=16)
 def _shipped(path: Path) -> Any:
     """A preset as it is written, parsed once; nobody changes it (`paths_beside` copies)."""
-    return load_yaml(path)
+    return load_yaml(path, shipped=True)
 
 
 def _within(tree: Any, key: str) -> bool:

@@ -16,6 +16,8 @@ by less than 0.8 %, which averages over the many apertures that are ever asked f
 this optical model and any real instrument.
 """
 
+from __future__ import annotations
+
 import functools
 import hashlib
 import logging
@@ -23,28 +25,23 @@ from collections.abc import Iterable, Mapping
 from dataclasses import astuple, fields, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cpic_core import NDArray, announce, compute_once, numeric_context, read_npz
 from simulator.config import Instrument, content_hash
 from simulator.imaging.aperture import aperture_sums, overlap_weights
-from simulator.imaging.conjugation import ControlSettings, HoleMethod, Search
-from simulator.imaging.dark_hole import (
-    DarkHole,
-    HoleResult,
-    HoleScore,
-    UnreachedHole,
-    default_settings,
-    solve_dark_hole,
-)
-from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
 from simulator.imaging.geometry import zone_of
-from simulator.imaging.imager import Imager
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.pupil import Aberrations, disc_coverage, load_apodizer
 from simulator.knobs import Knobs
+
+if TYPE_CHECKING:  # the model of the optics: what is stored of it is used without it
+    from simulator.imaging.conjugation import ControlSettings, HoleMethod
+    from simulator.imaging.dark_hole import HoleResult
+    from simulator.imaging.deformable_mirror import DeformableMirror
+    from simulator.imaging.imager import Imager
 
 _LOG = logging.getLogger(__name__)
 HOLE_SCHEMA = 2  # raise when the search or the meaning of a stored number changes
@@ -52,6 +49,8 @@ METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian
 
 
 def _settings(instrument: Instrument, band: str) -> ControlSettings:
+    from simulator.imaging.dark_hole import default_settings
+
     hole = instrument.dark_hole
     usual = default_settings(hole.mode, METHOD[hole.control], hole.sensing_contrast_of(band))
     seed = instrument.wavefront.seed
@@ -139,6 +138,8 @@ def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirr
         arrays = read_npz(path)
     else:
         arrays = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, static, mirror)))
+    from simulator.imaging.dark_hole import UnreachedHole
+
     state = from_arrays(arrays, solver)
     if isinstance(state, UnreachedHole):
         _warn(key, state.reason)
@@ -161,6 +162,8 @@ def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mir
     aberrations : Aberrations
     mirror : DeformableMirror
     """
+    from simulator.imaging.dark_hole import solve_dark_hole
+
     zone = solver.zone
     takes = "seconds on a free processor, minutes where the hole is hard to reach"
     announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: {takes}")
@@ -191,6 +194,9 @@ def from_arrays(arrays: dict[str, NDArray[Any]], solver: Imager) -> HoleResult:
         Arrays by name.
     solver : Imager
     """
+    from simulator.imaging.conjugation import Search
+    from simulator.imaging.dark_hole import DarkHole, HoleScore, UnreachedHole
+
     commands = np.array(arrays["commands_nm"], dtype=np.float64)
     commands.flags.writeable = False
     history = tuple(map(float, arrays["history"]))
@@ -228,6 +234,10 @@ def metrics_key(instrument: Instrument, band: str) -> str:
         nodes = Passbands.from_instrument(instrument).wavelength_nodes(band, Knobs().wavelength_nodes)
         edges = [*edges, *(rounded(part) for part in nodes)]
     surface = instrument.dark_hole.surface_files.get(band)
+    if surface:
+        from simulator.imaging.deformable_mirror import load_dm_surface
+
+        surface = hashlib.sha256(load_dm_surface(surface).astype("<f8").tobytes()).hexdigest()
     zone = zone_of(instrument, band)
     sensing = instrument.dark_hole.sensing_contrast_of(band)
     mask_arcsec = instrument.mask_half_width_arcsec(band)
@@ -245,7 +255,7 @@ def metrics_key(instrument: Instrument, band: str) -> str:
         "mirror": instrument.mirror.model_dump(mode="json"),
         "dark_hole": instrument.dark_hole.model_dump(mode="json", exclude={"surface_files", *SENSING})
         | ({"sensing": sensing} if sensing else {}),
-        "surface": surface and hashlib.sha256(load_dm_surface(surface).astype("<f8").tobytes()).hexdigest(),
+        "surface": surface,
         "psd_slope": instrument.drift.psd_slope,
         "knobs": Knobs().model_dump(mode="json"),
     }

@@ -153,7 +153,7 @@ class KeywordTable:
 @functools.cache
 def load_keywords() -> KeywordTable:
     """Read the shipped table."""
-    tree = load_yaml(KEYWORD_FILE)
+    tree = load_yaml(KEYWORD_FILE, shipped=True)
     keywords, profiles = {}, {}
     for name, entry in tree["keywords"].items():
         kind, aliases = entry.pop("type"), tuple(entry.pop("aliases", ()))

@@ -39,7 +39,7 @@ class SpeckleLaw(NamedTuple):
 
     def scaled(self, factor: ArrayLike) -> "SpeckleLaw":
         """All of it times a factor."""
-        return SpeckleLaw(*(np.asarray(factor, float) * part for part in self))
+        return SpeckleLaw(*(np.multiply(factor, part) for part in self))
 
     def stretched(self, ratio: ArrayLike) -> "SpeckleLaw":
         """Return the law of visits that are ``ratio`` times as long as those that it is asked for."""
@@ -126,12 +126,12 @@ class ProgrammeLaw(NamedTuple):
         many = np.asarray(visits, float)
         others = many if reference_visits is None else np.asarray(reference_visits, float)
         length = many / others if reference_length is None else reference_length
-        own, second = 1.0 / self.independent(many, gap_s), self.reference.stretched(length)
-        if others is many and np.all(np.asarray(length) == 1.0):
-            parts = (_summed(self.science, second).scaled(own), self.common)
+        own = 1.0 / self.independent(many, gap_s)
+        if others is many and (np.asarray(length) == 1.0).all():
+            parts = (_summed(self.science, self.reference).scaled(own), self.common)
         else:
-            later = own if others is many else 1.0 / self.independent(others, gap_s)
-            parts = (_summed(self.science.scaled(own), second.scaled(later)), self.common)
+            second = self.reference.stretched(length).scaled(1.0 / self.independent(others, gap_s))
+            parts = (_summed(self.science.scaled(own), second), self.common)
         return _summed(*parts, *(() if self.turned is None else (self.turned.scaled(1.0 / many**2),)))
 
     def scaled(self, factor: ArrayLike) -> "ProgrammeLaw":
@@ -147,7 +147,7 @@ class ProgrammeLaw(NamedTuple):
 
 def _summed(*laws: SpeckleLaw) -> SpeckleLaw:
     """Law of residuals that know nothing of each other."""
-    return SpeckleLaw(*(functools.reduce(np.add, part) for part in zip(*laws, strict=True)))
+    return SpeckleLaw(*(sum(part[1:], part[0]) for part in zip(*laws, strict=True)))
 
 
 def speckle_law(

@@ -1,5 +1,7 @@
 import math
+from pathlib import Path
 
+import cpic_core
 from cpic_core import Provenance, load_yaml, parse_yaml, split_sourced
 
 
@@ -26,3 +28,11 @@ def test_values_and_their_standing_are_separated():
     assert values == {"a": {"b": 3, "c": 4}, "d": [1]}
     assert provenance["a.b"] == Provenance("paper", "P", "nm", (1.0, 5.0))
     assert set(provenance) == {"a.b", "d[0]"}
+
+
+def test_shipped_files_are_read_alike_by_both_loaders():
+    root = Path(cpic_core.__file__).resolve().parents[1]
+    found = [path for floor in ("catalogs", "simulator", "cpic_planner") for path in (root / floor).rglob("*.yaml")]
+    assert len(found) > 20
+    for path in found:
+        assert repr(load_yaml(path, shipped=True)) == repr(load_yaml(path)), path

@@ -15,6 +15,8 @@ from cpic_planner.planets import (
     span_days,
     star_masses_msun,
 )
+from cpic_planner.planets.motion import MOST_SHIFT_LAMBDA_D
+from cpic_planner.planets.orbit_search import _SMEARS
 from simulator.imaging import single_band_psf
 
 LAMBDA_D = 0.0536  # arcsec, F520
@@ -210,3 +212,11 @@ def test_values_out_of_range_are_refused(key, value):
     }
     with pytest.raises(InputError, match=key):
         programme_motion(**{**given, key: value})
+
+
+def test_the_fit_of_smeared_light_is_that_of_the_track():
+    way = np.linspace(0.02, 2.0 * MOST_SHIFT_LAMBDA_D, 30)
+    powers = np.stack([way**2, way**4, way**6], axis=1)
+    fit = np.linalg.lstsq(powers, 1.0 / smeared(way) - 1.0, rcond=None)[0]
+    np.testing.assert_allclose(_SMEARS, fit, rtol=1e-10)
+    np.testing.assert_allclose(1.0 / (1.0 + powers @ _SMEARS), smeared(way), rtol=1e-6)

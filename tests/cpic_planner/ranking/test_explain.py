@@ -7,7 +7,8 @@ from cpic_planner.etc import build_model
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking import explain_star, rank_targets
-from cpic_planner.ranking.sensitivity import ASSUMPTIONS, sensitivity
+from cpic_planner.ranking.order import RankSetting
+from cpic_planner.ranking.sensitivity import ASSUMPTIONS, sensitivity, under_others
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
 
@@ -101,3 +102,12 @@ def test_strangers_are_refused(refused):
     refused("star = nobody", explain_star, MODEL, STARS, "nobody", other_assumptions=False, **ASKED)
     with pytest.raises(InputError, match="band = F850"):
         explain_star(MODEL, STARS, str(STARS.name[0]), bands=["F850"], other_assumptions=False, **ASKED)
+
+
+@pytest.mark.parametrize("place", [0, 5, 9])
+def test_one_of_the_first_few_ranks_as_among_all_stars(place):
+    name = RANK.targets[place].name
+    setting, index = RankSetting.of(MODEL, **ASKED), STARS.name.tolist().index(name)
+    among_all = {item.key: int(order.rank[index]) for item, order in under_others(setting, STARS)}
+    assert max(among_all.values()) > 10 or place < 9  # the last of them falls behind the first few
+    assert explain_star(MODEL, STARS, name, **ASKED).ranks == among_all
