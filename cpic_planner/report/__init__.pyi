@@ -65,8 +65,8 @@ from cpic_planner.report.numbers import (
 from cpic_planner.report.plan_sections import star_blocks as star_blocks
 from cpic_planner.report.priorities import ensemble_figure as ensemble_figure
 from cpic_planner.report.sky_figures import MOST_STARS as MOST_STARS, rank_figure as rank_figure
-from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure
 from cpic_planner.report.summary import calibration_sentence as calibration_sentence
+from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure
 from cpic_planner.report.whatif_words import best_by_value as best_by_value, hanging_text as hanging_text
 from cpic_planner.report.write import (
     PANELS as PANELS,
