@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args, get_origin
 
 from cpic_core import InputError
 from cpic_planner.queries import Option, default_instrument, spelled
-from cpic_planner.web.asking import ETC, RANK, Asking, parameter
+from cpic_planner.web.asking import ETC, IMAGES, RANK, Asking, parameter
 from simulator.config import preset_names, unit_of
 
 _LABELS = {
@@ -108,6 +108,7 @@ class Form:
     groups: tuple[Group, ...]
     button: str
     error: str = ""
+    method: Literal["get", "post"] = "get"
 
     @property
     def wrong(self) -> tuple[Field, ...]:
@@ -134,6 +135,17 @@ RANK_GROUPS = (
         "More: sample, instrument, population",
         "dwarfs_only singles_only candidates library exozodi drift_nm instrument set population date_utc "
         "planet_radius_rjup albedo",
+        True,
+    ),
+)
+IMAGE_GROUPS = (
+    ("Which star, and how long", "target time_s bands visits", False),
+    ("Its planet, where each band sees it best", "planet_radius_rjup albedo phase_deg", False),
+    ("Images", "realisations library search seed", False),
+    (
+        "More: accuracy, reduction, instrument",
+        "fidelity tolerance filter roll_deg reference_v_mag reference_visits reference_ratio threshold_sigma "
+        "annulus_lambda_d companions date_utc exozodi drift_nm instrument set",
         True,
     ),
 )
@@ -168,6 +180,17 @@ def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None)
     first, *others = form.groups
     groups = (Group(first.title, (*first.fields, limit)), *others)
     return Form(form.action, groups, form.button, "" if wrong else form.error)
+
+
+def image_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
+    """Return the form that asks for images; parameters as of `etc_form`.
+
+    Parameters
+    ----------
+    given : sequence of (str, str)
+    error : InputError, optional
+    """
+    return replace(_form(IMAGES, IMAGE_GROUPS, "Simulate", given, error), method="post")
 
 
 def _form(

@@ -91,6 +91,23 @@ def page(title: str, about: str, form: Form, blocks: Sequence[report.Block] = ()
     return template.render(version=__version__, **told)
 
 
+def told_page(title: str, about: str, heading: str, blocks: Sequence[report.Block], **more: Any) -> str:
+    """Return a page without a form of a question.
+
+    Parameters
+    ----------
+    title, about, heading : str
+    blocks : sequence of Block
+    **more
+        ``refresh_s``, after which the browser asks again; ``share``, finished and all pieces; ``sources``, as of
+        `page`; ``cancel``, address and token of a button.
+    """
+    template = report.templates("cpic_planner.web", "cpic_planner.report").get_template("told.html.j2")
+    told: dict[str, Any] = {"refresh_s": 0, "share": (), "sources": (), "cancel": ()} | more
+    told |= {"title": title, "about_text": about, "heading": heading, "blocks": blocks}
+    return template.render(version=__version__, **told)
+
+
 def etc_blocks(pairs: Pairs) -> list[report.Block]:
     """Return the answer of the calculator to an address as blocks.
 
@@ -107,7 +124,7 @@ def etc_blocks(pairs: Pairs) -> list[report.Block]:
         blocks.append(report.Figure(report.Picture(ETC.address(pairs, ".svg"), alt, caption)))
     lines = python_lines(answer.question, pairs)
     catalogue = answer.result.catalogue
-    return blocks + _elsewhere(ETC.command_line(pairs), lines, answer.result.config_hash, catalogue)
+    return blocks + elsewhere(ETC.command_line(pairs), lines, answer.result.config_hash, catalogue)
 
 
 def rank_blocks(pairs: Pairs, limit: int) -> list[report.Block]:
@@ -126,13 +143,20 @@ def rank_blocks(pairs: Pairs, limit: int) -> list[report.Block]:
         address = RANK.address(pairs, ".svg", limit=str(limit))
         blocks.append(report.Figure(report.Picture(address, alt, f"{alt}.")))
     command = f"{RANK.command_line(pairs)} --limit {limit}"
-    return blocks + _elsewhere(command, "", result.config_hash, result.catalogue)
+    return blocks + elsewhere(command, "", result.config_hash, result.catalogue)
 
 
-def _elsewhere(command: str, lines: str, config_hash: str, catalogue: str) -> list[report.Block]:
-    """The same question on the command line and in Python, and how to cite the answer."""
+def elsewhere(command: str, lines: str, config_hash: str, catalogue: str) -> list[report.Block]:
+    """Return the same question on the command line and in Python, where there are such, and how to cite the answer.
+
+    Parameters
+    ----------
+    command, lines : str
+        Empty for none.
+    config_hash, catalogue : str
+    """
     cited = f"cpic-planner {__version__}, configuration {config_hash}; {catalogue}"
-    facts: list[tuple[Any, Any]] = [("Command", report.code(command))]
+    facts: list[tuple[Any, Any]] = [("Command", report.code(command))] if command else []
     if lines:
         facts.append(("Python", report.lines(*map(report.code, filter(None, lines.split("\n"))))))
     return [report.Heading("The same elsewhere"), report.Facts([*facts, ("To cite", cited)])]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal, cast
 
 from starlette.applications import Starlette
@@ -12,11 +13,16 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from cpic_core import InputError
+from cpic_core import InputError, cache_dir
 from cpic_planner import report
 from cpic_planner.web import answers, forms, pages
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
+from cpic_planner.web.commands import Commands
 from cpic_planner.web.guard import FAILED, Guard, line
+from cpic_planner.web.job_pages import JobPages
+from cpic_planner.web.job_queue import JobQueue
+from cpic_planner.web.openapi import described
+from cpic_planner.web.runs import RunPages
 from cpic_planner.web.work import Busy, Workers
 
 MOST_PARAMETERS = 200
@@ -148,6 +154,10 @@ async def _style(request: Request) -> Response:
     return Response(pages.style_sheet(), media_type="text/css", headers={"Cache-Control": "private, max-age=3600"})
 
 
+async def _described(request: Request) -> Response:
+    return JSONResponse(described(), headers={"Cache-Control": "private, max-age=3600"})
+
+
 async def _missing(request: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 404
     return line("There is no such page; /etc and /priorities are the pages.", status)
@@ -165,7 +175,13 @@ async def _failed(request: Request, error: Exception) -> Response:
     return line(FAILED, 500)
 
 
-def application(hosts: Sequence[str] = ("127.0.0.1", "localhost"), workers: Workers | None = None) -> Guard:
+def application(
+    hosts: Sequence[str] = ("127.0.0.1", "localhost"),
+    workers: Workers | None = None,
+    *,
+    jobs: JobQueue | None = None,
+    folder: Path | None = None,
+) -> Guard:
     """Return the calculator as an ASGI application.
 
     Parameters
@@ -174,13 +190,23 @@ def application(hosts: Sequence[str] = ("127.0.0.1", "localhost"), workers: Work
         Names under which it may be asked, without the port.
     workers : Workers, optional
         Who computes; two threads by default.
+    jobs : JobQueue, optional
+        Where images wait; none are made without.
+    folder : Path, optional
+        Folder whose plans and what-ifs are shown.
     """
     handlers = {HTTPException: _missing, Busy: _busy, TimeoutError: _late, Exception: _failed}
-    site = Starlette(routes=Site(workers or Workers()).routes(), exception_handlers=cast(Any, handlers))
+    workers = workers or Workers()
+    routes = [*Site(workers).routes(), *RunPages(folder).routes(), *Commands(workers).routes()]
+    routes += [Route("/openapi.json", _described)]
+    routes += JobPages(jobs, workers).routes() if jobs is not None else []
+    site = Starlette(routes=routes, exception_handlers=cast(Any, handlers))
     return Guard(site, frozenset(hosts))
 
 
-def serve(host: str, port: int, hosts: Sequence[str] = ()) -> None:
+def serve(
+    host: str, port: int, hosts: Sequence[str] = (), *, jobs: Path | None = None, folder: Path | None = None
+) -> None:
     """Serve the calculator until it is interrupted.
 
     Parameters
@@ -190,11 +216,25 @@ def serve(host: str, port: int, hosts: Sequence[str] = ()) -> None:
     port : int
     hosts : sequence of str
         Further names under which it may be asked.
+    jobs : Path, optional
+        Folder of jobs and their results, one of the cache by default.
+    folder : Path, optional
+        Folder whose plans and what-ifs are shown.
+
+    Raises
+    ------
+    InputError
+        If a folder cannot be used.
     """
     import uvicorn
 
+    from cpic_planner.web.punctual import Punctual
+
     pages.etc_blocks((("target", "tau Cet"),))  # what the first asker would wait for
-    application_of = application((host, "127.0.0.1", "::1", "localhost", *hosts))
+    names = (host, "127.0.0.1", "::1", "localhost", *hosts)
     plain: dict[str, Any] = {"log_level": "warning", "access_log": False, "server_header": False, "ws": "none"}
     plain |= {"lifespan": "off", "proxy_headers": False, "timeout_keep_alive": 5, "limit_concurrency": 100}
-    uvicorn.run(application_of, host=host, port=port, http="h11", h11_max_incomplete_event_size=16_384, **plain)
+    with JobQueue(jobs or cache_dir() / "web-jobs") as queue:
+        queue.start()
+        app = application(names, jobs=queue, folder=folder)
+        uvicorn.run(app, host=host, port=port, http=Punctual, h11_max_incomplete_event_size=16_384, **plain)
