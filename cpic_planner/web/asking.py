@@ -325,7 +325,8 @@ def python_lines(question: EtcQuestion, pairs: Pairs) -> str:
 def _parts(asking: Asking[Any], pairs: Pairs) -> dict[tuple[str, ...], tuple[str, str, dict[str, Any]]]:
     """Values that are made of several options: module and name of their model, and the options, by their place."""
     made: dict[tuple[str, ...], tuple[str, str, dict[str, Any]]] = {}
-    for option, value in ((option, asking.given(pairs)[option.name]) for option in asking.options):
+    given = asking.given(pairs)
+    for option, value in ((option, given[option.name]) for option in asking.options):
         if option.parts is not None and value is not None:
             own = made.setdefault(option.path[:-1], (option.parts.__module__, option.parts.__name__, {}))
             own[2][option.path[-1]] = value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args, get_origin
@@ -225,9 +226,16 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
         kind, choices = "ticks", tuple(default_instrument().bands)
     elif option.several and option.kind is float:
         values = [", ".join(values)] if values else []
+    return Field(
+        name, _label(option), _hints(asking)[name], kind, choices, tuple(values), error, _EXAMPLES.get(name, "")
+    )
+
+
+@functools.cache
+def _hints(asking: Asking[Any]) -> dict[str, str]:
+    """What is said of each parameter."""
     labels = {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}
-    hint = _HINTS.get(name) or spelled(option.text, labels)
-    return Field(name, _label(option), hint, kind, choices, tuple(values), error, _EXAMPLES.get(name, ""))
+    return {name: _HINTS.get(name) or spelled(option.text, labels) for name, option in asking.by_name.items()}
 
 
 def _choices(option: Option) -> tuple[str, ...]:

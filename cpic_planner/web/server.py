@@ -23,7 +23,7 @@ from cpic_planner.web.job_pages import JobPages
 from cpic_planner.web.job_queue import JobQueue
 from cpic_planner.web.openapi import described
 from cpic_planner.web.runs import RunPages
-from cpic_planner.web.work import Busy, Workers
+from cpic_planner.web.work import Busy, Kept, Workers
 
 MOST_PARAMETERS = 200
 _OWN = ("format", "limit")
@@ -48,6 +48,7 @@ class Site:
 
     def __init__(self, workers: Workers) -> None:
         self._workers = workers
+        self._kept: Kept[tuple[Any, ...]] = Kept()
 
     def routes(self) -> list[Route]:
         """Return the addresses that are answered."""
@@ -72,7 +73,13 @@ class Site:
                 return RedirectResponse(asking.address(pairs, **shown), 303)
             if not given and asking is ETC:
                 return _page(pages.page(_TITLE["etc"], _ABOUT["etc"], forms.etc_form(())))
-            return await self._workers.do(_answer, asking, pairs, rows, form, shown)
+            key = (asking.page, pairs, rows, form, bool(shown))
+            kept = self._kept.get(key)
+            if kept is None:
+                made = await self._workers.do(_answer, asking, pairs, rows, form, shown)
+                kept = bytes(made.body), str(made.media_type)
+                self._kept.put(key, *kept)
+            return Response(kept[0], media_type=kept[1])
         except InputError as error:
             return _refused(asking, given, error, form)
 
