@@ -3,7 +3,7 @@
 import asyncio
 import json
 from dataclasses import dataclass
-from urllib.parse import unquote
+from urllib.parse import unquote, urlencode
 
 import pytest
 
@@ -33,7 +33,13 @@ class Browser:
 
     application: object
 
-    def get(self, address, *, method="GET", host="localhost:8765", **headers):
+    def post(self, address, fields, **headers):
+        """Send a form as browsers do."""
+        body = fields if isinstance(fields, bytes) else urlencode(fields).encode()
+        kind = {"content_type": "application/x-www-form-urlencoded", "content_length": str(len(body))}
+        return self.get(address, method="POST", body=body, **kind | headers)
+
+    def get(self, address, *, method="GET", host="localhost:8765", body=b"", **headers):
         path, _, query = address.partition("?")
         given = {"host": host} | {name.replace("_", "-"): value for name, value in headers.items()}
         scope = {
@@ -53,7 +59,7 @@ class Browser:
         sent = []
 
         async def receive():
-            return {"type": "http.request", "body": b"", "more_body": False}
+            return {"type": "http.request", "body": body, "more_body": False}
 
         async def send(message):
             sent.append(message)

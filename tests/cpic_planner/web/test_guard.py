@@ -45,7 +45,7 @@ def test_every_answer_keeps_the_browser_to_itself(ask, address):
     assert policy.startswith("default-src 'none'; style-src 'self'; img-src 'self'; form-action 'self'")
     assert "unsafe" not in policy
     assert told.headers["x-content-type-options"] == "nosniff"
-    assert told.headers["referrer-policy"] == "no-referrer"
+    assert told.headers["referrer-policy"] == "same-origin"
     assert "set-cookie" not in told.headers
     assert "server" not in told.headers
 
