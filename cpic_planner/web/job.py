@@ -35,7 +35,7 @@ def job_of(pairs: Pairs) -> Job[StarImagesResult]:
     InputError
         For the first fault, naming the parameter.
     """
-    with called_as(IMAGES.names):
+    with called_as(IMAGES.names | {"star": "target"}):
         question = IMAGES.question(pairs)
         (star,) = stars_named(question)
         return star_images_job(question, model_of(question), star, as_catalogue(question.catalog).provenance)

@@ -67,9 +67,14 @@ def _plain(name: str, text: str, schema: dict[str, Any]) -> dict[str, Any]:
     return {"name": name, "in": "query", "description": text, "schema": schema}
 
 
+def _is_required(option: Option) -> bool:
+    """Whether every question has it: what a part of a question needs is asked for with that part alone."""
+    return option.required and len(option.path) == 1
+
+
 def _parameter(asking: Asking[Any], option: Option) -> dict[str, Any]:
     """A parameter of an address, which may be repeated where the field takes several values."""
-    made = _plain(parameter(option), spelled(option.text), _schema(asking, option)) | {"required": option.required}
+    made = _plain(parameter(option), spelled(option.text), _schema(asking, option)) | {"required": _is_required(option)}
     return made | {"style": "form", "explode": True} if option.several else made
 
 
@@ -125,7 +130,7 @@ def _jobs(of: dict[str, Any]) -> dict[str, Any]:
     offered = _offered(IMAGES)
     fields = {parameter(option): _schema(IMAGES, option) | {"description": spelled(option.text)} for option in offered}
     fields["format"] = {"type": "string", "enum": ["html", "json"]}
-    needed = [parameter(option) for option in offered if option.required]
+    needed = [parameter(option) for option in offered if _is_required(option)]
     asked = {"type": "object", "properties": fields, "required": needed}
     missing = {"404": {"description": "There is no such job.", "content": {"text/plain": _TEXT}}}
     name = {"name": "id", "in": "path", "required": True, "schema": {"type": "string", "pattern": "^[0-9a-f]{16}$"}}
