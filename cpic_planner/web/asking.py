@@ -237,6 +237,8 @@ def _value(name: str, text: str, option: Option) -> Any:
         return text.lower() in _YES
     if kind in (int, float):
         try:
+            if "_" in text or not text.isascii():  # Python reads these; people who write them mean something else
+                raise ValueError
             return kind(text)
         except ValueError:
             raise InputError(name, text, allowed="a whole number" if kind is int else "a number") from None

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 
+import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 HEAD_S = 10.0
@@ -25,7 +27,7 @@ class Punctual(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to wait for a head."""
         super().connection_made(transport)
-        self._limit(HEAD_S)
+        self._limit(HEAD_S, self._late)
 
     def data_received(self, data: bytes) -> None:
         """Wait for the rest of a head that begins, or for the answer to one that is whole."""
@@ -35,7 +37,7 @@ class Punctual(H11Protocol):
             self._cycle = self.cycle
             self._limit(WHOLE_S)
         elif idle and self._timer is None:
-            self._limit(HEAD_S)
+            self._limit(HEAD_S, self._late)
 
     def on_response_complete(self) -> None:
         """Leave the time until the next request to uvicorn, once the answer is taken."""
@@ -48,7 +50,25 @@ class Punctual(H11Protocol):
         self._limit(None)
         super().connection_lost(exc)
 
-    def _limit(self, seconds: float | None) -> None:
+    def send_400_response(self, msg: str) -> None:
+        """Refuse what is no HTTP, unless an answer is under way."""
+        if self.conn.our_state is h11.IDLE or self.conn.our_state is h11.SEND_RESPONSE:
+            self._refuse("400 Bad Request", msg)
+        else:
+            self.transport.abort()
+
+    def _late(self) -> None:
+        """Refuse a head that does not arrive."""
+        self._refuse("408 Request Timeout", f"The head of a request arrives within {HEAD_S:g} s.")
+
+    def _refuse(self, status: str, text: str) -> None:
+        """Send a line of our own, and close."""
+        head = f"HTTP/1.1 {status}\r\ncontent-type: text/plain; charset=utf-8\r\nconnection: close\r\n"
+        self.transport.write(f"{head}content-length: {len(text) + 1}\r\n\r\n{text}\n".encode())
+        self.transport.close()
+
+    def _limit(self, seconds: float | None, end: Callable[[], None] | None = None) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = None if seconds is None else self.loop.call_later(seconds, self.transport.abort)
+        end = end or self.transport.abort
+        self._timer = None if seconds is None else self.loop.call_later(seconds, end)

@@ -28,6 +28,18 @@ from cpic_planner.web.work import Busy, Kept, Workers
 MOST_PARAMETERS = 200
 _OWN = ("format", "limit")
 """Parameters of an address that are no fields of the question."""
+UVICORN: dict[str, Any] = {
+    "log_level": "warning",
+    "access_log": False,
+    "server_header": False,
+    "ws": "none",
+    "lifespan": "off",
+    "proxy_headers": False,
+    "timeout_keep_alive": 5,
+    "limit_concurrency": 100,
+    "h11_max_incomplete_event_size": 16_384,
+}
+"""How the server is run."""
 _SVG_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 _ABOUT = {
     "etc": "Wall time for an SNR or a detection, SNR in a time, or the contrast limit, of one star or known planet. "
@@ -239,9 +251,7 @@ def serve(
 
     pages.etc_blocks((("target", "tau Cet"),))  # what the first asker would wait for
     names = (host, "127.0.0.1", "::1", "localhost", *hosts)
-    plain: dict[str, Any] = {"log_level": "warning", "access_log": False, "server_header": False, "ws": "none"}
-    plain |= {"lifespan": "off", "proxy_headers": False, "timeout_keep_alive": 5, "limit_concurrency": 100}
     with JobQueue(jobs or cache_dir() / "web-jobs") as queue:
         queue.start()
         app = application(names, jobs=queue, folder=folder)
-        uvicorn.run(app, host=host, port=port, http=Punctual, h11_max_incomplete_event_size=16_384, **plain)
+        uvicorn.run(app, host=host, port=port, http=Punctual, **UVICORN)
