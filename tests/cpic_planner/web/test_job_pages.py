@@ -33,11 +33,11 @@ def test_a_job_runs_to_its_result_which_is_that_of_python(browser, tmp_path):
         queue.start()
         mine = type(browser)(application(jobs=queue))
         address = address_of(mine.post("/jobs", ASKED)).partition("?")[0]
-        deadline = time.monotonic() + 120
-        while mine.get(f"{address}?format=json").json["state"] in ("waiting", "running"):
-            assert time.monotonic() < deadline
+        for _ in range(1500):
+            told = mine.get(f"{address}?format=json").json
+            if told["state"] not in ("waiting", "running"):
+                break
             time.sleep(0.1)
-        told = mine.get(f"{address}?format=json").json
         assert (told["state"], told["token"]) == ("done", None)
         result = StarImagesResult.model_validate(mine.get(told["result"]).json)
         # The same under another name of the star, from its result.
