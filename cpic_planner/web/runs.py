@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -33,6 +35,8 @@ FILES = {
 }
 """Files that are shown, where a run has them, with their media types; `run.json` tells of the machine and is not."""
 DEEPEST, MOST_RUNS, MOST_FOLDERS, MOST_BYTES = 4, 500, 5_000, 100_000_000
+FRESH_S = 2.0
+"""Time for which a look at the folder counts."""
 _KINDS = {"plan": "plan", "whatif": "what-if", "confirm": "confirmation", "rank": "ranking"}
 _TITLE = "Plans and what-ifs"
 _ABOUT = "Runs that this server was told to show, as they were written."
@@ -155,16 +159,14 @@ def _run_of(place: Path) -> Run | None:
 def _ranking_of(path: Path) -> Run | None:
     """The ranking of a file that ``cpic rank --out`` wrote; None for any other file."""
     try:
-        if path.is_symlink() or path.stat().st_size > MOST_BYTES or '"kind": "rank"' not in _beginning(path):
-            return None
-        tree = json.loads(_text(path))
-        kind, config_hash = str(tree["kind"]), str(tree["config_hash"])
+        beginning = "" if path.is_symlink() else _beginning(path)
         date_utc = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
-    except (InputError, OSError, ValueError, KeyError, TypeError):
+    except (InputError, OSError):
         return None
-    if kind != "rank" or not config_hash.isalnum():
+    named = re.search(r'"config_hash": "([0-9a-f]+)"', beginning)
+    if named is None or '"kind": "rank"' not in beginning:
         return None
-    return Run("", path.stem, kind, "finished", date_utc, config_hash, {"rank.json": path})
+    return Run("", path.stem, "rank", "finished", date_utc, named[1], {"rank.json": path})
 
 
 def _text(path: Path) -> str:
@@ -175,7 +177,7 @@ def _beginning(path: Path) -> str:
     from cpic_core.user_files import open_file
 
     with open_file(path, key="--folder", allowed="a file of a run", max_bytes=MOST_BYTES) as file:
-        return file.read(400).decode("utf-8", "replace")
+        return file.read(1000).decode("utf-8", "replace")
 
 
 def _date(path: Path) -> str:
@@ -209,7 +211,7 @@ class RunPages:
     def __init__(self, folder: Path | None) -> None:
         if folder is not None and not folder.is_dir():
             raise InputError("--folder", str(folder), allowed="a folder that is there")
-        self._folder = folder
+        self._folder, self._found, self._until_s = folder, list[Run](), 0.0
 
     def routes(self) -> list[Route]:
         """Return the addresses that are answered."""
@@ -220,7 +222,11 @@ class RunPages:
         ]
 
     async def _runs(self) -> list[Run]:
-        return [] if self._folder is None else await run_in_threadpool(runs_of, self._folder)
+        """The runs, looked for again after `FRESH_S`."""
+        if self._folder is not None and time.monotonic() > self._until_s:
+            self._found = await run_in_threadpool(runs_of, self._folder)
+            self._until_s = time.monotonic() + FRESH_S
+        return self._found
 
     async def _listed(self, request: Request) -> Response:
         runs, form = await self._runs(), request.query_params.get("format", "")

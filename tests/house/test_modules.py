@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 # of answers in images stood apart from the answers (`report.console_fidelity`), and planets in the dark zone apart from
 # what counts them (`ranking.in_zone`), 381 before the calculator was served to browsers: the room `web`, its command,
 # and the answer about one star, which page and command share (`api.one_star`), 391 before it had jobs: their queue,
-# process and pages, runs of a folder, commands and their cost, connections with limits of time, an OpenAPI document, and
-# stars that are selected from a kept ranking (`ranking.selection`).
+# process and pages, runs of a folder, commands and their cost, connections with limits of time, an OpenAPI document,
+# and stars that are selected from a kept ranking (`ranking.selection`).
 MOST_MODULES, MOST_LINES, MOST_SKIPS = 399, 400, 20
 
 
