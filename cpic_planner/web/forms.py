@@ -67,7 +67,7 @@ class Field:
     name : str
         Parameter of the address.
     label, hint : str
-    kind : {"text", "choice", "tick", "ticks"}
+    kind : {"text", "choice", "tick", "ticks", "file"}
     choices : tuple of str
         Words of a choice or of several ticks.
     values : tuple of str
@@ -80,7 +80,7 @@ class Field:
     name: str
     label: str
     hint: str
-    kind: Literal["text", "choice", "tick", "ticks"]
+    kind: Literal["text", "choice", "tick", "ticks", "file"]
     choices: tuple[str, ...]
     values: tuple[str, ...]
     error: str
@@ -110,6 +110,11 @@ class Form:
     button: str
     error: str = ""
     method: Literal["get", "post"] = "get"
+
+    @property
+    def sends(self) -> bool:
+        """Whether files are sent with it."""
+        return any(field.kind == "file" for group in self.groups for field in group.fields)
 
     @property
     def wrong(self) -> tuple[Field, ...]:

@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 
 LONGEST_ADDRESS = 4096
 """Bytes of an address with its parameters."""
-MOST_HEADERS = 16_384
-"""Bytes of all headers of a request."""
-POSTED = {"jobs": 20_000}
+FILES = 2_000_000
+"""Most bytes of all files of a question together."""
+POSTED = {"jobs": 20_000, "etc": FILES + 50_000, "priorities": FILES + 50_000, "compare": FILES + 50_000}
 """Most bytes of a posted body, by the first word of the address that takes one."""
 BODY_S = 10.0
 """Longest time that a body may take to arrive."""
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; style-src 'self'; img-src 'self'; form-action 'self'; "
-    "base-uri 'none'; frame-ancestors 'none'",
+    "script-src 'self'; connect-src 'self'; base-uri 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
     "Referrer-Policy": "same-origin",
@@ -35,6 +35,8 @@ HEADERS = {
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
 }
 """Of every answer that does not say otherwise."""
+MOST_HEADERS = 16_384
+"""Bytes of all headers of a request."""
 FAILED = "The server could not answer; what went wrong is in its own log."
 
 
