@@ -231,16 +231,9 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
         kind, choices = "ticks", tuple(default_instrument().bands)
     elif option.several and option.kind is float:
         values = [", ".join(values)] if values else []
-    return Field(
-        name, _label(option), _hints(asking)[name], kind, choices, tuple(values), error, _EXAMPLES.get(name, "")
-    )
-
-
-@functools.cache
-def _hints(asking: Asking[Any]) -> dict[str, str]:
-    """What is said of each parameter."""
-    labels = {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}
-    return {name: _HINTS.get(name) or spelled(option.text, labels) for name, option in asking.by_name.items()}
+    labels = _labels(asking)
+    hint = _HINTS.get(name) or spelled(option.text, labels)
+    return Field(name, _label(option), hint, kind, choices, tuple(values), error, _EXAMPLES.get(name, ""))
 
 
 def _choices(option: Option) -> tuple[str, ...]:
@@ -261,3 +254,9 @@ def _label(option: Option) -> str:
     words = name.rsplit("_", 1)[0] if unit and "_" in name else name
     words = words.replace("_", " ")
     return f"{words[:1].upper()}{words[1:]}{f' ({unit})' * bool(unit)}"
+
+
+@functools.cache
+def _labels(asking: Asking[Any]) -> dict[str, str]:
+    """Labels of all options by the last words of their fields."""
+    return {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}

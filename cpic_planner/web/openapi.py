@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic.json_schema import models_json_schema
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
 
 from cpic_planner.queries import Option, Question, spelled
 from cpic_planner.schemas import RESULTS
@@ -54,6 +56,11 @@ def described() -> dict[str, Any]:
         "paths": paths,
         "components": {"schemas": schemas["$defs"]},
     }
+
+
+async def openapi(request: Request) -> Response:
+    """Send the document."""
+    return JSONResponse(described(), headers={"Cache-Control": "private, max-age=3600"})
 
 
 _TEXT: dict[str, Any] = {"schema": {"type": "string"}}

@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from cpic_core import InputError, cache_dir
+from cpic_core import InputError
 from cpic_planner import report
 from cpic_planner.web import answers, forms, pages
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
@@ -21,7 +21,7 @@ from cpic_planner.web.commands import Commands
 from cpic_planner.web.guard import FAILED, Guard, line
 from cpic_planner.web.job_pages import JobPages
 from cpic_planner.web.job_queue import JobQueue
-from cpic_planner.web.openapi import described
+from cpic_planner.web.openapi import openapi
 from cpic_planner.web.runs import RunPages
 from cpic_planner.web.work import Busy, Kept, Workers
 
@@ -173,10 +173,6 @@ async def _style(request: Request) -> Response:
     return Response(pages.style_sheet(), media_type="text/css", headers={"Cache-Control": "private, max-age=3600"})
 
 
-async def _described(request: Request) -> Response:
-    return JSONResponse(described(), headers={"Cache-Control": "private, max-age=3600"})
-
-
 async def _missing(request: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 404
     return line("There is no such page; /etc and /priorities are the pages.", status)
@@ -217,7 +213,7 @@ def application(
     handlers = {HTTPException: _missing, Busy: _busy, TimeoutError: _late, Exception: _failed}
     workers = workers or Workers()
     routes = [*Site(workers).routes(), *RunPages(folder).routes(), *Commands(workers).routes()]
-    routes += [Route("/openapi.json", _described)]
+    routes += [Route("/openapi.json", openapi)]
     routes += JobPages(jobs, workers).routes() if jobs is not None else []
     site = Starlette(routes=routes, exception_handlers=cast(Any, handlers))
     return Guard(site, frozenset(hosts))
@@ -247,6 +243,7 @@ def serve(
     """
     import uvicorn
 
+    from cpic_core import cache_dir
     from cpic_planner.web.punctual import Punctual
 
     pages.etc_blocks((("target", "tau Cet"),))  # what the first asker would wait for

@@ -33,12 +33,6 @@ class Browser:
 
     application: object
 
-    def post(self, address, fields, **headers):
-        """Send a form as browsers do."""
-        body = fields if isinstance(fields, bytes) else urlencode(fields).encode()
-        kind = {"content_type": "application/x-www-form-urlencoded", "content_length": str(len(body))}
-        return self.get(address, method="POST", body=body, **kind | headers)
-
     def get(self, address, *, method="GET", host="localhost:8765", body=b"", **headers):
         path, _, query = address.partition("?")
         given = {"host": host} | {name.replace("_", "-"): value for name, value in headers.items()}
@@ -67,6 +61,12 @@ class Browser:
         asyncio.run(self.application(scope, receive, send))
         head = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
         return Told(sent[0]["status"], head, b"".join(message.get("body", b"") for message in sent[1:]))
+
+    def submit(self, address, fields, **headers):
+        """Send a form without files."""
+        body = fields if isinstance(fields, bytes) else urlencode(fields).encode()
+        kind = {"content_type": "application/x-www-form-urlencoded", "content_length": str(len(body))}
+        return self.get(address, method="POST", body=body, **kind | headers)
 
 
 @pytest.fixture(scope="session")

@@ -32,7 +32,7 @@ def test_a_job_runs_to_its_result_which_is_that_of_python(browser, tmp_path):
     with JobQueue(tmp_path) as queue:
         queue.start()
         mine = type(browser)(application(jobs=queue))
-        address = address_of(mine.post("/jobs", ASKED)).partition("?")[0]
+        address = address_of(mine.submit("/jobs", ASKED)).partition("?")[0]
         for _ in range(1500):
             told = mine.get(f"{address}?format=json").json
             if told["state"] not in ("waiting", "running"):
@@ -41,7 +41,7 @@ def test_a_job_runs_to_its_result_which_is_that_of_python(browser, tmp_path):
         assert (told["state"], told["token"]) == ("done", None)
         result = StarImagesResult.model_validate(mine.get(told["result"]).json)
         # The same under another name of the star, from its result.
-        again = mine.post("/jobs", ASKED | {"target": "HIP 8102", "format": "json"})
+        again = mine.submit("/jobs", ASKED | {"target": "HIP 8102", "format": "json"})
         assert (again.status, again.json["id"], again.json["token"]) == (200, told["id"], None)
         page = mine.get(address).text
         shown = mine.get(f"{address}/panels-F520.png")
@@ -78,7 +78,7 @@ def test_python_gives_what_the_page_says_it_does():
 
 
 def test_a_waiting_job_says_its_place_and_asks_again_without_a_script(idle):
-    first, second = (address_of(idle.post("/jobs", ASKED | {"seed": str(seed)})) for seed in (1, 2))
+    first, second = (address_of(idle.submit("/jobs", ASKED | {"seed": str(seed)})) for seed in (1, 2))
     page = idle.get(second)
     html5lib.HTMLParser(strict=True).parse(page.text)
     assert '<meta http-equiv="refresh" content="5">' in page.text
@@ -92,22 +92,22 @@ def test_a_waiting_job_says_its_place_and_asks_again_without_a_script(idle):
 
 def test_a_full_queue_is_said_in_one_line(idle):
     for seed in (1, 2):
-        address_of(idle.post("/jobs", ASKED | {"seed": str(seed)}))
-    told = idle.post("/jobs", ASKED | {"seed": "3"})
+        address_of(idle.submit("/jobs", ASKED | {"seed": str(seed)}))
+    told = idle.submit("/jobs", ASKED | {"seed": "3"})
     assert (told.status, told.text.count("\n")) == (503, 1)
     assert "2 jobs wait" in told.text
-    assert idle.post("/jobs", ASKED | {"seed": "2"}).status == 303
+    assert idle.submit("/jobs", ASKED | {"seed": "2"}).status == 303
 
 
 def test_only_the_asker_cancels(idle):
-    address, _, token = address_of(idle.post("/jobs", ASKED)).partition("?token=")
+    address, _, token = address_of(idle.submit("/jobs", ASKED)).partition("?token=")
     for wrong in ("", "x", token[:-1]):
-        told = idle.post(f"{address}/cancel", {"token": wrong})
+        told = idle.submit(f"{address}/cancel", {"token": wrong})
         assert (told.status, told.text.count("\n")) == (403, 1)
     assert idle.get(address).status == 200
-    assert idle.post(f"{address}/cancel", {"token": token}).status == 200
+    assert idle.submit(f"{address}/cancel", {"token": token}).status == 200
     assert idle.get(address).status == 404
-    assert idle.post(f"{address}/cancel", {"token": token}).status == 404
+    assert idle.submit(f"{address}/cancel", {"token": token}).status == 404
 
 
 @pytest.mark.parametrize(
@@ -126,18 +126,18 @@ def test_only_the_asker_cancels(idle):
     ],
 )
 def test_what_cannot_be_asked_is_refused_naming_the_field(idle, changes, key, words):
-    told = idle.post("/jobs", ASKED | changes | {"format": "json"})
+    told = idle.submit("/jobs", ASKED | changes | {"format": "json"})
     assert told.status == 400, told.text
     assert told.json["parameter"] == key
     assert words in told.json["message"]
-    page = idle.post("/jobs", ASKED | changes)
+    page = idle.submit("/jobs", ASKED | changes)
     assert page.status == 400
     assert words in page.text.replace("&#39;", "'")
     assert "/etc/passwd" not in page.text or 'value="/etc/passwd"' in page.text
 
 
 def test_posts_have_a_length_and_come_from_here(idle):
-    assert idle.post("/jobs", ASKED, origin="http://localhost:8765").status == 303
+    assert idle.submit("/jobs", ASKED, origin="http://localhost:8765").status == 303
     for headers, status in (
         ({"origin": "https://evil.example"}, 403),
         ({"origin": "null"}, 403),
@@ -149,12 +149,12 @@ def test_posts_have_a_length_and_come_from_here(idle):
         ({"content_type": "text/plain"}, 400),
         ({"content_type": "multipart/form-data; boundary=x"}, 400),
     ):
-        told = idle.post("/jobs", ASKED | {"format": "csv"} if status == 400 else ASKED, **headers)
+        told = idle.submit("/jobs", ASKED | {"format": "csv"} if status == 400 else ASKED, **headers)
         assert told.status == status, headers
-    assert idle.post("/etc", ASKED).status == 405
-    assert idle.post("/jobs", b"target=%ff").status == 400
-    assert idle.post("/jobs", b"\xff\xfe").status == 400
-    assert idle.post("/jobs", b"a=1&" * 300).status == 400
+    assert idle.submit("/etc", ASKED).status == 405
+    assert idle.submit("/jobs", b"target=%ff").status == 400
+    assert idle.submit("/jobs", b"\xff\xfe").status == 400
+    assert idle.submit("/jobs", b"a=1&" * 300).status == 400
 
 
 NAMES = ["0" * 16, "..", "%2e%2e", "../jobs", "b421b8c241ed715e%00", "cpic-jobs.json", "queue.lock"]

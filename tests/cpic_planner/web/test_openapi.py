@@ -62,7 +62,7 @@ def test_answers_are_as_it_says(document, browser, tmp_path):
         assert list(Draft202012Validator(schema_of(document, path, status)).iter_errors(told.json)) == []
     with JobQueue(tmp_path) as queue:
         mine = type(browser)(application(jobs=queue))
-        told = mine.post("/jobs", asked)
+        told = mine.submit("/jobs", asked)
         assert told.status == 202
         for path, status, method, json in (
             ("/jobs", "202", "post", told.json),
@@ -77,6 +77,6 @@ def test_every_described_address_is_answered(document, browser, tmp_path):
         for path, item in document["paths"].items():
             for method in {"get", "post"} & set(item):
                 place = path.replace("{id}", "0" * 16)
-                told = mine.post(place, {}) if method == "post" else mine.get(f"{place}?nothing=1")
+                told = mine.submit(place, {}) if method == "post" else mine.get(f"{place}?nothing=1")
                 assert told.status != 405, path
                 assert not told.text.startswith("There is no such page"), path
