@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args, get_origin
@@ -188,17 +187,6 @@ def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None)
     return Form(form.action, groups, form.button, "" if wrong else form.error)
 
 
-def image_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
-    """Return the form that asks for images; parameters as of `etc_form`.
-
-    Parameters
-    ----------
-    given : sequence of (str, str)
-    error : InputError, optional
-    """
-    return replace(_form(IMAGES, IMAGE_GROUPS, "Simulate", given, error), method="post")
-
-
 def _form(
     asking: Asking[Any],
     layout: Sequence[tuple[str, str, bool]],
@@ -231,7 +219,7 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
         kind, choices = "ticks", tuple(default_instrument().bands)
     elif option.several and option.kind is float:
         values = [", ".join(values)] if values else []
-    labels = _labels(asking)
+    labels = {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}
     hint = _HINTS.get(name) or spelled(option.text, labels)
     return Field(name, _label(option), hint, kind, choices, tuple(values), error, _EXAMPLES.get(name, ""))
 
@@ -256,7 +244,12 @@ def _label(option: Option) -> str:
     return f"{words[:1].upper()}{words[1:]}{f' ({unit})' * bool(unit)}"
 
 
-@functools.cache
-def _labels(asking: Asking[Any]) -> dict[str, str]:
-    """Labels of all options by the last words of their fields."""
-    return {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}
+def image_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
+    """Return the form that asks for images; parameters as of `etc_form`.
+
+    Parameters
+    ----------
+    given : sequence of (str, str)
+    error : InputError, optional
+    """
+    return replace(_form(IMAGES, IMAGE_GROUPS, "Simulate", given, error), method="post")
