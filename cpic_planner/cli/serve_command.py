@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -63,5 +64,5 @@ def serve(
         raise InputError("cpic serve", "not installed", allowed='after pip install "cpic-planner[web]"')
     from cpic_planner.web import serve as run
 
-    note(f"http://{f'[{host}]' if ':' in host else host}:{port}/etc (Ctrl-C ends it)")
-    run(host, port, allow_host or (), jobs=jobs, folder=folder)
+    address = f"http://{f'[{host}]' if ':' in host else host}:{port}/etc"
+    run(host, port, allow_host or (), jobs=jobs, folder=folder, ready=partial(note, f"{address} (Ctrl-C ends it)"))

@@ -220,7 +220,13 @@ def application(
 
 
 def serve(
-    host: str, port: int, hosts: Sequence[str] = (), *, jobs: Path | None = None, folder: Path | None = None
+    host: str,
+    port: int,
+    hosts: Sequence[str] = (),
+    *,
+    jobs: Path | None = None,
+    folder: Path | None = None,
+    ready: Callable[[], None] = lambda: None,
 ) -> None:
     """Serve the calculator until it is interrupted.
 
@@ -235,6 +241,8 @@ def serve(
         Folder of jobs and their results, one of the cache by default.
     folder : Path, optional
         Folder whose plans and what-ifs are shown.
+    ready : callable
+        Called before the first request is taken.
 
     Raises
     ------
@@ -251,4 +259,5 @@ def serve(
     with JobQueue(jobs or cache_dir() / "web-jobs") as queue:
         queue.start()
         app = application(names, jobs=queue, folder=folder)
+        ready()
         uvicorn.run(app, host=host, port=port, http=Punctual, **UVICORN)
