@@ -17,6 +17,7 @@ from cpic_planner.version import __version__
 from cpic_planner.web import answers
 from cpic_planner.web.asking import ETC, IMAGES, MOST_VALUES, RANK, Asking, parameter
 from cpic_planner.web.job_pages import JobAnswer
+from cpic_planner.web.runs import RunAnswer, RunsAnswer
 
 _TYPES = {int: "integer", float: "number", bool: "boolean"}
 _WITHIN = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum")
@@ -27,7 +28,7 @@ _PNG, _SVG, _FORM = "image/png", "image/svg+xml", "application/x-www-form-urlenc
 def described() -> dict[str, Any]:
     """Return the OpenAPI 3.1 document of the calculator, the priorities and the jobs."""
     models = {name: pkgutil.resolve_name(RESULTS[name]) for name in ("etc", "rank", "star_images")}
-    models |= {"problem": answers.Problem, "job": JobAnswer}
+    models |= {"problem": answers.Problem, "job": JobAnswer, "runs": RunsAnswer, "run": RunAnswer}
     where, schemas = models_json_schema(
         [(model, "serialization") for model in models.values()], ref_template="#/components/schemas/{model}"
     )
@@ -43,7 +44,7 @@ def described() -> dict[str, Any]:
         paths[asking.page] = _get(asking.model.__doc__, [*fields, *rows, form], content, of["problem"])
         for ending, media in (("svg", _SVG), ("png", _PNG)):
             paths[f"{asking.page}.{ending}"] = _get("The figure of the answer.", [*fields, *rows], {media: {}}, None)
-    paths |= _jobs(of)
+    paths |= _jobs(of) | _runs(of)
     return {
         "openapi": "3.1.0",
         "info": {
@@ -131,6 +132,30 @@ def _refusals(bad: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _runs(of: dict[str, Any]) -> dict[str, Any]:
+    """Addresses of runs, and of commands that are not run for visitors."""
+    form = _plain("format", "Form of the answer; a page without.", {"type": "string", "enum": ["html", "json"]})
+    cost = {"type": "object", "additionalProperties": {"type": "number"}}
+    costs = {"type": "object", "additionalProperties": cost}
+    told = {"/runs": ("Runs of the folder.", of["runs"]), "/runs/{id}": ("One run and its files.", of["run"])}
+    told["/commands"] = ("Commands of longer runs, with their expected cost.", costs)
+    paths: dict[str, Any] = {}
+    for path, (text, schema) in told.items():
+        paths[path] = _get(text, [form], {"text/html": _TEXT, "application/json": {"schema": schema}}, None)
+        if path.endswith("{id}"):
+            paths[path]["parameters"] = [_named("id", "^[0-9a-f]+(-[0-9]+)?$")]
+    files = {"*/*": {"schema": {"type": "string"}}}
+    one = _get("A file of a run, as it was written.", [], files, None)
+    return paths | {
+        "/runs/{id}/{name}": one | {"parameters": [_named("id", "^[0-9a-f]+(-[0-9]+)?$"), _named("name", "")]}
+    }
+
+
+def _named(name: str, pattern: str) -> dict[str, Any]:
+    schema = {"type": "string"} | ({"pattern": pattern} if pattern else {})
+    return {"name": name, "in": "path", "required": True, "schema": schema}
+
+
 def _jobs(of: dict[str, Any]) -> dict[str, Any]:
     """Addresses of jobs."""
     job = {"application/json": {"schema": of["job"]}, "text/html": _TEXT}
@@ -140,7 +165,7 @@ def _jobs(of: dict[str, Any]) -> dict[str, Any]:
     needed = [parameter(option) for option in offered if _is_required(option)]
     asked = {"type": "object", "properties": fields, "required": needed}
     missing = {"404": {"description": "There is no such job.", "content": {"text/plain": _TEXT}}}
-    name = {"name": "id", "in": "path", "required": True, "schema": {"type": "string", "pattern": "^[0-9a-f]{16}$"}}
+    name = _named("id", "^[0-9a-f]{16}$")
     token = {"type": "object", "properties": {"token": {"type": "string"}}, "required": ["token"]}
     done = {"application/json": {"schema": of["star_images"]}}
     found = {"200": {"description": "How far it is.", "content": job}}

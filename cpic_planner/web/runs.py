@@ -13,8 +13,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
@@ -44,6 +45,26 @@ _REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-sr
 """A report is one file with its style and images inside, and runs nothing."""
 
 
+class RunAnswer(BaseModel):
+    """One run, for programs; files are addresses."""
+
+    id: str
+    title: str
+    kind: Literal["plan", "whatif", "confirm", "rank"]
+    state: Literal["finished", "running", "not finished"]
+    date_utc: str
+    config_hash: str
+    files: list[str]
+
+
+class RunsAnswer(BaseModel):
+    """All runs, for programs."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["runs"] = "runs"
+    runs: list[RunAnswer]
+
+
 @dataclass(frozen=True)
 class Run:
     """One run.
@@ -71,11 +92,10 @@ class Run:
     files: Mapping[str, Path] = field(default_factory=dict)
     digests: Mapping[str, set[str]] = field(default_factory=dict)
 
-    def told(self) -> dict[str, Any]:
+    def told(self) -> RunAnswer:
         """Return what is said of it, for programs."""
-        names = ("id", "title", "kind", "state", "date_utc", "config_hash")
-        address = f"/runs/{self.id}"
-        return {name: getattr(self, name) for name in names} | {"files": [f"{address}/{name}" for name in self.files]}
+        own: dict[str, Any] = {name: value for name, value in vars(self).items() if name not in ("files", "digests")}
+        return RunAnswer(**own, files=[f"/runs/{self.id}/{name}" for name in self.files])
 
     def read(self, name: str) -> bytes:
         """Return a file as it was written.
@@ -231,7 +251,7 @@ class RunPages:
     async def _listed(self, request: Request) -> Response:
         runs, form = await self._runs(), request.query_params.get("format", "")
         if form == "json":
-            return JSONResponse({"schema_version": 1, "kind": "runs", "runs": [run.told() for run in runs]})
+            return JSONResponse(RunsAnswer(runs=[run.told() for run in runs]).model_dump(mode="json"))
         if form not in ("", "html"):
             return line(str(InputError("format", form[:40], allowed="html or json")), 400)
         if self._folder is None:
@@ -250,7 +270,7 @@ class RunPages:
         if run is None:
             return line("There is no such run.", 404)
         if request.query_params.get("format") == "json":
-            return JSONResponse({"schema_version": 1, "kind": "run_files"} | run.told())
+            return JSONResponse(run.told().model_dump(mode="json"))
         facts: list[tuple[Any, Any]] = [("Kind", _KINDS[run.kind]), ("State", run.state)]
         facts += [("Ended", run.date_utc)] if run.date_utc else []
         facts.append(("Configuration", report.code(run.config_hash)))

@@ -56,6 +56,8 @@ def test_answers_are_as_it_says(document, browser, tmp_path):
     for path, status, told in (
         ("/etc", "200", browser.get(f"/etc?{urlencode(asked)}")),
         ("/etc", "400", browser.get("/etc?target=tau+Cet&snr=x&format=json")),
+        ("/commands", "200", browser.get("/commands?format=json")),
+        ("/runs", "200", browser.get("/runs?format=json")),
         ("/priorities", "200", browser.get("/priorities?sp_type=K&distance_max_pc=6&bands=F520&format=json")),
     ):
         assert told.status == int(status)
@@ -76,7 +78,7 @@ def test_every_described_address_is_answered(document, browser, tmp_path):
         mine = type(browser)(application(jobs=queue))
         for path, item in document["paths"].items():
             for method in {"get", "post"} & set(item):
-                place = path.replace("{id}", "0" * 16)
+                place = path.replace("{id}", "0" * 16).replace("{name}", "plan.json")
                 told = mine.submit(place, {}) if method == "post" else mine.get(f"{place}?nothing=1")
                 assert told.status != 405, path
                 assert not told.text.startswith("There is no such page"), path
