@@ -1,13 +1,11 @@
-"""The server: addresses, forms of answers, refusals, and how it is run."""
+"""The calculator and the ranking as pages and data: addresses, forms of answers, refusals."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, Literal, cast
 
-from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
@@ -17,29 +15,12 @@ from cpic_core import InputError
 from cpic_planner import report
 from cpic_planner.web import answers, forms, pages
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
-from cpic_planner.web.commands import Commands
-from cpic_planner.web.guard import FAILED, Guard, line
-from cpic_planner.web.job_pages import JobPages
-from cpic_planner.web.job_queue import JobQueue
-from cpic_planner.web.openapi import openapi
-from cpic_planner.web.runs import RunPages
+from cpic_planner.web.guard import FAILED, line
 from cpic_planner.web.work import Busy, Kept, Workers
 
 MOST_PARAMETERS = 200
 _OWN = ("format", "limit")
 """Parameters of an address that are no fields of the question."""
-UVICORN: dict[str, Any] = {
-    "log_level": "warning",
-    "access_log": False,
-    "server_header": False,
-    "ws": "none",
-    "lifespan": "off",
-    "proxy_headers": False,
-    "timeout_keep_alive": 5,
-    "limit_concurrency": 100,
-    "h11_max_incomplete_event_size": 16_384,
-}
-"""How the server is run."""
 _SVG_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 _ABOUT = {
     "etc": "Wall time for an SNR or a detection, SNR in a time, or the contrast limit, of one star or known planet. "
@@ -190,74 +171,5 @@ async def _failed(request: Request, error: Exception) -> Response:
     return line(FAILED, 500)
 
 
-def application(
-    hosts: Sequence[str] = ("127.0.0.1", "localhost"),
-    workers: Workers | None = None,
-    *,
-    jobs: JobQueue | None = None,
-    folder: Path | None = None,
-) -> Guard:
-    """Return the calculator as an ASGI application.
-
-    Parameters
-    ----------
-    hosts : sequence of str
-        Names under which it may be asked, without the port.
-    workers : Workers, optional
-        Who computes; two threads by default.
-    jobs : JobQueue, optional
-        Where images wait; none are made without.
-    folder : Path, optional
-        Folder whose plans and what-ifs are shown.
-    """
-    handlers = {HTTPException: _missing, Busy: _busy, TimeoutError: _late, Exception: _failed}
-    workers = workers or Workers()
-    routes = [*Site(workers).routes(), *RunPages(folder).routes(), *Commands(workers).routes()]
-    routes += [Route("/openapi.json", openapi)]
-    routes += JobPages(jobs, workers).routes() if jobs is not None else []
-    site = Starlette(routes=routes, exception_handlers=cast(Any, handlers))
-    return Guard(site, frozenset(hosts))
-
-
-def serve(
-    host: str,
-    port: int,
-    hosts: Sequence[str] = (),
-    *,
-    jobs: Path | None = None,
-    folder: Path | None = None,
-    ready: Callable[[], None] = lambda: None,
-) -> None:
-    """Serve the calculator until it is interrupted.
-
-    Parameters
-    ----------
-    host : str
-        Address that it is bound to.
-    port : int
-    hosts : sequence of str
-        Further names under which it may be asked.
-    jobs : Path, optional
-        Folder of jobs and their results, one of the cache by default.
-    folder : Path, optional
-        Folder whose plans and what-ifs are shown.
-    ready : callable
-        Called before the first request is taken.
-
-    Raises
-    ------
-    InputError
-        If a folder cannot be used.
-    """
-    import uvicorn
-
-    from cpic_core import cache_dir
-    from cpic_planner.web.punctual import Punctual
-
-    pages.etc_blocks((("target", "tau Cet"),))  # what the first asker would wait for
-    names = (host, "127.0.0.1", "::1", "localhost", *hosts)
-    with JobQueue(jobs or cache_dir() / "web-jobs") as queue:
-        queue.start()
-        app = application(names, jobs=queue, folder=folder)
-        ready()
-        uvicorn.run(app, host=host, port=port, http=Punctual, **UVICORN)
+HANDLERS: dict[Any, Any] = {HTTPException: _missing, Busy: _busy, TimeoutError: _late, Exception: _failed}
+"""What answers instead where something is raised."""

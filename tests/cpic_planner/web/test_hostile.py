@@ -15,7 +15,7 @@ import uvicorn
 
 from cpic_planner.web import application, guard, punctual
 from cpic_planner.web.job_queue import JobQueue
-from cpic_planner.web.server import UVICORN
+from cpic_planner.web.serving import UVICORN
 
 _SPEC = importlib.util.spec_from_file_location("hostile", Path(__file__).with_name("hostile.py"))
 hostile = importlib.util.module_from_spec(_SPEC)

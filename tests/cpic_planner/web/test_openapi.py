@@ -27,7 +27,7 @@ def test_parameters_are_those_that_are_taken(document, asking):
     assert set(told) - set(offered) <= {"limit", "format"}
     assert set(offered) <= set(told)
     for name, option in offered.items():
-        assert told[name]["required"] == (name == "target")
+        assert told[name]["required"] == (option.required and len(option.path) == 1)
         assert (told[name]["schema"]["type"] == "array") == option.several
 
 
