@@ -13,7 +13,7 @@ SEED ?= 1
 MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test test-long browser lint mutants bench bench-baseline data reports readme wheel clean check-python
+.PHONY: help plan test test-long browser lint mutants hostile load bench bench-baseline data reports readme wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -56,6 +56,12 @@ lint: $(VENV)/installed  ## check style, types, who imports whom, and the figure
 
 mutants: $(VENV)/installed  ## change the code in one place at a time; fails where no test sees it (SEED, MUTANTS, WORKERS)
 	$(BIN)/python tests/mutants/run.py --seed $(SEED) --count $(MUTANTS) --workers $(WORKERS)
+
+hostile: $(VENV)/installed  ## send 600 hostile requests to cpic serve; fails where one is not refused in one line (SEED)
+	$(BIN)/python tests/cpic_planner/web/hostile.py --seed $(SEED)
+
+load: $(VENV)/installed  ## ask cpic serve 20 000 times, 20 users at once; fails below 80 answers or 50 pages a second
+	$(BIN)/python tests/benchmarks/load.py
 
 bench: $(VENV)/installed  ## run the timed comparisons; fails where one is slower than its baseline
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'

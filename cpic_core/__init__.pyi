@@ -2,6 +2,7 @@ from cpic_core.errors import InputError as InputError
 from cpic_core.files import (
     NPZ_ERRORS as NPZ_ERRORS,
     LockHeld as LockHeld,
+    cache_dir as cache_dir,
     cache_info as cache_info,
     clear_cache as clear_cache,
     compute_once as compute_once,

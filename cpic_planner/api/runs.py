@@ -42,6 +42,20 @@ class Prepared:
         named = {"sample": stars.text, "catalogue": self.catalogue.provenance}
         return rank_under(self.model, stars.targets, self.instruments, chosen=stars.chosen, **named, **self.asked)
 
+    def of_all(self, whole: results.RankResult) -> results.RankResult:
+        """Return the same ranking from that of all stars, those that no filter chooses too.
+
+        Parameters
+        ----------
+        whole : RankResult
+        """
+        from cpic_planner.ranking import selected
+
+        stars = self.stars
+        assert stars.chosen is not None, "a question without filters asks for all stars"
+        assert self.instruments is None, "ranks under an ensemble are those among the chosen stars"
+        return selected(whole, stars.targets, stars.chosen, stars.text)
+
 
 def prepared(question: queries.RankQuestion) -> Prepared:
     """Return the stars of a ranking and how they are ranked.

@@ -5,4 +5,4 @@ from cpic_planner.confirm.scene import (
     confirm_scene as confirm_scene,
     scene_target as scene_target,
 )
-from cpic_planner.confirm.stars import confirm_stars as confirm_stars
+from cpic_planner.confirm.stars import confirm_stars as confirm_stars, star_images_job as star_images_job

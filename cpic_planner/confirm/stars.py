@@ -1,5 +1,6 @@
 """Confirmation of whole targets: which images to make of a star, and what they say together."""
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -9,17 +10,24 @@ import numpy as np
 
 from cpic_core import InputError
 from cpic_planner.etc import EtcModel
-from cpic_planner.jobs import Cost, Runner, Task
+from cpic_planner.jobs import Cost, Job, Runner, Task
 from cpic_planner.queries import (
     MAX_FRAMES,
     ImageQuestion,
     ReferencePlanet,
     SimulatorOverrides,
+    StarImagesQuestion,
     audited,
     refuse_counting,
 )
 from cpic_planner.ranking import rank_targets
-from cpic_planner.results import BandConfirmation, ConfirmedTarget, RankedTarget
+from cpic_planner.results import (
+    BandConfirmation,
+    ConfirmedTarget,
+    RankedTarget,
+    ReferencePlanetRecord,
+    StarImagesResult,
+)
 from cpic_planner.survey import ScheduledVisit
 from cpic_planner.targets import Targets
 from cpic_planner.validation import (
@@ -280,6 +288,55 @@ def confirm_stars(
     tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
     bodies = Runner(workers=workers).finish(confirm_task, image_tasks(tasks))
     return [confirmed_target(model, row, refused, bodies) for row in rows]
+
+
+def star_images_job(
+    question: StarImagesQuestion, model: EtcModel, star: Targets, catalogue: str
+) -> Job[StarImagesResult]:
+    """Return the job that simulates one star with its reference planet and measures it, as `confirm_stars` does.
+
+    Parameters
+    ----------
+    question : StarImagesQuestion
+    model : EtcModel
+        Of the instrument, bands and strategy of the question.
+    star : Targets
+        The star that it names.
+    catalogue : str
+        Which table the star is from.
+    """
+    from cpic_planner.report import products_of, write_star_images
+
+    asked: dict[str, Any] = {"time_s": question.time_s, "planet": question.planet}
+
+    @functools.cache
+    def prepared() -> tuple[RankedTarget, list[ConfirmTask], dict[str, BandConfirmation]]:
+        refuse_infrared(model.instrument, model.bands)
+        row = rank_targets(model, star, catalogue=catalogue, **asked).targets[0]
+        return row, *plan_tasks(model, [star], [row], **asked, **question.image_settings)
+
+    def work(runner: Runner) -> StarImagesResult:
+        row, tasks, refused = prepared()
+        target = confirmed_target(model, row, refused, runner.finish(confirm_task, image_tasks(tasks)))
+        return StarImagesResult(
+            **result_header(question, runner.digest, target.bands),
+            time_s=question.time_s,
+            reference_planet=ReferencePlanetRecord.of(question.planet, albedo=question.planet.albedo.label),
+            catalogue=catalogue,
+            date_utc=star.date_utc,
+            targets=[target],
+        )
+
+    return Job(
+        kind="star_images",
+        results=RESULT_VERSION,
+        # A star counts by what is known of it, not by the name under which it is asked for.
+        decides=lambda: {"config": question.hashed() | {"target": None}, "star": star.content()},
+        work=work,
+        write=lambda folder, result, bodies: write_star_images(folder, result, model, bodies),
+        products=[name for name in products_of(model.bands) if name != "report.html"],
+        cost=lambda: images_cost(prepared()[1]),
+    )
 
 
 def confirmed_target(

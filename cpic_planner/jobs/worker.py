@@ -9,17 +9,31 @@ import time
 _WATCH_S = 0.5
 
 
+def end_with(parent: int, scratch: str = "") -> None:
+    """End this process, busy or not, when its parent has gone.
+
+    Parameters
+    ----------
+    parent : int
+        Process id.
+    scratch : str
+        Folder that is removed then; empty for none.
+    """
+    threading.Thread(target=_watch, args=(parent, scratch), name="parent", daemon=True).start()
+
+
 def _watch(parent: int, scratch: str) -> None:
     while os.getppid() == parent:
         time.sleep(_WATCH_S)
-    shutil.rmtree(scratch, ignore_errors=True)
+    if scratch:
+        shutil.rmtree(scratch, ignore_errors=True)
     os._exit(1)
 
 
 def main(arguments: list[str]) -> None:
     """Run Dask's worker with ``ARGUMENT...``; when process ``PARENT`` has gone, busy or not, end and leave nothing."""
     parent, scratch, *options = arguments
-    threading.Thread(target=_watch, args=(int(parent), scratch), name="parent", daemon=True).start()
+    end_with(int(parent), scratch)
     from distributed.cli.dask_worker import main as worker
 
     worker([*options, "--local-directory", scratch])

@@ -1,8 +1,7 @@
 """The analytic ranking of the whole sample."""
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -16,6 +15,7 @@ from cpic_planner.queries import DEFAULT_TIME_S, OptimiseQuestion, RankedQuestio
 from cpic_planner.ranking.completeness import BandCompleteness
 from cpic_planner.ranking.known_completeness import CountedPlanets, KnownChoice
 from cpic_planner.ranking.optimiser import best_in_band, optimise
+from cpic_planner.ranking.selection import counts_of, digest_of
 from cpic_planner.ranking.settings import (
     OptimalSetting,
     best_of,
@@ -312,7 +312,7 @@ def rank_targets(
     clamped = model.passbands.grid_flags(targets.teff_k, targets.log_g, targets.metallicity).any.tolist()
     digest, order = setting.digest(targets), list(enumerate(ranked_order(found, targets), start=1))
     if chosen is not None and not chosen.all():
-        digest = content_hash({"kind": "rank", "rank": digest, "stars": np.flatnonzero(chosen).tolist()})
+        digest = digest_of(digest, chosen)
         order = [(place, i) for place, i in order if chosen[i]]
     rows = [
         _row(found, targets, i, (rank, place), settings[i], velocities, blooms[i], clamped[i])
@@ -334,15 +334,10 @@ def rank_targets(
         reference_planet=ReferencePlanetRecord.of(setting.planet, albedo=setting.planet.albedo.label),
         population=setting.population.record(),
         score_name=score,
-        counts=_counts(row.reason or row.status for row in rows),
-        counts_limited_by=_counts(row.limited_by or "none" for row in rows),
+        **counts_of(rows),
         n_in_catalogue=len(targets),
         targets=rows,
     )
-
-
-def _counts(words: Iterable[str]) -> dict[str, int]:
-    return dict(sorted(Counter(words).items()))
 
 
 def _row(

@@ -64,6 +64,7 @@ from cpic_planner.report.numbers import (
     level_text as level_text,
     pretty_name as pretty_name,
 )
+from cpic_planner.report.plan_sections import star_blocks as star_blocks
 from cpic_planner.report.priorities import (
     TIERS as TIERS,
     ensemble_figure as ensemble_figure,
@@ -71,14 +72,17 @@ from cpic_planner.report.priorities import (
     priority_blocks as priority_blocks,
 )
 from cpic_planner.report.sky_figures import MOST_STARS as MOST_STARS, rank_figure as rank_figure
+from cpic_planner.report.summary import calibration_sentence as calibration_sentence
 from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure
 from cpic_planner.report.whatif_words import best_by_value as best_by_value, hanging_text as hanging_text
 from cpic_planner.report.write import (
+    PANELS as PANELS,
     PRODUCTS as PRODUCTS,
     WHATIF_PRODUCTS as WHATIF_PRODUCTS,
     products_of as products_of,
     templates as templates,
     write_confirm_report as write_confirm_report,
     write_report as write_report,
+    write_star_images as write_star_images,
     write_whatif as write_whatif,
 )

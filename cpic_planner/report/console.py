@@ -79,7 +79,7 @@ def _measured_cells(layout: str, of: Callable[[Any], results.BandConfirmation]) 
     )
 
 
-def _setup_text(result: results.PlanResult | results.ConfirmResult) -> str:
+def _setup_text(result: results.ImagedResult) -> str:
     return f"Seed {result.seed}, {summary.dial_text(result)}, configuration {result.config_hash}."
 
 
@@ -88,9 +88,7 @@ def detections_cell(item: results.BandConfirmation) -> str:
     return MISSING if item.n_detected is None else f"{item.n_detected}/{item.realisations}"
 
 
-def print_comparison(
-    result: results.PlanResult | results.ConfirmResult, console: Console, *, measured: bool = True
-) -> None:
+def print_comparison(result: results.ImagedResult, console: Console, *, measured: bool = True) -> None:
     """Print what is altered in the images, and how prediction and images compare where planets were measured."""
     altered = summary.overrides_sentence(result)
     if altered:

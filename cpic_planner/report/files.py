@@ -164,7 +164,7 @@ def ranking_ecsv(rank: results.RankResult) -> str:
     return results.ecsv_text(results.RankedTarget, rank.targets, meta, joined=results.FLAG_SEPARATOR)
 
 
-def measurements_csv(result: results.PlanResult | results.ConfirmResult) -> str:
+def measurements_csv(result: results.PlanResult | results.StarImagesResult | results.ConfirmResult) -> str:
     """Return one line for each planet and band; units stand in the names, missing numbers are empty."""
     if isinstance(result, results.ConfirmResult):
         rows = [_measured(band) | {"target": result.scene} for band in result.bands]

@@ -28,6 +28,7 @@ from cpic_planner.results import (
     BandConfirmation,
     ConfirmedTarget,
     ConfirmResult,
+    ImagedResult,
     ModellingRecord,
     PlanResult,
 )
@@ -168,7 +169,7 @@ MEASURED_NOTE = "measurements as a table: `measurements.csv`. Times, host and pa
 """Which files have the measurements and the story of a run."""
 
 
-def instrument_fact(result: PlanResult | ConfirmResult) -> doc.Inline:
+def instrument_fact(result: ImagedResult) -> doc.Inline:
     """Return which instrument images and predictions are of, and how the images are made."""
     more = f", {dial_text(result)}. Every default value has its source and confidence in the instrument preset."
     return [doc.code(result.instrument), more]

@@ -198,7 +198,7 @@ def _figures(report: PlanReport) -> Iterator[doc.Block]:
 def _targets(report: PlanReport) -> Iterator[doc.Block]:
     for number, target in enumerate(report.plan.targets, 1):
         title = f"{target.ranked.rank}. {numbers.full_name(target.name, target.hip)}"
-        yield doc.Group(f"target-{number}", title, list(_target(target, report.images)))
+        yield doc.Group(f"target-{number}", title, list(star_blocks(target, report.images)))
 
 
 def _companion_text(star: results.RankedTarget) -> str:
@@ -209,7 +209,15 @@ def _companion_text(star: results.RankedTarget) -> str:
     return text + (", position angle not known" if angle is None else f", position angle {round(angle)} deg")
 
 
-def _target(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> Iterator[doc.Block]:
+def star_blocks(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> Iterator[doc.Block]:
+    """Yield what images show of one star: facts, verdict, measurements in each band, pictures.
+
+    Parameters
+    ----------
+    target : ConfirmedTarget
+    images : mapping of str to Picture
+        By ``BandConfirmation.image``.
+    """
     star, name = target.ranked, pretty_name(target.name)
     facts: list[tuple[doc.Inline, doc.Inline]] = [
         ("Catalogue name", target.name),

@@ -104,14 +104,14 @@ def velocities_sentence(rank: results.RankResult, first: int) -> str:
     return " ".join(found)
 
 
-def calibration_sentence(result: results.PlanResult | results.ConfirmResult) -> str:
+def calibration_sentence(result: results.ImagedResult) -> str:
     """Return how recovered and predicted SNR compare; a bias is named only beyond two standard errors."""
     if result.calibration.get("ratio") is None:
         return "No band was measured, so prediction and measurement could not be compared."
     return sentence(result.calibration_text)
 
 
-def overrides_sentence(result: results.PlanResult | results.ConfirmResult) -> str:
+def overrides_sentence(result: results.ImagedResult) -> str:
     """Return what is altered in the images; empty if nothing is."""
     altered = overrides_text(result.simulator_overrides)
     return f"Images altered: {altered}. Predictions are nominal." if altered else ""
@@ -304,7 +304,7 @@ class ModelledGroup:
     rows: tuple[ModelledRow, ...]
 
 
-def dial_text(result: results.PlanResult | results.ConfirmResult) -> str:
+def dial_text(result: results.ImagedResult) -> str:
     """Return the setting of the dial in words: ``fidelity standard``, ``tolerance 2 %``."""
     if result.fidelity == "custom" and result.tolerance:
         return f"tolerance {_percent(max(result.tolerance.values()))}"

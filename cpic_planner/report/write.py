@@ -23,7 +23,15 @@ from cpic_planner.report.numbers import pretty_name
 from cpic_planner.report.panels import Mark, MarkKind, Panels
 from cpic_planner.report.plan_sections import PlanReport, plan_document
 from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
-from cpic_planner.results import ConfirmResult, KnownResult, PlanResult, RankResult, SensitivityResult, WhatIfResult
+from cpic_planner.results import (
+    ConfirmResult,
+    KnownResult,
+    PlanResult,
+    RankResult,
+    SensitivityResult,
+    StarImagesResult,
+    WhatIfResult,
+)
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation import FittedAlbedo, albedo_fits, decode_arrays
 from simulator.config import ParametricAlbedo, Scene
@@ -212,6 +220,38 @@ def products_of(bands: Iterable[str]) -> list[str]:
     return ["measurements.csv", "report.html", *(PANELS.format(band=band) for band in bands)]
 
 
+def write_star_images(
+    folder: RunFolder,
+    result: StarImagesResult,
+    model: EtcModel,
+    bodies: Mapping[str, Mapping[str, Any]],
+) -> None:
+    """Write ``measurements.csv`` and the images of each band as PNG, each whole.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    result : StarImagesResult
+        Of one star.
+    model : EtcModel
+        Of the prediction.
+    bodies : mapping
+        What `cpic_planner.validation.confirm.confirm_task` returned, by star and band.
+    """
+    from cpic_planner.report.panel_figure import PanelSheet
+
+    folder.write("measurements.csv", measurements_csv(result))
+    sheet = PanelSheet()
+    for target in result.targets:
+        for band in (item.band for item in target.bands if f"{target.name} {item.band}" in bodies):
+            picture = sheet.picture(panels_of(model, band, bodies[f"{target.name} {band}"]), target.name)
+            folder.write_bytes(PANELS.format(band=band), _png(picture))
+
+
+def _png(picture: Picture) -> bytes:
+    return base64.b64decode(picture.uri.split(",", 1)[1])
+
+
 def write_confirm_report(
     folder: RunFolder, result: ConfirmResult, model: EtcModel, scene: Scene, bodies: Mapping[str, Mapping[str, Any]]
 ) -> None:
@@ -235,7 +275,7 @@ def write_confirm_report(
     sheet, images = PanelSheet(), {}
     for band, body in bodies.items():
         images[band] = picture = sheet.picture(panels_of(model, band, body, scene=scene), result.scene)
-        folder.write_bytes(PANELS.format(band=band), base64.b64decode(picture.uri.split(",", 1)[1]))
+        folder.write_bytes(PANELS.format(band=band), _png(picture))
     figures = {}
     spectrum = spectrum_figure(scene, model.instrument, result.bands)
     if spectrum is not None:

@@ -67,6 +67,7 @@ from cpic_planner.results.planned import (
     CandidateRecord as CandidateRecord,
     ConfirmedTarget as ConfirmedTarget,
     ConfirmResult as ConfirmResult,
+    ImagedResult as ImagedResult,
     LeftOutRow as LeftOutRow,
     NotImagedRow as NotImagedRow,
     PeriodRecord as PeriodRecord,
@@ -75,6 +76,7 @@ from cpic_planner.results.planned import (
     RunRecord as RunRecord,
     ScheduleImages as ScheduleImages,
     SearchRecord as SearchRecord,
+    StarImagesResult as StarImagesResult,
 )
 from cpic_planner.results.ranked import (
     KNOWN_PLANETS as KNOWN_PLANETS,

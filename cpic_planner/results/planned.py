@@ -323,6 +323,17 @@ class AlbedoRecord(Row):
     flags: list[str]
 
 
+class StarImagesResult(ImagedResult):
+    """Stars with their reference planets, observed and measured: reproducible from configuration and seed."""
+
+    kind: Literal["star_images"] = "star_images"
+    time_s: float
+    reference_planet: ReferencePlanetRecord
+    catalogue: str
+    date_utc: str = Field(description="date of the places of stars and companions")
+    targets: list[ConfirmedTarget]
+
+
 class ConfirmResult(ImagedResult):
     """A scene, observed and measured: reproducible from configuration and seed."""
 

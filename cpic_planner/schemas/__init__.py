@@ -28,6 +28,7 @@ RESULTS = {
         ("etc", "EtcResult"),
         ("plan", "PlanResult"),
         ("confirm", "ConfirmResult"),
+        ("star_images", "StarImagesResult"),
         ("run", "RunRecord"),
         ("simulation", "SimulationResult"),
         ("check", "CheckResult"),

@@ -1,1 +1,1 @@
-from cpic_planner.web.server import application as application, serve as serve
+from cpic_planner.web.serving import application as application, serve as serve

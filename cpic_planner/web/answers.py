@@ -34,6 +34,7 @@ MEDIA = {
 """Media type of each form of an answer beside the page."""
 _PENCIL = threading.Lock()
 """Matplotlib's settings are those of the process: one figure is drawn at a time."""
+_RANKER = threading.Lock()
 DEFAULT_ROWS, MOST_ROWS = 50, 1500
 
 
@@ -110,19 +111,33 @@ def _asked(asking: Asking[Q], pairs: Pairs, sent: Sent | None) -> Iterator[Q]:
         yield question
 
 
-@functools.lru_cache(maxsize=4)
+@functools.lru_cache(maxsize=16)
 def ranking(pairs: Pairs) -> RankResult:
-    """Return the ranking of an address; the last ones are kept.
+    """Return the ranking of an address; the last ones are kept, and filters choose from the kept ranking of all stars.
 
     Raises
     ------
     InputError
         As `etc_answer`.
     """
-    from cpic_planner.queries import called_as
+    from cpic_planner.queries import FILTERS, called_as
 
     with called_as(RANK.names):
-        return prepared(RANK.question(pairs)).ranked()
+        ready = prepared(RANK.question(pairs))
+        if ready.stars.chosen is None:
+            return _whole_ranking(pairs)
+        return ready.of_all(_whole_ranking(tuple(pair for pair in pairs if pair[0] not in FILTERS)))
+
+
+@functools.lru_cache(maxsize=4)
+def _kept_ranking(pairs: Pairs) -> RankResult:
+    return prepared(RANK.question(pairs)).ranked()
+
+
+def _whole_ranking(pairs: Pairs) -> RankResult:
+    """The ranking of all stars; who asks while it is worked out waits for it."""
+    with _RANKER:
+        return _kept_ranking(pairs)
 
 
 def form_text(form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:

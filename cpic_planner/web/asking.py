@@ -20,6 +20,7 @@ from cpic_planner.queries import (
     Option,
     Question,
     RankQuestion,
+    StarImagesQuestion,
     called_as,
     is_optical,
     long_key,
@@ -236,6 +237,8 @@ def _value(name: str, text: str, option: Option) -> Any:
         return text.lower() in _YES
     if kind in (int, float):
         try:
+            if "_" in text or not text.isascii():  # Python reads these; people who write them mean something else
+                raise ValueError
             return kind(text)
         except ValueError:
             raise InputError(name, text, allowed="a whole number" if kind is int else "a number") from None
@@ -268,6 +271,28 @@ ETC = Asking(EtcQuestion, "etc", "/etc", _IMAGES | _MODES)
 RANK = Asking(RankQuestion, "rank", "/priorities", _MODES | {"--instruments", "--ensemble", "--planets", "--stars"})
 """Rankings; those under many instruments are left out, and lists of stars, which can be files."""
 
+IMAGES = Asking(
+    StarImagesQuestion,
+    "images",
+    "/jobs",
+    _MODES | {"--simulator-overrides", "--catalog", "--workers", "--scheduler", "--force"},
+)
+"""Images of one star with its reference planet; they run as jobs."""
+
+
+def image_lines(pairs: Pairs) -> str:
+    """Return lines of Python that give the result of images.
+
+    Parameters
+    ----------
+    pairs : sequence of (str, str)
+    """
+    tree, made = dict(IMAGES.tree(pairs)), _parts(IMAGES, pairs)
+    imports = sorted({f"from {module} import {kind}" for module, kind, _ in made.values()})
+    words = [f"{key}={_literal(value, (key,), made)}" for key, value in tree.items() if key != "target"]
+    call = f"targets = confirm_targets({', '.join([_literal(tree['target'], ('target',), made), *words])})"
+    return "\n".join(["from cpic_planner import confirm_targets", *imports, "", call])
+
 
 def python_lines(question: EtcQuestion, pairs: Pairs) -> str:
     """Return lines of Python that give the answers of an address, as a list.
@@ -280,7 +305,7 @@ def python_lines(question: EtcQuestion, pairs: Pairs) -> str:
     """
     import cpic_planner
 
-    tree, made = {"target": question.target[0]} | ETC.tree(pairs), _parts(pairs)
+    tree, made = {"target": question.target[0]} | ETC.tree(pairs), _parts(ETC, pairs)
     imports = sorted({f"from {module} import {kind}" for module, kind, _ in made.values()})
     name = "contrast_limit" if question.contrast_limit else "exposure_time" if question.asks_time else "signal_to_noise"
     if name == "signal_to_noise" and question.strategy.visits is None:
@@ -299,10 +324,11 @@ def python_lines(question: EtcQuestion, pairs: Pairs) -> str:
     return "\n".join([*lines, "", f"answers = answered({asked}).result.answers"])
 
 
-def _parts(pairs: Pairs) -> dict[tuple[str, ...], tuple[str, str, dict[str, Any]]]:
+def _parts(asking: Asking[Any], pairs: Pairs) -> dict[tuple[str, ...], tuple[str, str, dict[str, Any]]]:
     """Values that are made of several options: module and name of their model, and the options, by their place."""
     made: dict[tuple[str, ...], tuple[str, str, dict[str, Any]]] = {}
-    for option, value in ((option, ETC.given(pairs)[option.name]) for option in ETC.options):
+    given = asking.given(pairs)
+    for option, value in ((option, given[option.name]) for option in asking.options):
         if option.parts is not None and value is not None:
             own = made.setdefault(option.path[:-1], (option.parts.__module__, option.parts.__name__, {}))
             own[2][option.path[-1]] = value

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from cpic_core import InputError
 from cpic_planner.queries import Option, default_instrument, spelled
-from cpic_planner.web.asking import ETC, RANK, Asking, parameter
+from cpic_planner.web.asking import ETC, IMAGES, RANK, Asking, parameter
 from simulator.config import preset_names, unit_of
 
 _LABELS = {
@@ -154,6 +154,17 @@ RANK_GROUPS = (
         True,
     ),
 )
+IMAGE_GROUPS = (
+    ("Which star, and how long", "target time_s bands visits", False),
+    ("Its planet, where each band sees it best", "planet_radius_rjup albedo phase_deg", False),
+    ("Images", "realisations library search seed", False),
+    (
+        "More: accuracy, reduction, instrument",
+        "fidelity tolerance filter roll_deg reference_v_mag reference_visits reference_ratio threshold_sigma "
+        "annulus_lambda_d companions date_utc exozodi drift_nm instrument set",
+        True,
+    ),
+)
 """Groups of the forms: title, parameters, and whether it is folded."""
 
 
@@ -288,3 +299,14 @@ def _label(option: Option) -> str:
     words = name.rsplit("_", 1)[0] if unit and "_" in name else name
     words = words.replace("_", " ")
     return f"{words[:1].upper()}{words[1:]}{f' ({unit})' * bool(unit)}"
+
+
+def image_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
+    """Return the form that asks for images; parameters as of `etc_form`.
+
+    Parameters
+    ----------
+    given : sequence of (str, str)
+    error : InputError, optional
+    """
+    return replace(_form(IMAGES, IMAGE_GROUPS, "Simulate", given, error), method="post")

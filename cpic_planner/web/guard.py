@@ -35,6 +35,8 @@ HEADERS = {
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
 }
 """Of every answer that does not say otherwise."""
+MOST_HEADERS = 16_384
+"""Bytes of all headers of a request."""
 FAILED = "The server could not answer; what went wrong is in its own log."
 
 
@@ -95,6 +97,8 @@ class Guard:
 
     def _refusal(self, scope: Scope) -> Response | None:
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        if scope.get("http_version", "1.1") not in ("1.0", "1.1"):
+            return line("HTTP 1.1 is spoken here.", 400, Connection="close")
         if host_name(headers.get("host", "")) not in self._hosts:
             return line("This server is not asked under that name (cpic serve --allow-host NAME adds one).", 421)
         posts = scope["method"] == "POST" and _first_word(scope) in POSTED
@@ -102,6 +106,8 @@ class Guard:
             return line("Only GET and HEAD are answered there.", 405, Allow="GET, HEAD")
         if len(scope.get("raw_path") or scope["path"].encode()) + len(scope["query_string"]) > LONGEST_ADDRESS:
             return line(f"An address has at most {LONGEST_ADDRESS} bytes.", 414)
+        if sum(len(name) + len(value) for name, value in scope["headers"]) > MOST_HEADERS:
+            return line(f"The headers of a request have at most {MOST_HEADERS} bytes.", 431)
         if posts:
             return _posted_refusal(headers, POSTED[_first_word(scope)])
         if headers.get("content-length", "0").strip("0") or "transfer-encoding" in headers:

@@ -122,3 +122,20 @@ def sources_of(asking: Asking[Any], pairs: Pairs, **more: str) -> list[tuple[str
     """Return links to an answer in other forms, as (name, address)."""
     found = [(_NAMES.get(form, form.upper()), asking.address(pairs, format=form, **more)) for form in answers.MEDIA]
     return [*found, ("PNG", asking.address(pairs, ".png", **more)), ("SVG", asking.address(pairs, ".svg", **more))]
+
+
+def told_page(title: str, about: str, heading: str, blocks: Sequence[report.Block], **more: Any) -> str:
+    """Return a page without a form of a question.
+
+    Parameters
+    ----------
+    title, about, heading : str
+    blocks : sequence of Block
+    **more
+        ``refresh_s``, after which the browser asks again; ``share``, finished and all pieces; ``sources``, as of
+        `page`; ``cancel``, address and token of a button.
+    """
+    template = report.templates("cpic_planner.web", "cpic_planner.report").get_template("told.html.j2")
+    told: dict[str, Any] = {"refresh_s": 0, "share": (), "sources": (), "cancel": ()} | more
+    told |= {"title": title, "about_text": about, "heading": heading, "blocks": blocks}
+    return template.render(version=__version__, **told)

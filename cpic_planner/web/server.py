@@ -1,4 +1,4 @@
-"""The server: addresses, forms of answers, refusals, and how it is run."""
+"""The calculator and the ranking as pages and data: addresses, forms of answers, refusals."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any, Literal, cast
 from urllib.parse import urlencode
 
-from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
@@ -18,10 +17,10 @@ from cpic_planner import report
 from cpic_planner.web import answers, forms, pages, star
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
 from cpic_planner.web.compare import COMPARE
-from cpic_planner.web.guard import FAILED, HEADERS, Guard, line
+from cpic_planner.web.guard import FAILED, HEADERS, line
 from cpic_planner.web.sent import Sent, read_sent
 from cpic_planner.web.star import STAR, View
-from cpic_planner.web.work import Busy, Workers
+from cpic_planner.web.work import Busy, Kept, Workers
 
 MOST_PARAMETERS = 200
 _FORM_OF: dict[str, Callable[..., forms.Form]] = {"etc": forms.etc_form, "rank": forms.rank_form}
@@ -49,6 +48,7 @@ class Site:
 
     def __init__(self, workers: Workers) -> None:
         self._workers = workers
+        self._kept: Kept[tuple[Any, ...]] = Kept()
 
     def routes(self) -> list[Route]:
         """Return the addresses that are answered."""
@@ -121,7 +121,13 @@ class Site:
                 return RedirectResponse(asking.address(pairs, **shown), 303)
             if not given and asking is ETC:
                 return _page(pages.page(_TITLE["etc"], _ABOUT["etc"], forms.etc_form(()), own=f"{asking.page}/own"))
-            return await self._workers.do(_answer, asking, pairs, rows, form, shown)
+            key = (asking.page, pairs, rows, form, bool(shown))
+            kept = self._kept.get(key)
+            if kept is None:
+                made = await self._workers.do(_answer, asking, pairs, rows, form, shown)
+                kept = bytes(made.body), str(made.media_type)
+                self._kept.put(key, *kept)
+            return Response(kept[0], media_type=kept[1])
         except InputError as error:
             return _refused(asking, given, error, form)
 
@@ -319,36 +325,5 @@ async def _failed(request: Request, error: Exception) -> Response:
     return line(FAILED, 500)
 
 
-def application(hosts: Sequence[str] = ("127.0.0.1", "localhost"), workers: Workers | None = None) -> Guard:
-    """Return the calculator as an ASGI application.
-
-    Parameters
-    ----------
-    hosts : sequence of str
-        Names under which it may be asked, without the port.
-    workers : Workers, optional
-        Who computes; two threads by default.
-    """
-    handlers = {HTTPException: _missing, Busy: _busy, TimeoutError: _late, Exception: _failed}
-    site = Starlette(routes=Site(workers or Workers()).routes(), exception_handlers=cast(Any, handlers))
-    return Guard(site, frozenset(hosts))
-
-
-def serve(host: str, port: int, hosts: Sequence[str] = ()) -> None:
-    """Serve the calculator until it is interrupted.
-
-    Parameters
-    ----------
-    host : str
-        Address that it is bound to.
-    port : int
-    hosts : sequence of str
-        Further names under which it may be asked.
-    """
-    import uvicorn
-
-    pages.etc_blocks((("target", "tau Cet"),))  # what the first asker would wait for
-    application_of = application((host, "127.0.0.1", "::1", "localhost", *hosts))
-    plain: dict[str, Any] = {"log_level": "warning", "access_log": False, "server_header": False, "ws": "none"}
-    plain |= {"lifespan": "off", "proxy_headers": False, "timeout_keep_alive": 5, "limit_concurrency": 100}
-    uvicorn.run(application_of, host=host, port=port, http="h11", h11_max_incomplete_event_size=16_384, **plain)
+HANDLERS: dict[Any, Any] = {HTTPException: _missing, Busy: _busy, TimeoutError: _late, Exception: _failed}
+"""What answers instead where something is raised."""

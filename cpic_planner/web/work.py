@@ -1,19 +1,65 @@
-"""Work of requests in a bounded number of threads, with a limit of time and of how many wait."""
+"""Work of requests in a bounded number of threads, with a limit of time and of how many wait.
+
+Answers that are kept for whoever asks the same.
+"""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from cpic_core import numeric_context
 
 T = TypeVar("T")
+K = TypeVar("K", bound=Hashable)
 
 
 class Busy(Exception):
     """More requests wait than may."""
+
+
+class Kept(Generic[K]):
+    """The last answers, as many as fit.
+
+    Parameters
+    ----------
+    most_bytes : int
+        Size of all together.
+    """
+
+    def __init__(self, most_bytes: int = 64_000_000) -> None:
+        self._most, self._size, self._lock = most_bytes, 0, threading.Lock()
+        self._answers: OrderedDict[K, tuple[bytes, str]] = OrderedDict()
+
+    def get(self, key: K) -> tuple[bytes, str] | None:
+        """Return body and media type of an answer; None where it is not there."""
+        with self._lock:
+            found = self._answers.get(key)
+            if found is not None:
+                self._answers.move_to_end(key)
+            return found
+
+    def put(self, key: K, body: bytes, media: str) -> None:
+        """Keep an answer; those that nobody asked for again for longest make place.
+
+        Parameters
+        ----------
+        key : hashable
+        body : bytes
+        media : str
+        """
+        with self._lock:
+            if key in self._answers or len(body) > self._most:
+                return
+            self._answers[key] = body, media
+            self._size += len(body)
+            while self._size > self._most:
+                _, (old, _) = self._answers.popitem(last=False)
+                self._size -= len(old)
 
 
 class Workers:

@@ -4,6 +4,7 @@ Keys and values as people write them: other names of a key, near misses, units, 
 """
 
 import difflib
+import functools
 import hashlib
 import json
 import math
@@ -261,6 +262,7 @@ _UNITS |= {"e_adu": "e-/ADU", "e_s": "e-/s", "e_um": "e-/um", "mag_arcsec2": "ma
 _UNITS |= {"nm_per_sqrt_hour": "nm/sqrt(h)"}
 
 
+@functools.lru_cache(maxsize=4096)
 def unit_of(key: str) -> str:
     """Unit named by the suffix of a key, ``""`` if none; that of an item of a list is that of the list."""
     key = re.sub(r"(\.\d+)+$", "", key)

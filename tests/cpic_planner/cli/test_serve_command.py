@@ -26,6 +26,12 @@ def test_ports_that_are_none(refuses, port):
     refuses(["--port", port], ["--port"])
 
 
+def test_folders_that_cannot_be_used_are_refused_before_anything_is_served(refuses, tmp_path):
+    (tmp_path / "mine.txt").write_text("x")
+    refuses(["--jobs", str(tmp_path)], ["--jobs", "is empty, or of an earlier cpic serve"])
+    refuses(["--folder", str(tmp_path / "nowhere")], ["--folder", "a folder that is there"])
+
+
 def free_port():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -40,10 +46,10 @@ def asked(port, address, method="GET", body=None, **headers):
 
 
 @pytest.fixture(scope="module")
-def port():
+def port(tmp_path_factory):
     """A server of its own process."""
-    number = free_port()
-    command = [sys.executable, "-m", "cpic_planner.cli.main", "serve", "--port", str(number)]
+    number, folder = free_port(), tmp_path_factory.mktemp("jobs")
+    command = [sys.executable, "-m", "cpic_planner.cli.main", "serve", "--port", str(number), "--jobs", str(folder)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": "."}) as server:
         assert re.match(rf"cpic: http://127.0.0.1:{number}/etc ", server.stderr.readline())
         for _ in range(600):
@@ -67,7 +73,7 @@ def test_a_server_answers_as_the_command_line(port, capsys):
 def test_a_server_refuses_other_names_bodies_and_long_addresses(port):
     assert asked(port, "/etc", Host="evil.example")[0] == 421
     assert asked(port, "/etc", body=b"x=1")[0] == 413
-    assert asked(port, "/etc", "POST", b"x=1")[0] == 405
+    assert asked(port, "/runs", "POST", b"x=1")[0] == 405
     assert asked(port, f"/etc?target={'a' * 5000}")[0] == 414
     assert asked(port, f"/etc?target={'a' * 100_000}")[0] in (400, 414, 431)
     assert asked(port, "/etc")[0] == 200

@@ -3,7 +3,7 @@
 import asyncio
 import json
 from dataclasses import dataclass
-from urllib.parse import unquote
+from urllib.parse import unquote, urlencode
 
 import pytest
 
@@ -82,6 +82,12 @@ class Browser:
         asyncio.run(self.application(scope, receive, send))
         head = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
         return Told(sent[0]["status"], head, b"".join(message.get("body", b"") for message in sent[1:]))
+
+    def submit(self, address, fields, **headers):
+        """Send a form without files."""
+        body = fields if isinstance(fields, bytes) else urlencode(fields).encode()
+        kind = {"content_type": "application/x-www-form-urlencoded", "content_length": str(len(body))}
+        return self.get(address, method="POST", body=body, **kind | headers)
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ import pytest
 
 from cpic_core import numeric_context
 from cpic_planner.web import application
-from cpic_planner.web.work import Busy, Workers
+from cpic_planner.web.work import Busy, Kept, Workers
 
 
 def test_work_is_done_in_other_threads():
@@ -60,3 +60,25 @@ def test_too_many_and_too_late_are_said_in_one_line(browser, threads_free, statu
     workers = Workers(threads=1, waiting=threads_free - 1, limit_s=0.0)
     told = type(browser)(application(workers=workers)).get("/etc?target=tau+Cet&format=json")
     assert (told.status, told.text.count("\n")) == (status, 1)
+
+
+def test_answers_are_kept_while_they_fit():
+    kept = Kept(most_bytes=10)
+    kept.put("a", b"1234", "text/plain")
+    kept.put("b", b"5678", "text/plain")
+    assert kept.get("a") == (b"1234", "text/plain")
+    kept.put("c", b"90", "text/html")
+    assert kept.get("b") is not None
+    kept.put("d", b"xyz", "text/plain")  # "a" was asked for longest ago
+    assert [kept.get(key) is not None for key in "abcd"] == [False, True, True, True]
+    kept.put("e", b"x" * 11, "text/plain")
+    assert kept.get("e") is None
+    kept.put("d", b"other", "text/plain")
+    assert kept.get("d") == (b"xyz", "text/plain")
+
+
+def test_a_kept_answer_takes_no_worker(browser):
+    mine = type(browser)(application(workers=Workers(threads=1, waiting=0)))
+    first = mine.get("/etc?target=tau+Cet&bands=F520")
+    again = mine.get("/etc?bands=F520&target=tau+Cet")
+    assert (first.status, again.body, again.headers) == (200, first.body, first.headers)

@@ -1,0 +1,271 @@
+"""Pages of jobs: the form that asks for images, how far a job is, and what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from typing import Any, Literal
+from urllib.parse import parse_qsl
+
+from pydantic import BaseModel
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from cpic_core import InputError, read_file
+from cpic_planner import report
+from cpic_planner.report import PANELS, Picture
+from cpic_planner.results import StarImagesResult
+from cpic_planner.web import answers, forms, pages
+from cpic_planner.web.asking import IMAGES, Pairs, image_lines
+from cpic_planner.web.guard import line
+from cpic_planner.web.job_queue import FullError, JobQueue, Standing, State
+from cpic_planner.web.work import Workers
+
+DEAREST_S = 900.0
+"""Longest expected processor time of a job."""
+MOST_PARAMETERS = 200
+_RESULT, _TABLE = "star_images.json", "measurements.csv"
+_MEDIA = {".json": "application/json", ".csv": "text/csv; charset=utf-8", ".png": "image/png"}
+_MOST_BYTES = 50_000_000
+_REFRESH_S = 5
+_TITLE = "CPI-C images"
+_ABOUT = (
+    "Simulated images of one star with a reference planet where each band sees it best, measured as real ones would "
+    "be. This takes minutes, so that it runs as a job: the address of the job is that of its result."
+)
+_SAID: Mapping[State, str] = {
+    "waiting": "It waits.",
+    "running": "It is worked on.",
+    "done": "It is done.",
+    "failed": "It failed; what went wrong is in the log of the server. Asked again it is tried again.",
+    "late": "It took longer than jobs may here. In Python it has no limit of time.",
+}
+
+
+class JobAnswer(BaseModel):
+    """How far a job is, for programs."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["job"] = "job"
+    id: str
+    state: State
+    place: int
+    finished: int
+    tasks: int
+    expected_s: float
+    address: str
+    result: str | None
+    """Address of the result; null where there is none yet."""
+    token: str | None = None
+    """What cancels the job; only whoever asked is told."""
+
+    @classmethod
+    def of(cls, standing: Standing, token: str = "") -> JobAnswer:
+        """Return what a job's standing says."""
+        address = f"/jobs/{standing.id}"
+        return cls(
+            id=standing.id,
+            state=standing.state,
+            place=standing.place,
+            finished=standing.done,
+            tasks=standing.tasks,
+            expected_s=standing.cost_s,
+            address=address,
+            result=f"{address}/{_RESULT}" if standing.state == "done" else None,
+            token=token or None,
+        )
+
+
+class JobPages:
+    """Pages of one queue.
+
+    Parameters
+    ----------
+    queue : JobQueue
+    workers : Workers
+        Who prepares jobs.
+    """
+
+    def __init__(self, queue: JobQueue, workers: Workers) -> None:
+        self._queue, self._workers = queue, workers
+
+    def routes(self) -> list[Route]:
+        """Return the addresses that are answered."""
+        return [
+            Route("/jobs", _form, methods=["GET"]),
+            Route("/jobs", self._asked, methods=["POST"]),
+            Route("/jobs/{id}", self._of(self._told), methods=["GET"]),
+            Route("/jobs/{id}/cancel", self._of(self._cancelled), methods=["POST"]),
+            Route("/jobs/{id}/{name}", self._of(self._file), methods=["GET"]),
+        ]
+
+    def _of(
+        self, answer: Callable[[Request, Standing], Awaitable[Response]]
+    ) -> Callable[[Request], Awaitable[Response]]:
+        """Answer about a job that there is: what a request calls a job is looked up, never opened."""
+
+        async def answered(request: Request) -> Response:
+            standing = self._queue.standing(request.path_params["id"])
+            if standing is None:
+                return line("There is no such job: it was never asked for, was cancelled, or is long ago.", 404)
+            return await answer(request, standing)
+
+        return answered
+
+    async def _asked(self, request: Request) -> Response:
+        """Put a question into the queue, or refuse it as the calculator does."""
+        given: list[tuple[str, str]] = []
+        form = ""
+        try:
+            given = await _fields(request)
+            form = next((text for name, text in given if name == "format"), "")
+            if form not in ("", "html", "json"):
+                raise InputError("format", form[:40], allowed="html or json")
+            pairs = IMAGES.canonical((name, text) for name, text in given if name != "format")
+            if sum(name == "target" for name, _ in pairs) != 1:
+                raise InputError("target", "not one", allowed="one star")
+            standing, token = await self._workers.do(self._ask, pairs)
+        except InputError as error:
+            if form == "json":
+                return JSONResponse(answers.Problem.of(error).model_dump(mode="json"), 400)
+            return _page(pages.page(_TITLE, _ABOUT, forms.image_form(given, error)), 400)
+        except FullError:
+            text = f"{self._queue.waiting()} jobs wait, as many as may; ask again later."
+            return line(text, 503, **{"Retry-After": "300"})
+        if form == "json":
+            return _json(JobAnswer.of(standing, token), 200 if standing.state == "done" else 202)
+        return RedirectResponse(f"/jobs/{standing.id}{f'?token={token}' * bool(token)}", 303)
+
+    def _ask(self, pairs: Pairs) -> tuple[Standing, str]:
+        """Put a question into the queue; this runs in a thread of its own."""
+        from cpic_planner.web.job import expected
+
+        name, cost = expected(pairs)
+        if cost["wall_s"] > DEAREST_S:
+            about, hint = (
+                f"about {cost['wall_s']:.0f}",
+                "fewer realisations or bands; confirm_targets in Python has none",
+            )
+            raise InputError("realisations", about, unit="s", allowed=f"at most {DEAREST_S:g} s a job", hint=hint)
+        token = self._queue.ask(name, pairs, cost_s=cost["wall_s"], tasks=int(cost["n_tasks"]))
+        standing = self._queue.standing(name)
+        assert standing is not None
+        return standing, token
+
+    async def _told(self, request: Request, standing: Standing) -> Response:
+        """Say how far a job is, or what it found."""
+        token = request.query_params.get("token", "")[:64]
+        form = request.query_params.get("format", "")
+        if form not in ("", "html", "json"):
+            return line(str(InputError("format", form[:40], allowed="html or json")), 400)
+        if form == "json":
+            return _json(JobAnswer.of(standing), 200)
+        title = f"{_star(standing)}: {_TITLE}"
+        folder = self._queue.run_folder(standing.id)
+        if folder is None:
+            return _page(_progress_page(title, standing, token))
+        body = await run_in_threadpool(_read, folder / _RESULT)
+        result = StarImagesResult.model_validate_json(body)
+        return _page(_result_page(title, standing, result))
+
+    async def _cancelled(self, request: Request, standing: Standing) -> Response:
+        """Withdraw an asker."""
+        try:
+            token = next((text for name, text in await _fields(request) if name == "token"), "")
+        except InputError as error:
+            return line(str(error), 400)
+        if not self._queue.withdraw(standing.id, token[:64]):
+            return line("Only who asked for a job, with its token and before it has ended, can cancel it.", 403)
+        text = "It is cancelled for you; it goes on where others asked for it too."
+        return _page(pages.told_page(_TITLE, _ABOUT, "Cancelled", [report.Paragraph(text)]))
+
+    async def _file(self, request: Request, standing: Standing) -> Response:
+        """Send one of the files that every job leaves, by its name among them."""
+        name, folder = request.path_params["name"], self._queue.run_folder(standing.id)
+        known = {_RESULT, _TABLE, *(PANELS.format(band=band) for band in _bands())}
+        if folder is None or name not in known:
+            return line("The job has no such file, or is not done.", 404)
+        try:
+            body = await run_in_threadpool(_read, folder / name)
+        except InputError:
+            return line("The job has no such file.", 404)
+        return Response(body, media_type=_MEDIA[name[name.rindex(".") :]], headers={"Cache-Control": "private"})
+
+
+async def _form(request: Request) -> Response:
+    given = [(name, text.strip()) for name, text in request.query_params.multi_items()][:MOST_PARAMETERS]
+    return _page(pages.page(_TITLE, _ABOUT, forms.image_form(given)))
+
+
+async def _fields(request: Request) -> list[tuple[str, str]]:
+    """Fields of a posted form."""
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind != "application/x-www-form-urlencoded":
+        raise InputError("content-type", kind[:60], allowed="application/x-www-form-urlencoded")
+    try:
+        text = (await request.body()).decode("ascii")
+        given = parse_qsl(text, keep_blank_values=True, errors="strict", max_num_fields=MOST_PARAMETERS)
+    except ValueError:
+        allowed = f"at most {MOST_PARAMETERS} fields of a form, in UTF-8"
+        raise InputError("body", "another text", allowed=allowed) from None
+    return [(name, value.strip()) for name, value in given]
+
+
+def _bands() -> Sequence[str]:
+    from cpic_planner.queries import default_instrument
+
+    return default_instrument().visible_bands()
+
+
+def _star(standing: Standing) -> str:
+    return next((text for name, text in standing.pairs if name == "target"), "")
+
+
+def _read(path: Any) -> bytes:
+    return read_file(path, key="job", allowed="a file of the job", max_bytes=_MOST_BYTES)
+
+
+def _json(answer: JobAnswer, status: int) -> Response:
+    return JSONResponse(answer.model_dump(mode="json"), status)
+
+
+def _page(text: str, status: int = 200) -> Response:
+    return Response(text, status, media_type="text/html; charset=utf-8")
+
+
+def _progress_page(title: str, standing: Standing, token: str) -> str:
+    """The page of a job without a result: while that may come it asks again by itself."""
+    going = standing.state in ("waiting", "running")
+    blocks: list[report.Block] = [report.Paragraph(_SAID[standing.state], "lead")]
+    facts: list[tuple[Any, Any]] = [("Question", ", ".join(f"{name} {text}" for name, text in standing.pairs))]
+    facts += [("Expected", f"{report.duration_text(standing.cost_s)} of processor time")]
+    if standing.place:
+        facts.append(("Place in the queue", str(standing.place)))
+    if standing.state == "running":
+        facts.append(("Finished", f"{standing.done} of {standing.tasks} bands"))
+    blocks.append(report.Facts(facts))
+    more: dict[str, Any] = {}
+    if going:
+        note = f"This page asks again every {_REFRESH_S} s; it can be closed and come back to at /jobs/{standing.id}."
+        blocks.append(report.Paragraph(note, "note"))
+        more = {"refresh_s": _REFRESH_S, "share": (standing.done, max(standing.tasks, 1))}
+    if going and token:
+        blocks.append(report.Paragraph("This address can cancel the job; the one in the note above cannot.", "note"))
+        more["cancel"] = (f"/jobs/{standing.id}/cancel", token)
+    return pages.told_page(title, _ABOUT, "Job", blocks, **more)
+
+
+def _result_page(title: str, standing: Standing, result: StarImagesResult) -> str:
+    (target,) = result.targets
+    address, name = f"/jobs/{standing.id}", report.pretty_name(target.name)
+    images = {}
+    for band in target.bands:
+        if band.image is not None:
+            caption = f"{band.band}: summed science frames, summed reference frames, and the residual"
+            picture = f"{address}/{PANELS.format(band=band.band)}"
+            images[band.image] = Picture(picture, f"{name} in {caption}.", f"{caption}.")
+    blocks = [*report.star_blocks(target, images), report.Paragraph(report.calibration_sentence(result))]
+    blocks += pages.elsewhere("", image_lines(standing.pairs), result.config_hash, result.catalogue)
+    sources = [("JSON", f"{address}/{_RESULT}"), ("CSV", f"{address}/{_TABLE}")]
+    return pages.told_page(title, _ABOUT, "Result", blocks, sources=sources)

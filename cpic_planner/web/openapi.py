@@ -1,0 +1,212 @@
+"""The OpenAPI document: parameters are the options of the questions, answers the schemas of the results."""
+
+from __future__ import annotations
+
+import functools
+import pkgutil
+from collections.abc import Sequence
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic.json_schema import models_json_schema
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from cpic_planner.queries import Option, Question, spelled
+from cpic_planner.schemas import RESULTS
+from cpic_planner.version import __version__
+from cpic_planner.web import answers
+from cpic_planner.web.asking import ETC, IMAGES, MOST_VALUES, RANK, Asking, parameter
+from cpic_planner.web.job_pages import JobAnswer
+from cpic_planner.web.runs import RunAnswer, RunsAnswer
+
+_TYPES = {int: "integer", float: "number", bool: "boolean"}
+_WITHIN = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum")
+_PNG, _SVG, _FORM = "image/png", "image/svg+xml", "application/x-www-form-urlencoded"
+
+
+@functools.cache
+def described() -> dict[str, Any]:
+    """Return the OpenAPI 3.1 document of the calculator, the priorities and the jobs."""
+    models = {name: pkgutil.resolve_name(RESULTS[name]) for name in ("etc", "rank", "star_images")}
+    models |= {"problem": answers.Problem, "job": JobAnswer, "runs": RunsAnswer, "run": RunAnswer}
+    where, schemas = models_json_schema(
+        [(model, "serialization") for model in models.values()], ref_template="#/components/schemas/{model}"
+    )
+    of = {name: where[(model, "serialization")] for name, model in models.items()}
+    paths: dict[str, Any] = {}
+    for asking in (ETC, RANK):
+        fields = [_parameter(asking, option) for option in _offered(asking)]
+        rows = [_plain("limit", "Rows that are shown.", {"type": "integer", "minimum": 1})] if asking is RANK else []
+        said = {form: media.partition(";")[0] for form, media in answers.MEDIA.items()}
+        form = _plain("format", "Form of the answer; a page without.", {"type": "string", "enum": ["html", *said]})
+        content = {"text/html": _TEXT, **dict.fromkeys(sorted(set(said.values())), _TEXT)}
+        content["application/json"] = {"schema": of[asking.command]}
+        paths[asking.page] = _get(asking.model.__doc__, [*fields, *rows, form], content, of["problem"])
+        for ending, media in (("svg", _SVG), ("png", _PNG)):
+            paths[f"{asking.page}.{ending}"] = _get("The figure of the answer.", [*fields, *rows], {media: {}}, None)
+    paths |= _jobs(of) | _runs(of)
+    return {
+        "openapi": "3.1.0",
+        "info": {
+            "title": "CPI-C planner",
+            "version": __version__,
+            "description": "Exposure times, priorities and simulated images for CPI-C, the coronagraph of CSST. An "
+            "address is its question, with the fields of the question as parameters.",
+            "license": {"name": "BSD-3-Clause AND ODbL-1.0", "identifier": "BSD-3-Clause AND ODbL-1.0"},
+        },
+        "paths": paths,
+        "components": {"schemas": schemas["$defs"]},
+    }
+
+
+async def openapi(request: Request) -> Response:
+    """Send the document."""
+    return JSONResponse(described(), headers={"Cache-Control": "private, max-age=3600"})
+
+
+_TEXT: dict[str, Any] = {"schema": {"type": "string"}}
+
+
+def _offered(asking: Asking[Any]) -> Sequence[Option]:
+    return [option for option in asking.options if option.flag not in asking.left_out]
+
+
+def _plain(name: str, text: str, schema: dict[str, Any]) -> dict[str, Any]:
+    return {"name": name, "in": "query", "description": text, "schema": schema}
+
+
+def _is_required(option: Option) -> bool:
+    """Whether every question has it: what a part of a question needs is asked for with that part alone."""
+    return option.required and len(option.path) == 1
+
+
+def _parameter(asking: Asking[Any], option: Option) -> dict[str, Any]:
+    """A parameter of an address, which may be repeated where the field takes several values."""
+    made = _plain(parameter(option), spelled(option.text), _schema(asking, option)) | {"required": _is_required(option)}
+    return made | {"style": "form", "explode": True} if option.several else made
+
+
+def _schema(asking: Asking[Any], option: Option) -> dict[str, Any]:
+    one: dict[str, Any] = {"type": _TYPES.get(option.kind, "string")} | _limits(asking.model, option.path)
+    if get_origin(option.kind) is Literal:
+        one["enum"] = list(get_args(option.kind))
+    if option.several:
+        return {"type": "array", "items": one, "maxItems": MOST_VALUES}
+    return one
+
+
+def _limits(model: type[Question], path: Sequence[str]) -> dict[str, Any]:
+    """Range of a number of a question; nothing for what is made of several options."""
+    whole = model.model_json_schema()
+    node: Any = whole
+    for name in path:
+        node = next(
+            (part["properties"][name] for part in _parts(whole, node) if name in part.get("properties", {})), {}
+        )
+    return {word: part[word] for part in _parts(whole, node) for word in _WITHIN if word in part}
+
+
+def _parts(whole: dict[str, Any], node: dict[str, Any]) -> list[dict[str, Any]]:
+    """A schema, or those that it stands for."""
+    if "$ref" in node:
+        return _parts(whole, whole["$defs"][node["$ref"].rpartition("/")[2]])
+    return [part for one in node["anyOf"] for part in _parts(whole, one)] if "anyOf" in node else [node]
+
+
+def _get(text: str | None, parameters: Sequence[Any], content: dict[str, Any], problem: Any) -> dict[str, Any]:
+    bad: dict[str, Any] = {"text/plain": _TEXT} | ({"application/json": {"schema": problem}} if problem else {})
+    responses = {"200": {"description": "The answer.", "content": content}}
+    return {"get": {"summary": _first(text), "parameters": list(parameters), "responses": responses | _refusals(bad)}}
+
+
+def _first(text: str | None) -> str:
+    return (text or "").strip().partition("\n")[0]
+
+
+def _refusals(bad: dict[str, Any]) -> dict[str, Any]:
+    late = {"text/plain": _TEXT}
+    return {
+        "400": {"description": "What is wrong with the question, in one line.", "content": bad},
+        "503": {"description": "Too many wait.", "content": late},
+        "504": {"description": "The answer takes too long here.", "content": late},
+    }
+
+
+def _runs(of: dict[str, Any]) -> dict[str, Any]:
+    """Addresses of runs, and of commands that are not run for visitors."""
+    form = _plain("format", "Form of the answer; a page without.", {"type": "string", "enum": ["html", "json"]})
+    cost = {"type": "object", "additionalProperties": {"type": "number"}}
+    costs = {"type": "object", "additionalProperties": cost}
+    told = {"/runs": ("Runs of the folder.", of["runs"]), "/runs/{id}": ("One run and its files.", of["run"])}
+    told["/commands"] = ("Commands of longer runs, with their expected cost.", costs)
+    paths: dict[str, Any] = {}
+    for path, (text, schema) in told.items():
+        paths[path] = _get(text, [form], {"text/html": _TEXT, "application/json": {"schema": schema}}, None)
+        if path.endswith("{id}"):
+            paths[path]["parameters"] = [_named("id", "^[0-9a-f]+(-[0-9]+)?$")]
+    files = {"*/*": {"schema": {"type": "string"}}}
+    one = _get("A file of a run, as it was written.", [], files, None)
+    return paths | {
+        "/runs/{id}/{name}": one | {"parameters": [_named("id", "^[0-9a-f]+(-[0-9]+)?$"), _named("name", "")]}
+    }
+
+
+def _named(name: str, pattern: str) -> dict[str, Any]:
+    schema = {"type": "string"} | ({"pattern": pattern} if pattern else {})
+    return {"name": name, "in": "path", "required": True, "schema": schema}
+
+
+def _jobs(of: dict[str, Any]) -> dict[str, Any]:
+    """Addresses of jobs."""
+    job = {"application/json": {"schema": of["job"]}, "text/html": _TEXT}
+    offered = _offered(IMAGES)
+    fields = {parameter(option): _schema(IMAGES, option) | {"description": spelled(option.text)} for option in offered}
+    fields["format"] = {"type": "string", "enum": ["html", "json"]}
+    needed = [parameter(option) for option in offered if _is_required(option)]
+    asked = {"type": "object", "properties": fields, "required": needed}
+    missing = {"404": {"description": "There is no such job.", "content": {"text/plain": _TEXT}}}
+    name = _named("id", "^[0-9a-f]{16}$")
+    token = {"type": "object", "properties": {"token": {"type": "string"}}, "required": ["token"]}
+    done = {"application/json": {"schema": of["star_images"]}}
+    found = {"200": {"description": "How far it is.", "content": job}}
+    return {
+        "/jobs": {
+            "post": {
+                "summary": _first(IMAGES.model.__doc__),
+                "requestBody": {"required": True, "content": {_FORM: {"schema": asked}}},
+                "responses": {
+                    "200": {"description": "The result is there already.", "content": job},
+                    "202": {"description": "The job waits; with the token of the asker.", "content": job},
+                    "303": {"description": "The page of the job."},
+                    **_refusals({"application/json": {"schema": of["problem"]}, "text/html": _TEXT}),
+                },
+            }
+        },
+        "/jobs/{id}": {
+            "parameters": [name],
+            "get": {
+                "summary": "How far a job is, and its result.",
+                "parameters": [_plain("format", "Form of the answer.", fields["format"])],
+                "responses": found | missing,
+            },
+        },
+        "/jobs/{id}/star_images.json": {
+            "parameters": [name],
+            "get": {
+                "summary": "The result of a job that is done.",
+                "responses": {"200": {"description": "The result.", "content": done}} | missing,
+            },
+        },
+        "/jobs/{id}/cancel": {
+            "parameters": [name],
+            "post": {
+                "summary": "Withdraw; the job ends when all who asked for it have.",
+                "requestBody": {"required": True, "content": {_FORM: {"schema": token}}},
+                "responses": {
+                    "200": {"description": "Withdrawn.", "content": {"text/html": _TEXT}},
+                    "403": {"description": "The token is not of one who asked.", "content": {"text/plain": _TEXT}},
+                    **missing,
+                },
+            },
+        },
+    }

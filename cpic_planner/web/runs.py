@@ -1,0 +1,300 @@
+"""Plans, what-ifs, confirmations and rankings in a folder, found by their own marks and shown as they were written.
+
+A request names a run by its hash and a file by one of the names in `FILES`; both are looked up, neither is a path.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from cpic_core import InputError, digest_of, read_file, read_text
+from cpic_planner import report
+from cpic_planner.jobs import written_files
+from cpic_planner.web import pages
+from cpic_planner.web.guard import line
+
+FILES = {
+    "report.html": "text/html; charset=utf-8",
+    **dict.fromkeys(("ranking.csv", "measurements.csv", "targets.csv", "visits.csv"), "text/csv; charset=utf-8"),
+    **dict.fromkeys(("ranking.ecsv", "visits.ecsv"), "text/plain; charset=utf-8"),
+    **dict.fromkeys(("plan.json", "confirm.json", "whatif.json", "rank.json"), "application/json"),
+    **dict.fromkeys(("sensitivity.json", "known.json", "visits.json"), "application/json"),
+}
+"""Files that are shown, where a run has them, with their media types; `run.json` tells of the machine and is not."""
+DEEPEST, MOST_RUNS, MOST_FOLDERS, MOST_BYTES = 4, 500, 5_000, 100_000_000
+FRESH_S = 2.0
+"""Time for which a look at the folder counts."""
+_KINDS = {"plan": "plan", "whatif": "what-if", "confirm": "confirmation", "rank": "ranking"}
+_TITLE = "Plans and what-ifs"
+_ABOUT = "Runs that this server was told to show, as they were written."
+_REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+"""A report is one file with its style and images inside, and runs nothing."""
+
+
+class RunAnswer(BaseModel):
+    """One run, for programs; files are addresses."""
+
+    id: str
+    title: str
+    kind: Literal["plan", "whatif", "confirm", "rank"]
+    state: Literal["finished", "running", "not finished"]
+    date_utc: str
+    config_hash: str
+    files: list[str]
+
+
+class RunsAnswer(BaseModel):
+    """All runs, for programs."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["runs"] = "runs"
+    runs: list[RunAnswer]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run.
+
+    Attributes
+    ----------
+    id : str
+        Its hash; a number follows where several folders hold the same.
+    title : str
+        Name of its folder, or of its file.
+    kind, state, date_utc, config_hash : str
+        The date is that of its end, empty where it has none.
+    files : mapping of str to Path
+        By the names of `FILES`.
+    digests : mapping of str to set of str
+        Hashes of what was written, by the same names; files without one count as they are.
+    """
+
+    id: str
+    title: str
+    kind: str
+    state: str
+    date_utc: str
+    config_hash: str
+    files: Mapping[str, Path] = field(default_factory=dict)
+    digests: Mapping[str, set[str]] = field(default_factory=dict)
+
+    def told(self) -> RunAnswer:
+        """Return what is said of it, for programs."""
+        own: dict[str, Any] = {name: value for name, value in vars(self).items() if name not in ("files", "digests")}
+        return RunAnswer(**own, files=[f"/runs/{self.id}/{name}" for name in self.files])
+
+    def read(self, name: str) -> bytes:
+        """Return a file as it was written.
+
+        Raises
+        ------
+        InputError
+            If it is not there, or is no more what the run wrote.
+        """
+        changed = InputError("file", name, allowed="a file as the run wrote it")
+        if name not in self.files:
+            raise changed
+        path = self.files[name]
+        if path.is_symlink() or (name in self.digests and digest_of(path) not in self.digests[name]):
+            raise changed
+        try:
+            return read_file(path, key="file", allowed="a file of the run", max_bytes=MOST_BYTES)
+        except InputError:
+            raise changed from None
+
+
+def runs_of(folder: Path) -> list[Run]:
+    """Return the runs beneath a folder, the latest first; links are not followed.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+    found = []
+    for place in _folders(folder):
+        if (place / written_files.LIST_NAME).is_file():
+            found.append(_run_of(place))
+        else:
+            found += [_ranking_of(path) for path in sorted(place.glob("*.json"))]
+        if len(found) > 2 * MOST_RUNS:
+            break
+    runs: dict[str, Run] = {}
+    for run in sorted(filter(None, found), key=lambda run: (run.date_utc, run.title), reverse=True)[:MOST_RUNS]:
+        name, number = run.config_hash, 2
+        while name in runs:
+            name, number = f"{run.config_hash}-{number}", number + 1
+        runs[name] = replace(run, id=name)
+    return list(runs.values())
+
+
+def _folders(folder: Path) -> Iterator[Path]:
+    """The folder and those beneath it; what a run made inside its own is left out."""
+    left, seen = [(folder, 0)], 0
+    while left and seen < MOST_FOLDERS:
+        place, depth = left.pop(0)
+        seen += 1
+        yield place
+        if depth < DEEPEST and not (place / written_files.LIST_NAME).is_file():
+            try:
+                below = [path for path in sorted(place.iterdir()) if path.is_dir() and not path.is_symlink()]
+            except OSError:
+                continue
+            left += [(path, depth + 1) for path in below if not path.name.startswith(".")]
+
+
+def _run_of(place: Path) -> Run | None:
+    """The run of a folder; None for one of another kind, or a damaged list."""
+    try:
+        lines = _text(place / written_files.LIST_NAME).splitlines()
+        head = json.loads(lines[0])
+        kind, config_hash = str(head["kind"]), str(head["config_hash"])
+        listed = [json.loads(text) for text in lines[1:] if text.startswith('{"file"') and text.endswith("}")]
+        digests: dict[str, set[str]] = {}
+        for entry in listed:
+            digests.setdefault(str(entry["file"]), set()).add(str(entry["sha256"]))
+    except (InputError, ValueError, KeyError, TypeError, IndexError):
+        return None
+    if kind not in _KINDS or not config_hash.isalnum():
+        return None
+    files = {name: place / name for name in FILES if name in digests and (place / name).is_file()}
+    date_utc = _date(place / "run.json") if "run.json" in digests else ""
+    state = "finished" if date_utc and f"{kind}.json" in files else "running" if _is_held(place) else "not finished"
+    return Run("", place.name, kind, state, date_utc, config_hash, files, digests)
+
+
+def _ranking_of(path: Path) -> Run | None:
+    """The ranking of a file that ``cpic rank --out`` wrote; None for any other file."""
+    try:
+        beginning = "" if path.is_symlink() else _beginning(path)
+        date_utc = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
+    except (InputError, OSError):
+        return None
+    named = re.search(r'"config_hash": "([0-9a-f]+)"', beginning)
+    if named is None or '"kind": "rank"' not in beginning:
+        return None
+    return Run("", path.stem, "rank", "finished", date_utc, named[1], {"rank.json": path})
+
+
+def _text(path: Path) -> str:
+    return read_text(path, key="--folder", allowed="a file of a run", max_bytes=MOST_BYTES)
+
+
+def _beginning(path: Path) -> str:
+    from cpic_core.user_files import open_file
+
+    with open_file(path, key="--folder", allowed="a file of a run", max_bytes=MOST_BYTES) as file:
+        return file.read(1000).decode("utf-8", "replace")
+
+
+def _date(path: Path) -> str:
+    try:
+        return str(json.loads(_text(path))["finished_utc"])[:25]
+    except (InputError, ValueError, KeyError, TypeError):
+        return ""
+
+
+def _is_held(place: Path) -> bool:
+    """Whether a living process says that it works there."""
+    try:
+        pid = int(_text(place / "run.lock").removeprefix("in use by pid ").partition(",")[0])
+        os.kill(pid, 0)
+    except (InputError, ValueError, ProcessLookupError):
+        return False
+    except OSError:
+        return True
+    return True
+
+
+class RunPages:
+    """Pages of the runs of one folder.
+
+    Parameters
+    ----------
+    folder : Path or None
+        None where none is shown.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        if folder is not None and not folder.is_dir():
+            raise InputError("--folder", str(folder), allowed="a folder that is there")
+        self._folder, self._found, self._until_s = folder, list[Run](), 0.0
+
+    def routes(self) -> list[Route]:
+        """Return the addresses that are answered."""
+        return [
+            Route("/runs", self._listed),
+            Route("/runs/{id}", self._one),
+            Route("/runs/{id}/{name}", self._file),
+        ]
+
+    async def _runs(self) -> list[Run]:
+        """The runs, looked for again after `FRESH_S`."""
+        if self._folder is not None and time.monotonic() > self._until_s:
+            self._found = await run_in_threadpool(runs_of, self._folder)
+            self._until_s = time.monotonic() + FRESH_S
+        return self._found
+
+    async def _listed(self, request: Request) -> Response:
+        runs, form = await self._runs(), request.query_params.get("format", "")
+        if form == "json":
+            return JSONResponse(RunsAnswer(runs=[run.told() for run in runs]).model_dump(mode="json"))
+        if form not in ("", "html"):
+            return line(str(InputError("format", form[:40], allowed="html or json")), 400)
+        if self._folder is None:
+            text = "This server shows no folder; cpic serve --folder DIR shows the plans and what-ifs beneath one."
+            blocks: list[report.Block] = [report.Paragraph(text)]
+        elif not runs:
+            blocks = [report.Paragraph("There are no plans, what-ifs or rankings in the folder yet.")]
+        else:
+            heads = tuple(report.Cell(text, "left") for text in ("Title", "Kind", "State", "Ended (UTC)", "Hash"))
+            rows = tuple(tuple(map(report.Cell, _cells(run), ["left"] * 5, [True] + [False] * 4)) for run in runs)
+            blocks = [report.Table("Runs", "Runs, the latest first.", heads, rows)]
+        return _page(pages.told_page(_TITLE, _ABOUT, "Runs", blocks))
+
+    async def _one(self, request: Request) -> Response:
+        run = next((run for run in await self._runs() if run.id == request.path_params["id"]), None)
+        if run is None:
+            return line("There is no such run.", 404)
+        if request.query_params.get("format") == "json":
+            return JSONResponse(run.told().model_dump(mode="json"))
+        facts: list[tuple[Any, Any]] = [("Kind", _KINDS[run.kind]), ("State", run.state)]
+        facts += [("Ended", run.date_utc)] if run.date_utc else []
+        facts.append(("Configuration", report.code(run.config_hash)))
+        links = [report.page_link(f"/runs/{run.id}/{name}", name) for name in run.files]
+        blocks: list[report.Block] = [report.Facts(facts), report.Items(links)]
+        return _page(pages.told_page(f"{run.title}: {_KINDS[run.kind]}", _ABOUT, "Files", blocks))
+
+    async def _file(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        run = next((run for run in await self._runs() if run.id == request.path_params["id"]), None)
+        if run is None or name not in run.files:
+            return line("There is no such file of a run.", 404)
+        try:
+            body = await run_in_threadpool(run.read, name)
+        except InputError as error:
+            return line(str(error), 404)
+        policy = {"Content-Security-Policy": _REPORT_POLICY} if name.endswith(".html") else {}
+        return Response(body, media_type=FILES[name], headers={"Cache-Control": "private, no-cache"} | policy)
+
+
+def _cells(run: Run) -> list[Any]:
+    link = report.page_link(f"/runs/{run.id}", run.title)
+    return [link, _KINDS[run.kind], run.state, run.date_utc[:19].replace("T", " "), report.code(run.config_hash)]
+
+
+def _page(text: str) -> Response:
+    return Response(text, media_type="text/html; charset=utf-8")
