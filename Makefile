@@ -13,7 +13,7 @@ SEED ?= 1
 MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test test-long lint mutants bench bench-baseline data reports readme wheel clean check-python
+.PHONY: help plan test test-long browser lint mutants bench bench-baseline data reports readme wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -40,6 +40,12 @@ test: $(VENV)/installed  ## run the test suite (PYTEST="-p tools.spent": what ea
 
 test-long: $(VENV)/installed  ## run the long proofs whose evidence is older than the code, and keep what they find
 	$(BIN)/python -m tools.proofs --workers $(WORKERS)
+
+# Chromium is Debian's (apt-get install chromium) or the one that CHROMIUM names.
+browser: $(VENV)/installed  ## do what a visitor of the pages does, in Chromium (PYTEST="-k slice": some of it)
+	@$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[browser]' || \
+		echo "Playwright could not be installed: what needs it is skipped" >&2
+	$(BIN)/python -m pytest -q -m browser tests/browser $(PYTEST)
 
 lint: $(VENV)/installed  ## check style, types, who imports whom, and the figures of the README
 	$(BIN)/ruff check .

@@ -16,6 +16,7 @@ from catalogs.catalogue import (
     PLANET_CREDITS as PLANET_CREDITS,
     Catalogue as Catalogue,
     catalogue_info as catalogue_info,
+    catalogue_of_star as catalogue_of_star,
     data_credits as data_credits,
     open_catalogue as open_catalogue,
     snapshot_vintage as snapshot_vintage,

@@ -134,7 +134,8 @@ RANKED_V_MAG = 7.0
 NAMED_TABLES = ("snapshot", "latest", "simbad_2012")
 """Words that name a star table; anything else is a file."""
 _DIGITS = 12
-_USER_TABLE = "user's table"
+_USER = "user's "
+_USER_TABLE = f"{_USER}table"
 
 
 @dataclass(frozen=True)
@@ -203,9 +204,56 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     return _from_file(source)
 
 
+def catalogue_of_star(
+    name: str,
+    v_mag: float,
+    *,
+    sp_type: str | None = None,
+    teff_k: float | None = None,
+    distance_pc: float | None = None,
+) -> Catalogue:
+    """Return the table of one star that is in none.
+
+    Parameters
+    ----------
+    name : str
+    v_mag : float
+        Johnson V, -30 to 30 mag.
+    sp_type : str, optional
+    teff_k : float, optional
+        Effective temperature, 2000 to 50 000 K; instead of that of the spectral type.
+    distance_pc : float, optional
+        0.01 to 100 000 pc; 10 pc by default, which is flagged ``distance_assumed``.
+
+    Raises
+    ------
+    InputError
+        For a spectral type that gives no temperature, or neither of the two.
+    """
+    from catalogs.spectral_types import stellar_parameters
+    from catalogs.user_table import ASSUMED_PC, named_star
+
+    if teff_k is None:
+        try:
+            stellar_parameters(sp_type or "")
+        except InputError as error:
+            hint = error.hint or "a temperature stands for it"
+            raise InputError("sp_type", sp_type or "missing", allowed=error.allowed, hint=hint) from None
+    far = f"{ASSUMED_PC:g} pc (assumed)" if distance_pc is None else f"{distance_pc:g} pc"
+    facts = [f"V {v_mag:g}", sp_type or "", "" if teff_k is None else f"{teff_k:g} K", far]
+    return Catalogue(
+        table=named_star(name, v_mag, sp_type=sp_type, teff_k=teff_k, distance_pc=distance_pc),
+        kind="file",
+        provenance=f"{_USER}star: {', '.join(filter(None, facts))}",
+        sample="one star",
+        ranked_v_mag=None,
+        orbits=False,
+    )
+
+
 def data_credits(provenance: str) -> tuple[str, ...]:
     """Return whose data a result with a table of this `provenance` rests on; a user's own stars are not SIMBAD's."""
-    return MODEL_CREDITS if provenance.startswith(_USER_TABLE) else (*STAR_CREDITS, *MODEL_CREDITS)
+    return MODEL_CREDITS if provenance.startswith(_USER) else (*STAR_CREDITS, *MODEL_CREDITS)
 
 
 def _from_file(path: str | Path) -> Catalogue:

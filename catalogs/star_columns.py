@@ -147,6 +147,7 @@ FLAGS: dict[str, str] = {
 ADDED_FLAGS: dict[str, str] = {
     "companions_not_listed": "the table does not say whether the star has a companion: none is counted",
     "companions_not_searched": "not in the snapshot: companions fainter than the query's limit are not known",
+    "distance_assumed": "no distance is given, 10 pc assumed",
     "distance_conflict": "the table's distance and parallax differ by more than 5 %; the distance is used",
     "luminosity_conflict": "V, distance and temperature give a radius that the type or gravity contradicts by 1.5 dex",
     "luminosity_extrapolated": "luminosity from V below 3500 K, where the bolometric correction makes it too high",

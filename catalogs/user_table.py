@@ -23,6 +23,8 @@ from cpic_core import InputError
 
 _ONE_OF = (("name",), ("v_mag",), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
 _MANY = 12
+ASSUMED_PC = 10.0
+"""Distance of a star of which none is given, pc."""
 _NAN = float("nan")
 _DISTANCE_TOLERANCE = 0.05
 #: dex; as much as 3.75 mag in V. A parallax in arcsec that is read as mas is off by six.
@@ -59,6 +61,36 @@ def user_table(raw: RawTable) -> UserTable:
     given.refuse_twins(lambda row: designation_key(row["name"]))
     table = star_table({name: [row[name] for row in rows] for name in rows[0]}, raw.name)
     return UserTable(table, given.notes + _companions_left_out(table))
+
+
+def named_star(
+    name: str, v_mag: float, *, sp_type: str | None, teff_k: float | None, distance_pc: float | None
+) -> StarTable:
+    """Return the table of one star that is in none: what is missing is filled as in a table of one's own.
+
+    Parameters
+    ----------
+    name : str
+    v_mag : float
+        Johnson V, -30 to 30 mag.
+    sp_type : str or None
+    teff_k : float or None
+        Effective temperature, 2000 to 50 000 K; one of the two is needed.
+    distance_pc : float or None
+        0.01 to 100 000 pc; without it `ASSUMED_PC` is taken, and flagged ``distance_assumed``.
+
+    Raises
+    ------
+    InputError
+        For a spectral type that gives no temperature, where there is none.
+    """
+    given: Row = {"name": name, "v_mag": v_mag, "sp_type": sp_type, "teff_k": teff_k}
+    given["distance_pc"] = ASSUMED_PC if distance_pc is None else distance_pc
+    row = _filled({key: value for key, value in given.items() if value is not None}, "", "the question")
+    if distance_pc is None:
+        row["distance_pc_src"] = f"assumed:{ASSUMED_PC:g}"
+        row["quality_flags"] = ";".join(sorted([*filter(None, row["quality_flags"].split(";")), "distance_assumed"]))
+    return star_table({key: [value] for key, value in row.items()}, name)
 
 
 def _companions_left_out(table: StarTable) -> tuple[str, ...]:

@@ -46,9 +46,14 @@ from cpic_core.runtime import (
 )
 from cpic_core.user_files import (
     digest_of as digest_of,
+    file_state as file_state,
+    is_file as is_file,
+    only_sent_files as only_sent_files,
     open_file as open_file,
     read_file as read_file,
     read_text as read_text,
+    refuse_sent as refuse_sent,
+    was_sent as was_sent,
 )
 from cpic_core.yaml_files import (
     Provenance as Provenance,

@@ -2,6 +2,9 @@
 
 A name comes from a user, or from a file that a user named, and may lead anywhere. Only regular files are opened (a link
 to one too), never a pipe or a device, none that is larger than its reader allows, and no more than that is ever read.
+
+Where files come over a network, they are what was sent (`only_sent_files`): no name leads to the disk then, but to
+what the package ships.
 """
 
 import contextlib
@@ -9,8 +12,9 @@ import errno
 import hashlib
 import os
 import stat
-from collections.abc import Iterator
-from io import BufferedReader
+from collections.abc import Iterator, Mapping
+from contextvars import ContextVar
+from io import BufferedReader, BytesIO
 from pathlib import Path
 
 from cpic_core.errors import InputError
@@ -21,6 +25,75 @@ _KINDS = (
     (stat.S_ISSOCK, "this is a socket"),
     (stat.S_ISREG, ""),
 )
+
+_SENT: ContextVar[Mapping[str, bytes] | None] = ContextVar("sent", default=None)
+_PACKAGES = tuple(
+    Path(__file__).resolve().parents[1] / name for name in ("cpic_core", "catalogs", "simulator", "cpic_planner")
+)
+
+
+@contextlib.contextmanager
+def only_sent_files(sent: Mapping[str, bytes]) -> Iterator[None]:
+    """Let names of files mean what was sent, and nothing on this machine's disk.
+
+    Parameters
+    ----------
+    sent : mapping
+        Content by name, without folders.
+    """
+    token = _SENT.set(sent)
+    try:
+        yield
+    finally:
+        _SENT.reset(token)
+
+
+def was_sent(name: str) -> bool:
+    """Tell whether a file of this name was sent."""
+    return name in (_SENT.get() or {})
+
+
+def is_file(path: str | Path) -> bool:
+    """Tell whether there is a file of a name, among those that were sent where files are sent."""
+    sent = _sent_to(path)
+    return Path(path).is_file() if sent is None else str(path) in sent
+
+
+def file_state(path: str | Path) -> tuple[int, int]:
+    """Return what changes with a file: its time and its size, of one that was sent its content.
+
+    Raises
+    ------
+    OSError
+        If there is none.
+    """
+    sent = _sent_to(path)
+    if sent is None:
+        about = os.stat(Path(path).expanduser())
+        return about.st_mtime_ns, about.st_size
+    if str(path) not in sent:
+        raise FileNotFoundError(errno.ENOENT, "it was not sent")
+    return int(hashlib.sha256(sent[str(path)]).hexdigest(), 16), len(sent[str(path)])
+
+
+def refuse_sent(path: str | Path, *, key: str) -> None:
+    """Refuse a file that was sent, where only one on a disk can be used.
+
+    Raises
+    ------
+    InputError
+    """
+    if _sent_to(path) is not None:
+        raise InputError(key, str(path), allowed="a file of the machine that computes", hint="use the command line")
+
+
+def _sent_to(path: str | Path) -> Mapping[str, bytes] | None:
+    """Files among which a name is looked for; None for the disk, where the package's own files are."""
+    sent = _SENT.get()
+    if sent is None:
+        return None
+    place = Path(os.path.normpath(path))
+    return None if any(place.is_relative_to(folder) for folder in _PACKAGES) else sent
 
 
 @contextlib.contextmanager
@@ -52,6 +125,13 @@ def open_file(
     InputError
         If there is no such file, it is no regular file, cannot be opened, or is too large.
     """
+    sent = _sent_to(path)
+    if sent is not None:
+        if str(path) not in sent:
+            raise InputError(key, str(path), allowed=allowed, hint="no such file was sent")
+        _refuse_large(key, path, len(sent[str(path)]), max_bytes, too_large)
+        yield BufferedReader(BytesIO(sent[str(path)]))
+        return
     place = Path(path).expanduser()
     try:
         _refuse_special(os.stat(place).st_mode)  # before it is opened: that alone may act on a device

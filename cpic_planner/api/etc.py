@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpic_core import FloatArray, InputError
-from cpic_planner.api.keywords import model_of, stars_named, takes
+from cpic_planner.api.keywords import catalogue_of, model_of, stars_named, takes
 from cpic_planner.etc import (
     EtcModel,
     Group,
@@ -24,7 +24,7 @@ from cpic_planner.etc import (
 from cpic_planner.queries import MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet
 from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer
-from cpic_planner.targets import Targets, as_catalogue
+from cpic_planner.targets import Targets
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -229,7 +229,7 @@ def _answered(question: EtcQuestion) -> list[EtcAnswer]:
         stars = [as_asked(question, star) for star in stars_named(question)]
     except InputError:
         # A name that no star has may be that of a planet.
-        answers, catalogue = [], as_catalogue(question.catalog)
+        answers, catalogue = [], catalogue_of(question)
         for name in question.target:
             star, _, planet = named(question, name, catalogue)
             if planet is None:
@@ -257,6 +257,7 @@ def _timed(question: EtcQuestion) -> EtcQuestion:
 @takes(
     EtcQuestion,
     first=("target",),
+    needs=("target",),
     without=("snr", "sigma", "detect", "contrast_limit", "n_frames"),
     of_strategy=_VISITS,
 )
@@ -292,6 +293,7 @@ def signal_to_noise(question: EtcQuestion) -> list[EtcAnswer]:
 @takes(
     EtcQuestion,
     first=("target",),
+    needs=("target",),
     without=("time_s", "contrast_limit", "n_frames", "exact"),
     of_strategy=_VISITS,
 )
@@ -316,6 +318,7 @@ def exposure_time(question: EtcQuestion) -> list[EtcAnswer]:
 @takes(
     EtcQuestion,
     first=("target",),
+    needs=("target",),
     without=("detect", "contrast", "contrast_limit", "planet", "n_frames"),
     defaults={"contrast_limit": True},
     of_strategy=_VISITS,

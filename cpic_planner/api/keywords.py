@@ -11,6 +11,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
+from catalogs import Catalogue, catalogue_of_star
 from cpic_core import numeric_context
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.queries import Question, Strategy, asked_of, default_instrument, kind_of, observed_utc, spelled
@@ -31,12 +32,20 @@ def _default_model(bands: tuple[str, ...] | None, strategy: Strategy | None) -> 
     return build_model(default_instrument(), bands, strategy)
 
 
+def catalogue_of(question: Any) -> Catalogue:
+    """Return the table of stars of a question: of one star alone where the question describes it."""
+    if getattr(question, "v_mag", None) is None:
+        return as_catalogue(question.catalog)
+    about = {name: getattr(question, name) for name in ("sp_type", "teff_k", "distance_pc")}
+    return catalogue_of_star(question.target[0], question.v_mag, **about)
+
+
 def stars_named(question: Any) -> list[Targets]:
     """Return each star that a question names as a target of its own."""
     date_utc, companions = observed_utc(question), question.companions
-    if question.catalog == "snapshot":
+    if question.catalog == "snapshot" and getattr(question, "v_mag", None) is None:
         return [_shipped_star(name, companions, date_utc) for name in question.target]
-    catalog = as_catalogue(question.catalog)
+    catalog = catalogue_of(question)
     return [find_target(name, catalog=catalog, companions=companions, date_utc=date_utc)[0] for name in question.target]
 
 

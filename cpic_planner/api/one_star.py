@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from catalogs import open_catalogue
 from cpic_planner import report
 from cpic_planner.api.etc import as_asked, checked, closed_forms
-from cpic_planner.api.keywords import model_of
+from cpic_planner.api.keywords import catalogue_of, model_of
 from cpic_planner.api.named import named
 from cpic_planner.etc import EtcModel, etc_result
 from cpic_planner.queries import EtcQuestion
@@ -96,7 +96,7 @@ def answered(
     InputError
         For an unknown star or band, or a value out of range.
     """
-    table = open_catalogue(question.catalog)
+    table = open_catalogue(question.catalog) if question.v_mag is None else catalogue_of(question)
     tell(*table.notes)
     star, about, known = named(question, question.target[0], table)
     if table.kind != "snapshot":

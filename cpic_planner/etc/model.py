@@ -7,12 +7,11 @@ import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray, Reason, Status, digest_of
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, Reason, Status, digest_of, file_state
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import Strategy
@@ -263,10 +262,9 @@ def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
             yield from _files(part)
     elif isinstance(tree, str) and "." in tree:
         try:
-            state = Path(tree).stat()
+            yield tree, *file_state(tree)
         except (OSError, ValueError):
             return
-        yield tree, state.st_mtime_ns, state.st_size
 
 
 class _Unkeyed:

@@ -19,6 +19,8 @@ Numbers = Annotated[tuple[float, ...], BeforeValidator(shared.several)]
 PLACES = ("separation_arcsec", "separation_au", "semi_major_axis_au")
 """What places a planet."""
 _LEVELS = ("snr", "sigma", "detect")
+OWN_STAR = "my star"
+"""What a star of one's own is called that is given no name."""
 
 
 def _planets(given: Any) -> Any:
@@ -58,12 +60,13 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
     KIND: ClassVar[str] = "etc"
 
     target: shared.Texts = asked(
-        ...,
+        (),
         'Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700" ...; or known planet: "eps Eri b", "47 UMa c" ..., at '
-        "its place and contrast of {date_utc}.",
+        "its place and contrast of {date_utc}; or any name of a star of your own, with {v_mag}.",
         argument=True,
         command=str,
         several=False,
+        unset=f"{OWN_STAR}, where {{v_mag}} is given",
         accepts="str or sequence of str",
         completes=shared.star_names,
     )
@@ -124,6 +127,14 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
     )
     strategy: shared.Strategy = shared.asked_strategy()
     distance_pc: float | None = asked(None, "Distance, instead of the catalogue's.")
+    # A star of one's own counts by what is made of it, as one of a table.
+    v_mag: float | None = asked(
+        None, "V of a star that is in no table; with {sp_type} or {teff_k}.", physics=False, ge=-30, le=30, unit="mag"
+    )
+    sp_type: str | None = asked(None, "Its spectral type, as G8V.", physics=False)
+    teff_k: float | None = asked(
+        None, "Its temperature, instead of that of its spectral type.", physics=False, ge=2000, le=50_000
+    )
     fidelity: shared.Fidelity | None = asked(None, "Closed forms alone, or checked in images.", unset="quick")
     tolerance: float | None = asked(
         None, "Instead of {fidelity}: images only where the stated error of planet flux or SNR exceeds this, 0 to 0.5."
@@ -135,10 +146,33 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
+        self._check_star()
         self._check_level()
         self._check_planet()
         self._check_images()
         return self
+
+    @classmethod
+    def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
+        tree = super()._read(tree)
+        if "v_mag" in tree and not tree.get("target"):
+            tree["target"] = (OWN_STAR,)
+        return tree
+
+    def _check_star(self) -> None:
+        if self.v_mag is None:
+            if "target" not in self.model_fields_set:
+                raise InputError("target", "missing", allowed=f"a star or a known planet, or {called('v_mag')}")
+            for name in ("sp_type", "teff_k"):
+                if self.is_given(name):
+                    raise InputError(name, getattr(self, name), allowed=f"together with {called('v_mag')}")
+            return
+        if self.sp_type is None and self.teff_k is None:
+            raise InputError("sp_type", "missing", allowed=f"a spectral type as G8V, or {called('teff_k')}")
+        if len(self.target) > 1:
+            raise InputError("target", f"{len(self.target)} names", allowed=f"one with {called('v_mag')}")
+        if self.catalog != "snapshot":
+            raise InputError("v_mag", self.v_mag, allowed=f"without {called('catalog')}, which has its own stars")
 
     def _check_level(self) -> None:
         self.refuse_together(_LEVELS, "one level at a time")

@@ -15,7 +15,7 @@ from pydantic import Field
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from simulator.config import FrozenModel, limits_of, unit_of
+from simulator.config import FrozenModel, bounds_of, limits_of, unit_of
 
 if TYPE_CHECKING:
     from cpic_planner.queries.base import Parts
@@ -148,6 +148,8 @@ class Option:
         Whether a yes-or-no option has a no of its own.
     parts : type of Parts or None
         The model of which it is a part, where the value above it is made of parts.
+    bounds : mapping
+        Range of the value: numbers by ``ge``, ``gt``, ``le`` and ``lt``.
     """
 
     path: tuple[str, ...]
@@ -159,6 +161,7 @@ class Option:
     asked: Asked = field(repr=False)
     switchable: bool = False
     parts: type[Parts] | None = None
+    bounds: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     @property
     def name(self) -> str:
@@ -211,6 +214,7 @@ def _option(name: str, info: FieldInfo, own: Asked, above: tuple[str, ...]) -> O
         required=info.is_required(),
         asked=own,
         switchable=kind is bool and info.default is not False,
+        bounds=bounds_of(info),
     )
 
 

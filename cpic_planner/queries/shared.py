@@ -8,13 +8,12 @@ Fields that several questions share: the instrument and its bands, the stars, ru
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from catalogs import load_stars
-from cpic_core import InputError, digest_of
+from cpic_core import InputError, digest_of, is_file
 from cpic_planner.jobs import check_address
 from cpic_planner.queries.base import Parts, Question, called
 from cpic_planner.queries.changes import SkyParts, default_instrument, read_instrument
@@ -52,7 +51,7 @@ class AlbedoParts(Parts):
         if name is None or name == "parametric":
             return config.albedo_spec({"model": "parametric"} | parameters)
         if config.names_file(name):
-            if not Path(name).is_file():
+            if not is_file(name):
                 raise InputError("albedo", name, allowed="an existing file")
             return config.albedo_spec({"model": "grid" if parameters else "table", "file": name} | parameters)
         if parameters:

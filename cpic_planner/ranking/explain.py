@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from cpic_planner.ranking.order import RankSetting, rank_targets
 from cpic_planner.ranking.sensitivity import N_TOP, near_top, under_others
 from cpic_planner.ranking.settings import OptimalSetting, detection_statuses, limits_of, setting_fields
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
-from cpic_planner.results import BandStanding, Explanation, RankedTarget
+from cpic_planner.results import BandStanding, Explanation, RankedTarget, RankResult
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
 
@@ -31,6 +32,7 @@ def explain_star(
     population: PopulationChoice | None = None,
     score: ScoreName = DEFAULT_SCORE,
     other_assumptions: bool = True,
+    rank: RankResult | None = None,
 ) -> Explanation:
     """Explain the rank of one star.
 
@@ -43,6 +45,8 @@ def explain_star(
     other_assumptions : bool
         Rank the sample under other assumptions too (`cpic_planner.ranking.sensitivity`), which takes about a second
         each.
+    rank : RankResult, optional
+        The ranking of these stars under the same settings, where it is at hand.
 
     Returns
     -------
@@ -58,7 +62,9 @@ def explain_star(
         raise InputError("star", name, allowed="a star of the sample that is ranked")
     index = known[name]
     setting = RankSetting.of(model, time_s=time_s, planet=planet, bands=bands, population=population, score=score)
-    rank = rank_targets(model, targets, time_s=time_s, planet=planet, bands=bands, population=population, score=score)
+    if rank is None:
+        asked: dict[str, Any] = {"planet": planet, "bands": bands, "population": population, "score": score}
+        rank = rank_targets(model, targets, time_s=time_s, **asked)
     place = next(i for i, row in enumerate(rank.targets) if row.name == name)
     star = targets.select([index])
     rows = rank.targets

@@ -7,6 +7,7 @@ from cpic_planner.report.console import (
     print_planned as print_planned,
     print_simulation as print_simulation,
 )
+from cpic_planner.report.console_both import print_both as print_both
 from cpic_planner.report.console_etc import (
     best_row as best_row,
     print_etc as print_etc,
@@ -59,10 +60,16 @@ from cpic_planner.report.files import (
 )
 from cpic_planner.report.numbers import (
     duration_text as duration_text,
+    full_name as full_name,
     level_text as level_text,
     pretty_name as pretty_name,
 )
-from cpic_planner.report.priorities import ensemble_figure as ensemble_figure
+from cpic_planner.report.priorities import (
+    TIERS as TIERS,
+    ensemble_figure as ensemble_figure,
+    known_blocks as known_blocks,
+    priority_blocks as priority_blocks,
+)
 from cpic_planner.report.sky_figures import MOST_STARS as MOST_STARS, rank_figure as rank_figure
 from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure
 from cpic_planner.report.whatif_words import best_by_value as best_by_value, hanging_text as hanging_text

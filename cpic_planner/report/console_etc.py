@@ -91,7 +91,7 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
         f"band value {'range ' * known}separation_arcsec/1 contrast/4 visits/2 frames/5 em_gain/9 time_s/7 snr/3 "
         "significance/5 detection_probability/6 detection_probability_known_place/7 held/8 status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
-        value=_ANSWER,
+        value=ANSWER,
         range=_RANGE,
         separation_arcsec=_within("separation_arcsec", 3),
         contrast=_within("contrast", 0),
@@ -342,7 +342,7 @@ def _answer(row: EtcAnswer) -> str:
     return MISSING if row.value is None else _value_text(row, row.value)
 
 
-_ANSWER = Cells("answer", _answer, fields=("value", "unit"))
+ANSWER = Cells("answer", _answer, fields=("value", "unit"))
 _RANGE = Cells(
     "range",
     _range_text,

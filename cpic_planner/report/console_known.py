@@ -154,7 +154,7 @@ def print_visibility(result: VisibilityResult, console: Console) -> None:
     result : VisibilityResult
     console : Console
     """
-    several = len(result.targets) > 1 or (isinstance(console, Sheet) and console.form != "table")
+    several = len(result.targets) > 1 or (isinstance(console, Sheet) and console.form not in ("table", "page"))
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
         title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {day_text(result.start_utc)}"

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import functools
 import hashlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 from pydantic import BaseModel
 
-from cpic_core import InputError, dump_json
+from cpic_core import InputError, dump_json, only_sent_files
 from cpic_planner import report
 from cpic_planner.api import Answered, answered, prepared
 from cpic_planner.results import RankResult
 from cpic_planner.version import __version__
-from cpic_planner.web.asking import ETC, RANK, Pairs
+from cpic_planner.web.asking import ETC, RANK, Asking, Pairs, Q
+from cpic_planner.web.sent import Sent, check_optics
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,10 +79,35 @@ def etc_answer(pairs: Pairs) -> Answered:
     InputError
         For the first fault, naming the parameter.
     """
+    return fresh_etc(pairs)
+
+
+def fresh_etc(pairs: Pairs, sent: Sent | None = None) -> Answered:
+    """Return the answer of the calculator with files that were sent, which are the only ones that are read.
+
+    Parameters
+    ----------
+    pairs : sequence of (str, str)
+    sent : Sent, optional
+
+    Raises
+    ------
+    InputError
+        As `etc_answer`.
+    """
+    with _asked(ETC, pairs, sent) as question:
+        return answered(question)
+
+
+@contextlib.contextmanager
+def _asked(asking: Asking[Q], pairs: Pairs, sent: Sent | None) -> Iterator[Q]:
     from cpic_planner.queries import called_as
 
-    with called_as(ETC.names):
-        return answered(ETC.question(pairs))
+    with only_sent_files({} if sent is None else sent.files), called_as(asking.names):
+        question = asking.question(pairs)
+        if sent is not None:
+            check_optics(question, sent)
+        yield question
 
 
 @functools.lru_cache(maxsize=4)
@@ -92,10 +119,19 @@ def ranking(pairs: Pairs) -> RankResult:
     InputError
         As `etc_answer`.
     """
-    from cpic_planner.queries import called_as
+    return fresh_ranking(pairs)
 
-    with called_as(RANK.names):
-        return prepared(RANK.question(pairs)).ranked()
+
+def fresh_ranking(pairs: Pairs, sent: Sent | None = None) -> RankResult:
+    """Return a ranking with files that were sent; as `fresh_etc`.
+
+    Parameters
+    ----------
+    pairs : sequence of (str, str)
+    sent : Sent, optional
+    """
+    with _asked(RANK, pairs, sent) as question:
+        return prepared(question).ranked()
 
 
 def form_text(form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
@@ -128,7 +164,7 @@ def etc_figure(pairs: Pairs, form: Literal["svg", "png"]) -> bytes:
     pairs : sequence of (str, str)
     form : {"svg", "png"}
     """
-    return _drawn(etc_answer(pairs).figure, form)
+    return drawn(etc_answer(pairs).figure, form)
 
 
 @functools.lru_cache(maxsize=16)
@@ -143,13 +179,30 @@ def rank_figure(pairs: Pairs, limit: int, form: Literal["svg", "png"]) -> bytes:
     form : {"svg", "png"}
     """
     result = ranking(pairs)
-    return _drawn(lambda: report.rank_figure(result, limit), form)
+    return drawn(lambda: report.rank_figure(result, limit), form)
 
 
-def _drawn(figure: Callable[[], Figure], form: Literal["svg", "png"]) -> bytes:
+def drawn(figure: Callable[[], Figure], form: Literal["svg", "png"]) -> bytes:
+    """Return a figure in a form, while no other is drawn.
+
+    Parameters
+    ----------
+    figure : callable
+    form : {"svg", "png"}
+    """
     with _PENCIL, report.style():
         picture = report.save(figure(), form, alt="", caption="")
     return base64.b64decode(picture.uri.partition(",")[2])
+
+
+def picture_uri(figure: Callable[[], Figure]) -> str:
+    """Return the figure of an answer with files that were sent, for the page itself: it has no address.
+
+    Parameters
+    ----------
+    figure : callable
+    """
+    return f"data:image/svg+xml;base64,{base64.b64encode(drawn(figure, 'svg')).decode()}"
 
 
 def rows_of(given: Any) -> int:

@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin
 from urllib.parse import urlencode
 
-from cpic_core import InputError
+from cpic_core import InputError, was_sent
 from cpic_planner.queries import (
     EtcQuestion,
     Option,
@@ -226,7 +226,7 @@ def _value(name: str, text: str, option: Option) -> Any:
     kind = option.kind
     if option.path[-1] == "changes":
         return _change(name, text)
-    if option.asked.names_file is not None and option.asked.names_file(text):
+    if option.asked.names_file is not None and option.asked.names_file(text) and not was_sent(text):
         raise InputError(name, "another word", allowed=_A_FILE)
     if get_origin(kind) is Literal and text not in get_args(kind):
         raise InputError(name, text, allowed=", ".join(get_args(kind)))
@@ -280,7 +280,7 @@ def python_lines(question: EtcQuestion, pairs: Pairs) -> str:
     """
     import cpic_planner
 
-    tree, made = dict(ETC.tree(pairs)), _parts(pairs)
+    tree, made = {"target": question.target[0]} | ETC.tree(pairs), _parts(pairs)
     imports = sorted({f"from {module} import {kind}" for module, kind, _ in made.values()})
     name = "contrast_limit" if question.contrast_limit else "exposure_time" if question.asks_time else "signal_to_noise"
     if name == "signal_to_noise" and question.strategy.visits is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args, get_origin
 
 from cpic_core import InputError
@@ -22,6 +22,8 @@ _LABELS = {
     "v_mag_max": "Faintest V (mag)",
     "date_utc": "Date (UTC)",
     "set": "Change of the instrument",
+    "v_mag": "V (mag)",
+    "teff_k": "Temperature (K)",
     "known_hosts": "Only stars with known planets",
     "dwarfs_only": "Only dwarfs",
     "singles_only": "Only single stars",
@@ -37,13 +39,18 @@ _EXAMPLES = {
     "separation_arcsec": "0.36, or 0.4, 0.6",
     "contrast": "1e-8",
     "set": "drift.visit_nm=0.1nm",
-    "sp_type": "K, or G8V",
+    "etc.sp_type": "G8V",
+    "rank.sp_type": "K, or G8V",
+    "v_mag": "4.5",
 }
 
 
 _HINTS = {
     "albedo": "jupiter, saturn, uranus, neptune, or a number.",
     "target": "A star by any of its names, or a known planet, at its place and brightness of the date.",
+    "v_mag": "The star above is then only a name, and may be left out.",
+    "etc.sp_type": "Or give a temperature.",
+    "distance_pc": "Instead of the catalogue's; 10 pc for a star of your own without one.",
     "separation_arcsec": "Projected, on the diagonal of a quadrant; several between commas. Without: the best place.",
     "separation_au": "The same in au, at the distance of the star; several between commas.",
     "contrast": "Planet-to-star ratio instead of a planet model; several between commas, as many as separations.",
@@ -66,7 +73,7 @@ class Field:
     name : str
         Parameter of the address.
     label, hint : str
-    kind : {"text", "choice", "tick", "ticks"}
+    kind : {"text", "choice", "tick", "ticks", "file"}
     choices : tuple of str
         Words of a choice or of several ticks.
     values : tuple of str
@@ -74,16 +81,19 @@ class Field:
     error : str
         What is wrong with it; empty where nothing is.
     example : str
+    check : tuple of (str, str)
+        What a number has to be, for the script of the page: its kind, bounds and unit.
     """
 
     name: str
     label: str
     hint: str
-    kind: Literal["text", "choice", "tick", "ticks"]
+    kind: Literal["text", "choice", "tick", "ticks", "file"]
     choices: tuple[str, ...]
     values: tuple[str, ...]
     error: str
     example: str
+    check: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -108,6 +118,12 @@ class Form:
     groups: tuple[Group, ...]
     button: str
     error: str = ""
+    method: Literal["get", "post"] = "get"
+
+    @property
+    def sends(self) -> bool:
+        """Whether files are sent with it."""
+        return any(field.kind == "file" for group in self.groups for field in group.fields)
 
     @property
     def wrong(self) -> tuple[Field, ...]:
@@ -117,13 +133,14 @@ class Form:
 
 ETC_GROUPS = (
     ("Who", "target date_utc", False),
+    ("A star that is in no table", "v_mag sp_type teff_k distance_pc", True),
     ("What is asked: the time for a level, or the SNR in a time", "snr detect time_s contrast_limit", False),
     ("Planet: at its best place, unless said here", "separation_arcsec contrast planet_radius_rjup albedo", False),
     ("Bands and visits", "bands visits visit_time_s library search", False),
     (
         "More: frames, instrument, orbit, reduction",
         "sigma separation_au semi_major_axis_au phase_deg exposure_s n_frames em_gain mode exozodi drift_nm instrument "
-        "set distance_pc observation_roll_deg companions reference_v_mag roll_deg known_planets candidates",
+        "set observation_roll_deg companions reference_v_mag roll_deg known_planets candidates",
         True,
     ),
 )
@@ -170,6 +187,39 @@ def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None)
     return Form(form.action, groups, form.button, "" if wrong else form.error)
 
 
+_FILES = {
+    "catalog": ("Star table", "CSV, ECSV, VOTable or FITS, with name, V, distance, and spectral type or temperature."),
+    "instrument": ("Instrument", "YAML of kind: instrument, with what differs from a shipped one; its optics stay."),
+    "other": ("The other instrument", "The same, of the one that the first is compared with."),
+    "albedo": ("Spectrum of the planet", "Two columns: wavelength and geometric albedo."),
+    "known_planets": ("Known planets", "Table that is laid over the shipped one planet by planet."),
+}
+
+
+def own_form(form: Form) -> Form:
+    """Return a form that sends files with its question; nothing of them is kept.
+
+    Parameters
+    ----------
+    form : Form
+        That of the question without files.
+    """
+    wrong = {field.name: field.error for field in form.wrong}
+    kept = [
+        replace(group, fields=tuple(field for field in group.fields if field.name not in _FILES))
+        for group in form.groups
+    ]
+    has = {field.name for group in form.groups for field in group.fields}
+    files = tuple(
+        Field(name, label, hint, "file", (), (), wrong.get(name, ""), "")
+        for name, (label, hint) in _FILES.items()
+        if name != "other" or name in has
+    )
+    who, *others = kept
+    groups = (who, Group("Files of your own, 2 MB in all", files), *others)
+    return replace(form, groups=groups, method="post", error=form.error)
+
+
 def _form(
     asking: Asking[Any],
     layout: Sequence[tuple[str, str, bool]],
@@ -203,8 +253,21 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
     elif option.several and option.kind is float:
         values = [", ".join(values)] if values else []
     labels = {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}
-    hint = _HINTS.get(name) or spelled(option.text, labels)
-    return Field(name, _label(option), hint, kind, choices, tuple(values), error, _EXAMPLES.get(name, ""))
+    hint, example = (texts.get(f"{asking.command}.{name}") or texts.get(name) for texts in (_HINTS, _EXAMPLES))
+    hint = hint or spelled(option.text, labels)
+    check = _check_of(option) if kind == "text" else ()
+    return Field(name, _label(option), hint, kind, choices, tuple(values), error, example or "", check)
+
+
+def _check_of(option: Option) -> tuple[tuple[str, str], ...]:
+    """What a number of the question has to be."""
+    if option.kind not in (int, float):
+        return ()
+    kind = "whole" if option.kind is int else "several" if option.several else "number"
+    name = parameter(option)
+    kind = "time" if name.endswith("_s") and kind == "number" else kind
+    bounds = ((key, f"{bound:.12g}") for key, bound in option.bounds.items())
+    return (("number", kind), *bounds, ("unit", option.asked.unit or unit_of(name)))
 
 
 def _choices(option: Option) -> tuple[str, ...]:

@@ -3,68 +3,19 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from collections.abc import Sequence
+from typing import Any
+from urllib.parse import urlencode
 
 from cpic_planner import report
-from cpic_planner.results import RankedTarget
 from cpic_planner.version import __version__
 from cpic_planner.web import answers
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs, python_lines
+from cpic_planner.web.blocks import blocks_of
 from cpic_planner.web.forms import Form
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
+from cpic_planner.web.sent import Sent
 
 _NAMES = {"latex": "LaTeX", "markdown": "Markdown"}
-
-
-class Blocks(report.Sheet):
-    """Stands where a console does, and keeps what is printed as blocks of a page."""
-
-    def __init__(self) -> None:
-        self.form, self.width, self.encoding, self.taken = "page", 0, "utf-8", None
-        self.blocks: list[report.Block] = []
-
-    def take(self, title: str, columns: Sequence[report.Cells], entries: list[Any]) -> None:
-        """Keep a table, and what its headings mean."""
-        named = [(column.label or column.header, column.unit) for column in columns]
-        looks = ["" if column.right else "left" for column in columns]
-        looks[-1] += " verdict" * (not columns[-1].right)
-        texts: list[Any] = [[f"{name} ", report.small(unit)] if unit else name for name, unit in named]
-        heads = tuple(map(report.Cell, texts, looks))
-        rows = [[_cell(column, entry) for column in columns] for entry in entries]
-        picked = frozenset(number for number, row in enumerate(rows) if str(row[0]).startswith("→"))
-        first_heads = [True] + [False] * (len(columns) - 1)
-        cells = tuple(tuple(map(report.Cell, row, looks, first_heads)) for row in rows)
-        first, *more = title.split("\n")
-        caption: Any = [report.strong(f"{first}."), *(f" {text}." for text in more)]
-        self.blocks.append(report.Table(first, caption, heads, cells, "", picked))
-        said = [f"{column.label or column.header}: {column.legend}." for column in columns if column.legend]
-        if said:
-            self.blocks.append(report.Fold("What the headings mean", [report.Items(said)]))
-
-    def print(self, *objects: Any, **look: Any) -> None:
-        """Keep a line."""
-        text = " ".join(str(item) for item in objects).strip()
-        if text:
-            self.blocks.append(report.Paragraph(text, "note" if text.startswith(("!", "Note")) else ""))
-
-
-def _cell(column: report.Cells, entry: Any) -> Any:
-    """Text of a cell; a ranked star leads to the calculator."""
-    text = str(column.text(entry)).strip()
-    if isinstance(entry, RankedTarget) and column.fields == ("name",):
-        return report.page_link(ETC.address([("target", f"HIP {entry.hip}" if entry.hip else entry.name)]), text)
-    return text
-
-
-def blocks_of(tables: Callable[[Console], None]) -> list[report.Block]:
-    """Return what a function prints on a console as blocks of a page."""
-    sheet = Blocks()
-    tables(cast("Console", sheet))
-    return sheet.blocks
 
 
 @functools.lru_cache(maxsize=1)
@@ -74,7 +25,17 @@ def style_sheet() -> bytes:
     return "".join(environment.get_template(name).render() for name in ("plan.css", "web.css")).encode()
 
 
-def page(title: str, about: str, form: Form, blocks: Sequence[report.Block] = (), sources: Sequence[Any] = ()) -> str:
+@functools.lru_cache(maxsize=1)
+def script() -> bytes:
+    """Return the script of all pages; they work without it."""
+    environment = report.templates("cpic_planner.web", "cpic_planner.report")
+    assert environment.loader is not None
+    return environment.loader.get_source(environment, "page.js")[0].encode()
+
+
+def page(
+    title: str, about: str, form: Form, blocks: Sequence[report.Block] = (), sources: Sequence[Any] = (), own: str = ""
+) -> str:
     """Return a page.
 
     Parameters
@@ -85,32 +46,40 @@ def page(title: str, about: str, form: Form, blocks: Sequence[report.Block] = ()
         The answer; none without a question.
     sources : sequence
         Links to the same answer in other forms, as (name, address).
+    own : str
+        Address of the form that takes files; none where it is empty.
     """
     template = report.templates("cpic_planner.web", "cpic_planner.report").get_template("asked.html.j2")
-    told = {"title": title, "about_text": about, "form": form, "blocks": blocks, "sources": sources}
+    told = {"title": title, "about_text": about, "form": form, "blocks": blocks, "sources": sources, "own": own}
     return template.render(version=__version__, **told)
 
 
-def etc_blocks(pairs: Pairs) -> list[report.Block]:
+def etc_blocks(pairs: Pairs, sent: Sent | None = None) -> list[report.Block]:
     """Return the answer of the calculator to an address as blocks.
 
     Parameters
     ----------
     pairs : sequence of (str, str)
+    sent : Sent, optional
+        Files that came with it: the figure is then in the page, and there are no lines of Python.
     """
-    answer = answers.etc_answer(pairs)
+    answer = answers.etc_answer(pairs) if sent is None else answers.fresh_etc(pairs, sent)
     blocks = blocks_of(answer.print)
     question = report.question_text(answer.question)
     if any(row.budget for row in answer.result.answers):
         alt = f"SNR against wall time, contrast limit against separation, and noise budget of {answer.result.target}"
         caption = f"{alt}; asked: {question}."
-        blocks.append(report.Figure(report.Picture(ETC.address(pairs, ".svg"), alt, caption)))
-    lines = python_lines(answer.question, pairs)
+        address = ETC.address(pairs, ".svg") if sent is None else answers.picture_uri(answer.figure)
+        blocks.append(report.Figure(report.Picture(address, alt, caption)))
+    if answer.question.catalog == "snapshot" and answer.question.v_mag is None:
+        more = report.page_link(f"/star?{urlencode({'name': answer.result.target})}", "its page")
+        blocks.append(report.Paragraph(["Seasons, known planets and priority of the star: ", more, "."]))
+    lines = python_lines(answer.question, pairs) if sent is None else ""
     catalogue = answer.result.catalogue
-    return blocks + _elsewhere(ETC.command_line(pairs), lines, answer.result.config_hash, catalogue)
+    return blocks + elsewhere(ETC.command_line(pairs), lines, answer.result.config_hash, catalogue)
 
 
-def rank_blocks(pairs: Pairs, limit: int) -> list[report.Block]:
+def rank_blocks(pairs: Pairs, limit: int, sent: Sent | None = None) -> list[report.Block]:
     """Return a ranking as blocks.
 
     Parameters
@@ -118,21 +87,32 @@ def rank_blocks(pairs: Pairs, limit: int) -> list[report.Block]:
     pairs : sequence of (str, str)
     limit : int
         Rows that are shown.
+    sent : Sent, optional
+        As of `etc_blocks`.
     """
-    result = answers.ranking(pairs)
+    result = answers.ranking(pairs) if sent is None else answers.fresh_ranking(pairs, sent)
     blocks = blocks_of(functools.partial(report.print_rank, result, limit=limit, full=False))
     if result.targets:
         alt = f"Scores of the first {min(limit, len(result.targets), report.MOST_STARS)} stars"
         address = RANK.address(pairs, ".svg", limit=str(limit))
+        if sent is not None:
+            address = answers.picture_uri(functools.partial(report.rank_figure, result, limit))
         blocks.append(report.Figure(report.Picture(address, alt, f"{alt}.")))
     command = f"{RANK.command_line(pairs)} --limit {limit}"
-    return blocks + _elsewhere(command, "", result.config_hash, result.catalogue)
+    return blocks + elsewhere(command, "", result.config_hash, result.catalogue)
 
 
-def _elsewhere(command: str, lines: str, config_hash: str, catalogue: str) -> list[report.Block]:
-    """The same question on the command line and in Python, and how to cite the answer."""
+def elsewhere(command: str, lines: str, config_hash: str, catalogue: str) -> list[report.Block]:
+    """Return the same question on the command line and in Python, where there are such, and how to cite the answer.
+
+    Parameters
+    ----------
+    command, lines : str
+        Empty for none.
+    config_hash, catalogue : str
+    """
     cited = f"cpic-planner {__version__}, configuration {config_hash}; {catalogue}"
-    facts: list[tuple[Any, Any]] = [("Command", report.code(command))]
+    facts: list[tuple[Any, Any]] = [("Command", report.code(command))] if command else []
     if lines:
         facts.append(("Python", report.lines(*map(report.code, filter(None, lines.split("\n"))))))
     return [report.Heading("The same elsewhere"), report.Facts([*facts, ("To cite", cited)])]

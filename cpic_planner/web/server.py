@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Literal, cast
+from urllib.parse import urlencode
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
@@ -12,14 +13,20 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from cpic_core import InputError
+from cpic_core import InputError, only_sent_files
 from cpic_planner import report
-from cpic_planner.web import answers, forms, pages
+from cpic_planner.web import answers, forms, pages, star
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
-from cpic_planner.web.guard import FAILED, Guard, line
+from cpic_planner.web.compare import COMPARE
+from cpic_planner.web.guard import FAILED, HEADERS, Guard, line
+from cpic_planner.web.sent import Sent, read_sent
+from cpic_planner.web.star import STAR, View
 from cpic_planner.web.work import Busy, Workers
 
 MOST_PARAMETERS = 200
+_FORM_OF: dict[str, Callable[..., forms.Form]] = {"etc": forms.etc_form, "rank": forms.rank_form}
+VIEWS = (STAR, COMPARE)
+"""Pages that are no question of a command."""
 _OWN = ("format", "limit")
 """Parameters of an address that are no fields of the question."""
 _SVG_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
@@ -45,11 +52,59 @@ class Site:
 
     def routes(self) -> list[Route]:
         """Return the addresses that are answered."""
-        found = [Route("/", lambda _: RedirectResponse(ETC.page, 307)), Route("/style.css", _style)]
+        found = [
+            Route("/", lambda _: RedirectResponse(ETC.page, 307)),
+            Route("/style.css", _style),
+            Route("/page.js", _script),
+        ]
+        found.append(Route("/favicon.ico", _no_icon))
         for asking in (ETC, RANK):
             found.append(Route(asking.page, partial(self._asked, asking)))
             found += [Route(f"{asking.page}.{form}", partial(self._figure, asking, form)) for form in ("svg", "png")]
+            found.append(Route(asking.page, partial(self._posted, asking), methods=["POST"]))
+            found.append(Route(f"{asking.page}/own", partial(_own_form, asking)))
+        for view in VIEWS:
+            found.append(Route(view.path, partial(self._viewed, view)))
+            if view.takes_files:
+                found.append(Route(view.path, partial(self._viewed_with_files, view), methods=["POST"]))
+                found.append(Route(f"{view.path}/own", partial(_own_view, view)))
+        found += [Route(f"{star.PAGE}/{{which}}.{form}", partial(self._star, form)) for form in ("svg", "png")]
         return found
+
+    async def _viewed(self, view: View, request: Request) -> Response:
+        """Show a page that is no question of a command; without parameters its form."""
+        given = _parameters(request)
+        try:
+            pairs = view.pairs(given)
+            if any(not text for _, text in given):
+                return RedirectResponse(f"{view.path}?{urlencode(pairs)}", 303)
+            if not pairs:
+                return _page(pages.page(view.title, view.about, view.form((), None), own=_own_of(view)))
+            return await self._workers.do(_view, view, pairs)
+        except InputError as error:
+            return _page(pages.page(view.title, view.about, view.form(given, error)), 400)
+
+    async def _viewed_with_files(self, view: View, request: Request) -> Response:
+        """Show a page about files that are sent."""
+        given: Sequence[tuple[str, str]] = ()
+        try:
+            sent = read_sent(request.headers.get("content-type", ""), await request.body())
+            given = [(name, text.strip()) for name, text in sent.given]
+            return await self._workers.do(_view_sent, view, given, sent)
+        except InputError as error:
+            return _page(pages.page(view.title, view.about, forms.own_form(view.form(given, error))), 400)
+
+    async def _star(self, form: Literal["svg", "png"], request: Request) -> Response:
+        """Draw a figure of a star."""
+        which = request.path_params["which"]
+        if which not in ("seasons", "planets"):
+            raise HTTPException(404)
+        try:
+            pairs = star.star_pairs(_parameters(request))
+            drawing = partial(self._workers.do, star.star_figure, pairs, which, form)
+            return await _drawing(request, answers.tag_of(f"{which}.{form}", pairs), form, drawing)
+        except InputError as error:
+            return line(str(error), 400)
 
     async def _asked(self, asking: Asking[Any], request: Request) -> Response:
         """Answer a question as a page or as data; without parameters the page of the calculator is its form."""
@@ -65,10 +120,27 @@ class Site:
             if form in ("", "html") and any(not text for _, text in given):
                 return RedirectResponse(asking.address(pairs, **shown), 303)
             if not given and asking is ETC:
-                return _page(pages.page(_TITLE["etc"], _ABOUT["etc"], forms.etc_form(())))
+                return _page(pages.page(_TITLE["etc"], _ABOUT["etc"], forms.etc_form(()), own=f"{asking.page}/own"))
             return await self._workers.do(_answer, asking, pairs, rows, form, shown)
         except InputError as error:
             return _refused(asking, given, error, form)
+
+    async def _posted(self, asking: Asking[Any], request: Request) -> Response:
+        """Answer a question that comes with files."""
+        given: Sequence[tuple[str, str]] = ()
+        form = "" if "text/html" in request.headers.get("accept", "") else "line"
+        try:
+            sent = read_sent(request.headers.get("content-type", ""), await request.body())
+            given = [(name, text.strip()) for name, text in sent.given]
+            form = _own(given, "format")
+            _check_own(given, asking)
+            rest = [(name, text) for name, text in given if name not in _OWN]
+            pairs, rows = asking.canonical(rest), answers.rows_of(_own(given, "limit") if asking is RANK else "")
+            if form not in ("", "html", *answers.MEDIA):
+                raise InputError("format", form[:40], allowed=f"html, {', '.join(answers.MEDIA)}")
+            return await self._workers.do(_answer_sent, asking, pairs, rows, form, sent)
+        except InputError as error:
+            return _refused(asking, given, error, form, sends=True)
 
     async def _figure(self, asking: Asking[Any], form: Literal["svg", "png"], request: Request) -> Response:
         """Draw an answer, unless the asker has its figure already."""
@@ -80,17 +152,58 @@ class Site:
             pairs = asking.canonical((name, text) for name, text in given if name not in _OWN)
             limit = min(answers.rows_of(_own(given, "limit")), report.MOST_STARS)
             tag = answers.tag_of(f"{asking.page}.{form} {limit}", pairs)
-            headers = {"ETag": tag, "Cache-Control": "private, max-age=86400", "Content-Security-Policy": _SVG_POLICY}
-            if tag in request.headers.get("if-none-match", ""):
-                return Response(status_code=304, headers=headers)
             draw: Callable[..., bytes] = answers.etc_figure
             more: tuple[Any, ...] = (form,)
             if asking is RANK:
                 draw, more = answers.rank_figure, (limit, form)
-            drawn = await self._workers.do(draw, pairs, *more)
+            return await _drawing(request, tag, form, partial(self._workers.do, draw, pairs, *more))
         except InputError as error:
             return line(str(error), 400)
-        return Response(drawn, media_type="image/svg+xml" if form == "svg" else "image/png", headers=headers)
+
+
+async def _drawing(request: Request, tag: str, form: str, draw: Callable[[], Awaitable[bytes]]) -> Response:
+    """Send a figure, unless the asker has it already."""
+    headers = {"ETag": tag, "Cache-Control": "private, max-age=86400", "Content-Security-Policy": _SVG_POLICY}
+    if tag in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    kind = "image/svg+xml" if form == "svg" else "image/png"
+    return Response(await draw(), media_type=kind, headers=headers)
+
+
+def _view(view: View, pairs: Pairs) -> Response:
+    """Make a page; this runs in a thread of its own."""
+    with only_sent_files({}):
+        form, own = view.form(pairs, None), _own_of(view, urlencode(pairs))
+        return _page(pages.page(view.heading(pairs), view.about, form, view.blocks(pairs), own=own))
+
+
+def _view_sent(view: View, given: Sequence[tuple[str, str]], sent: Sent) -> Response:
+    """Make a page about files that were sent; this runs in a thread of its own."""
+    with only_sent_files(sent.files):
+        pairs = view.pairs(given)
+        blocks, form = [*view.blocks(pairs, sent), *_told_of(sent)], forms.own_form(view.form(pairs, None))
+        return _page(pages.page(view.heading(pairs), view.about, form, blocks), headers=_of_sent(sent))
+
+
+def _own_of(view: View, asked: str = "") -> str:
+    return f"{view.path}/own{'?' * bool(asked)}{asked}" if view.takes_files else ""
+
+
+async def _own_view(view: View, request: Request) -> Response:
+    """Show the form of a page that takes files."""
+    form = forms.own_form(view.form(_parameters(request), None))
+    return _page(pages.page(view.title, view.about, form))
+
+
+def _of_sent(sent: Sent) -> dict[str, str]:
+    """Headers of an answer with files."""
+    told = ", ".join(f"{name}: sha256 {own}" for name, own in sent.hashes)
+    return {"Cache-Control": "no-store", "Cpic-Files": told}
+
+
+def _told_of(sent: Sent) -> list[report.Block]:
+    told = [report.lines(name, report.code(f"sha256 {own}")) for name, own in sent.hashes]
+    return [report.Heading("Files that were sent, and not kept"), report.Items(told)]
 
 
 def _parameters(request: Request) -> list[tuple[str, str]]:
@@ -125,32 +238,72 @@ def _answer(asking: Asking[Any], pairs: Pairs, rows: int, form: str, shown: dict
     sources = pages.sources_of(asking, pairs, **shown)
     if asking is ETC:
         title = f"{report.pretty_name(result.target)}: {_TITLE['etc']}"
-        return _page(pages.page(title, _ABOUT["etc"], forms.etc_form(pairs), pages.etc_blocks(pairs), sources))
+        own = ETC.address(pairs, "/own")
+        return _page(pages.page(title, _ABOUT["etc"], forms.etc_form(pairs), pages.etc_blocks(pairs), sources, own))
     form_of = forms.rank_form([*pairs, *shown.items()])
-    return _page(pages.page(_TITLE["rank"], _ABOUT["rank"], form_of, pages.rank_blocks(pairs, rows), sources))
+    own = RANK.address(pairs, "/own", **shown)
+    return _page(pages.page(_TITLE["rank"], _ABOUT["rank"], form_of, pages.rank_blocks(pairs, rows), sources, own))
 
 
-def _page(text: str, status: int = 200) -> Response:
-    return Response(text, status, media_type="text/html; charset=utf-8")
+def _answer_sent(asking: Asking[Any], pairs: Pairs, rows: int, form: str, sent: Sent) -> Response:
+    """Answer with files that were sent; this runs in a thread of its own."""
+    with only_sent_files(sent.files):
+        headers = _of_sent(sent)
+        if form in ("", "html"):
+            blocks = pages.etc_blocks(pairs, sent) if asking is ETC else pages.rank_blocks(pairs, rows, sent)
+            blocks = [*blocks, *_told_of(sent)]
+            made = _FORM_OF[asking.command](pairs, None)
+            page = pages.page(_TITLE[asking.command], _ABOUT[asking.command], forms.own_form(made), blocks)
+            policy = HEADERS["Content-Security-Policy"].replace("img-src 'self'", "img-src 'self' data:")
+            return _page(page, headers=headers | {"Content-Security-Policy": policy})
+        result: Any
+        if asking is ETC:
+            answer = answers.fresh_etc(pairs, sent)
+            result, tables = answer.result, answer.print
+        else:
+            result = answers.fresh_ranking(pairs, sent)
+            tables = cast(Any, partial(report.print_rank, result, limit=rows))
+        return Response(answers.form_text(form, result, tables), media_type=answers.MEDIA[form], headers=headers)
 
 
-def _refused(asking: Asking[Any], given: Sequence[tuple[str, str]], error: InputError, form: str) -> Response:
+async def _own_form(asking: Asking[Any], request: Request) -> Response:
+    """Show the form that takes files; an address fills in the rest."""
+    made = _FORM_OF[asking.command](_parameters(request), None)
+    return _page(pages.page(_TITLE[asking.command], _ABOUT[asking.command], forms.own_form(made)))
+
+
+def _page(text: str, status: int = 200, headers: Mapping[str, str] | None = None) -> Response:
+    return Response(text, status, media_type="text/html; charset=utf-8", headers=headers)
+
+
+def _refused(
+    asking: Asking[Any], given: Sequence[tuple[str, str]], error: InputError, form: str, *, sends: bool = False
+) -> Response:
     """Answer bad input: the form with one line at the field, JSON with its parts, or one line."""
     if form == "json":
         return JSONResponse(answers.Problem.of(error).model_dump(mode="json"), 400)
     if form not in ("", "html"):
         return line(str(error), 400)
-    made = forms.etc_form if asking is ETC else forms.rank_form
-    return _page(pages.page(_TITLE[asking.command], _ABOUT[asking.command], made(given, error)), 400)
+    made = _FORM_OF[asking.command](given, error)
+    made = forms.own_form(made) if sends else made
+    return _page(pages.page(_TITLE[asking.command], _ABOUT[asking.command], made), 400)
 
 
 async def _style(request: Request) -> Response:
     return Response(pages.style_sheet(), media_type="text/css", headers={"Cache-Control": "private, max-age=3600"})
 
 
+async def _script(request: Request) -> Response:
+    return Response(pages.script(), media_type="text/javascript", headers={"Cache-Control": "private, max-age=3600"})
+
+
+async def _no_icon(request: Request) -> Response:
+    return Response(status_code=204)
+
+
 async def _missing(request: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 404
-    return line("There is no such page; /etc and /priorities are the pages.", status)
+    return line("There is no such page; /etc, /priorities, /star and /compare are the pages.", status)
 
 
 async def _busy(request: Request, error: Exception) -> Response:

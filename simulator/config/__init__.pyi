@@ -1,6 +1,7 @@
 from simulator.config.base import (
     FrozenModel as FrozenModel,
     at as at,
+    bounds_of as bounds_of,
     canonical_json as canonical_json,
     canonical_keys as canonical_keys,
     content_hash as content_hash,

@@ -215,17 +215,31 @@ def _models(annotation: Any) -> Iterator[Any]:
 
 def limits_of(field: FieldInfo) -> str:
     """Return the range that a field of a model states, in words, empty if it states none."""
-    return _limits(Annotated[(field.annotation, *field.metadata)] if field.metadata else field.annotation)
+    return _limits(_annotation_of(field))
 
 
-def _limits(annotation: Any) -> str:
-    """Range that an annotation states, in words, empty if it states none; what no number reaches is left out."""
-    bounds = {
+def bounds_of(field: FieldInfo) -> dict[str, float]:
+    """Return the numbers of that range, by ``ge``, ``gt``, ``le`` and ``lt``."""
+    return _bounds(_annotation_of(field))
+
+
+def _annotation_of(field: FieldInfo) -> Any:
+    return Annotated[(field.annotation, *field.metadata)] if field.metadata else field.annotation
+
+
+def _bounds(annotation: Any) -> dict[str, float]:
+    """Range that an annotation states; what no number reaches is left out."""
+    return {
         name: getattr(item, name)
         for item in _metadata(annotation)
         for name in ("ge", "gt", "le", "lt")
         if getattr(item, name, None) is not None and abs(getattr(item, name)) < 2**53
     }
+
+
+def _limits(annotation: Any) -> str:
+    """Range that an annotation states, in words, empty if it states none."""
+    bounds = _bounds(annotation)
     said = {name: str(bound) if isinstance(bound, int) else f"{bound:g}" for name, bound in bounds.items()}
     if "ge" in said and "le" in said:
         return f"{said['ge']} to {said['le']}"

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import Field, PrivateAttr
 
 from catalogs import band_provenance, load_bands
-from cpic_core import InputError, Provenance, load_mapping, load_yaml, split_sourced
+from cpic_core import InputError, Provenance, is_file, load_mapping, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
 from simulator.config.detector import AnyDetector, Detector
 from simulator.config.presets import preset_names, preset_path
@@ -259,7 +259,7 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         raise InputError("instrument", source, allowed="a mapping, a YAML file or a preset")
     else:
         known = preset_path("instrument", str(source))
-        if known is None and not Path(source).exists():
+        if known is None and not is_file(source):
             hint = f"presets: {', '.join(preset_names('instrument'))}"
             raise InputError("instrument", str(source), allowed="a YAML file or a preset", hint=hint)
         tree = load_mapping(source, "instrument", Instrument.model_fields) if known is None else _shipped(known)
@@ -320,7 +320,7 @@ def paths_beside(tree: Any, folder: Path, key: str = "") -> Any:
     if isinstance(tree, dict):
         inherits = key in _FILE_KEYS
         return {name: paths_beside(item, folder, key if inherits else name) for name, item in tree.items()}
-    if key in _FILE_KEYS and isinstance(tree, str) and (folder / tree).is_file():
+    if key in _FILE_KEYS and isinstance(tree, str) and is_file(folder / tree):
         return str(folder / tree)
     return tree
 

@@ -5,7 +5,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from cpic_core import InputError, load_mapping
+from cpic_core import InputError, is_file, load_mapping
 from simulator.config.base import nearest
 
 
@@ -59,7 +59,7 @@ def preset_or_file(kind: str, source: str | Path, *, package: str = "simulator")
         If ``source`` is neither; with the nearest presets.
     """
     path = preset_path(kind, str(source), package=package) or Path(source)
-    if not path.is_file():
+    if not is_file(path):
         names = preset_names(kind, package=package)
         hint = nearest(source, names) or f"presets: {', '.join(names) or 'none'}"
         raise InputError(kind, str(source), allowed="a YAML file or a preset", hint=hint)

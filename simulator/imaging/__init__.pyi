@@ -37,4 +37,4 @@ from simulator.imaging.mirror_states import (
 )
 from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
 from simulator.imaging.sampling import pixel_axis as pixel_axis
-from simulator.imaging.store import metrics_key as metrics_key, psf_metrics as psf_metrics
+from simulator.imaging.store import metrics_key as metrics_key, psf_metrics as psf_metrics, shipped_file as shipped_file

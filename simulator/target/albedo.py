@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs import Albedo, load_albedo
-from cpic_core import ArrayLike, InputError, numeric_context, real_array
+from cpic_core import ArrayLike, InputError, file_state, numeric_context, real_array
 from simulator import config
 from simulator.knobs import AlbedoFamily
 from simulator.target.contrast import lambert_phase
@@ -216,12 +216,11 @@ def _file(path: str, _state: tuple[int, int]) -> Albedo:
 
 
 def _state(path: str) -> tuple[int, int]:
-    """Size and time of a file: a changed file is read again; a missing one is the reader's to refuse."""
+    """State of a file: a changed file is read again; a missing one is the reader's to refuse."""
     try:
-        found = Path(path).stat()
+        return file_state(path)
     except OSError:
         return (0, 0)
-    return (found.st_size, found.st_mtime_ns)
 
 
 @functools.lru_cache(maxsize=64)

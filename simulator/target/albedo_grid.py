@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs import bracket
-from cpic_core import ArrayLike, InputError
+from cpic_core import ArrayLike, InputError, refuse_sent
 from simulator.knobs import AlbedoFamily
 from simulator.target.albedo_grid_file import Axes, Model, Models, open_models
 from simulator.target.contrast import checked_phase
@@ -40,6 +40,7 @@ def load_albedo_grid(path: str | Path) -> "AlbedoGrid":
     InputError
         If there is no such file, or it is not laid out as such a grid.
     """
+    refuse_sent(path, key="albedo grid")
     place = Path(path).expanduser()
     try:
         place = place.resolve()

@@ -6,8 +6,22 @@ import threading
 
 import pytest
 
-from cpic_core import InputError, digest_of, load_mapping, load_yaml, open_file, read_file, read_text
+from cpic_core import (
+    InputError,
+    digest_of,
+    file_state,
+    is_file,
+    load_mapping,
+    load_yaml,
+    only_sent_files,
+    open_file,
+    read_file,
+    read_text,
+    refuse_sent,
+    was_sent,
+)
 from cpic_core.yaml_files import MAX_BYTES
+from simulator.config import load_instrument
 
 
 def read(path, max_bytes=100):
@@ -93,3 +107,27 @@ def test_a_pipe_that_somebody_writes_to_is_not_read(refused, tmp_path):
     writer.join(5)
     os.close(reader)
     assert not writer.is_alive()
+
+
+def test_where_files_are_sent_names_mean_what_was_sent_and_nothing_on_the_disk(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.txt").write_text("of the disk")
+    (tmp_path / "b.txt").write_text("of the disk")
+    about = {"key": "file", "allowed": "a file", "max_bytes": 100}
+    before = file_state("a.txt")
+    with only_sent_files({"a.txt": b"as sent"}):
+        assert read_text("a.txt", **about) == "as sent"
+        assert (is_file("a.txt"), is_file("b.txt"), was_sent("a.txt"), was_sent("b.txt")) == (True, False, True, False)
+        assert digest_of("a.txt") == hashlib.sha256(b"as sent").hexdigest()
+        assert file_state("a.txt") != before
+        for name in ("b.txt", str(tmp_path / "a.txt"), "./a.txt/../b.txt", "/etc/passwd", "~/.netrc"):
+            with pytest.raises(InputError, match="no such file was sent"):
+                read_text(name, **about)
+        with pytest.raises(InputError, match="at most 3 bytes"):
+            read_text("a.txt", **about | {"max_bytes": 3})
+        with pytest.raises(InputError, match="command line"):
+            refuse_sent("a.txt", key="grid")
+        assert load_instrument("as_published").name == "as_published"
+    assert read_text("a.txt", **about) == "of the disk"
+    assert not was_sent("a.txt")
+    assert load_instrument().name

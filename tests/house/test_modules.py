@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # of answers in images stood apart from the answers (`report.console_fidelity`), and planets in the dark zone apart from
 # what counts them (`ranking.in_zone`), 381 before the calculator was served to browsers: the room `web`, its command,
 # and the answer about one star, which page and command share (`api.one_star`).
-MOST_MODULES, MOST_LINES, MOST_SKIPS = 391, 400, 20
+MOST_MODULES, MOST_LINES, MOST_SKIPS = 394, 400, 20
 
 
 def sources():

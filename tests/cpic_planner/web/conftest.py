@@ -33,7 +33,28 @@ class Browser:
 
     application: object
 
-    def get(self, address, *, method="GET", host="localhost:8765", **headers):
+    def post(self, address, files=(), *, fields=(), **headers):
+        """Send a question with files, as a form does: (parameter, name, content)."""
+        line = b"----edge"
+        body = b""
+        for name, text in fields:
+            body += b'--%s\r\nContent-Disposition: form-data; name="%s"\r\n\r\n%s\r\n' % (
+                line,
+                name.encode(),
+                text.encode(),
+            )
+        for name, file, content in files:
+            told = f'name="{name}"; filename="{file}"'.encode()
+            body += b"--%s\r\nContent-Disposition: form-data; %s\r\nContent-Type: x/y\r\n\r\n%s\r\n" % (
+                line,
+                told,
+                content,
+            )
+        body += b"--%s--\r\n" % line
+        about = {"content_type": f"multipart/form-data; boundary={line.decode()}", "content_length": str(len(body))}
+        return self.get(address, method="POST", body=body, **(about | headers))
+
+    def get(self, address, *, method="GET", host="localhost:8765", body=b"", **headers):
         path, _, query = address.partition("?")
         given = {"host": host} | {name.replace("_", "-"): value for name, value in headers.items()}
         scope = {
@@ -53,7 +74,7 @@ class Browser:
         sent = []
 
         async def receive():
-            return {"type": "http.request", "body": b"", "more_body": False}
+            return {"type": "http.request", "body": body, "more_body": False}
 
         async def send(message):
             sent.append(message)
@@ -66,6 +87,12 @@ class Browser:
 @pytest.fixture(scope="session")
 def browser():
     return Browser(application())
+
+
+@pytest.fixture
+def send(browser):
+    """Send a question with files."""
+    return browser.post
 
 
 @pytest.fixture

@@ -1,8 +1,12 @@
+import shlex
+from urllib.parse import parse_qsl
+
 import pytest
 
 from cpic_core import InputError
+from cpic_planner.cli.main import main
 from cpic_planner.queries import options_of
-from cpic_planner.web.asking import ETC, RANK, parameter
+from cpic_planner.web.asking import ETC, RANK, parameter, python_lines
 
 
 @pytest.mark.parametrize("asking", [ETC, RANK])
@@ -55,3 +59,17 @@ def test_refusals_name_the_parameter(given, name, words):
         ETC.question(ETC.canonical(given.items()))
     assert caught.value.key == name
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("more", ["", "&target=Bob", "&distance_pc=7&separation_au=4", "&contrast_limit=on"])
+def test_a_star_that_is_in_no_table_has_a_page_a_command_and_lines_of_python(ask, capsys, more):
+    address = f"/etc?v_mag=4.5&sp_type=G8V&bands=F520{more}"
+    page, told = ask(address), ask(f"{address}&format=json")
+    assert (page.status, told.status) == (200, 200)
+    pairs = ETC.canonical(parse_qsl(address.partition("?")[2]))
+    scope = {}
+    exec(python_lines(ETC.question(pairs), pairs), scope)
+    assert scope["answers"][0].value == told.json["answers"][0]["value"]
+    assert main([*shlex.split(ETC.command_line(pairs))[1:], "--json"]) == 0
+    assert capsys.readouterr().out == told.text
+    assert "/star?" not in page.text.partition("</nav>")[2]

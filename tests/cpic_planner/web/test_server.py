@@ -229,11 +229,15 @@ def test_a_fault_of_ours_says_nothing_of_itself(browser, monkeypatch, caplog):
     assert "ZeroDivisionError" in caplog.text
 
 
-def test_ranked_stars_lead_to_the_calculator(ask):
+def test_ranked_stars_lead_to_their_pages_and_these_to_the_calculator(ask):
     told = ask("/priorities?sp_type=K&distance_max_pc=6&bands=F520&limit=3").text
-    links = re.findall(r'href="(/etc\?target=HIP\+\d+)"', told)
+    links = re.findall(r'href="(/star\?name=HIP\+\d+)"', told)
     assert len(links) == 3
-    assert ask(links[0] + "&bands=F520").status == 200
+    star = ask(links[0])
+    (asked, *_) = re.findall(r'href="(/etc\?target=[\w+]+)"', star.text)
+    answer = ask(asked + "&bands=F520")
+    assert (star.status, answer.status) == (200, 200)
+    assert re.search(r'href="/star\?name=', answer.text)
 
 
 def test_twenty_askers_at_once_get_what_each_gets_alone(ask):

@@ -1,0 +1,193 @@
+// What pages do beyond what they are: numbers are checked while they are typed, tables sort, filter and copy, and an
+// answer can follow the question. Nothing here is needed to ask.
+"use strict";
+
+const make = (tag, given, ...inside) => {
+  const made = Object.assign(document.createElement(tag), given);
+  made.append(...inside);
+  return made;
+};
+const unitS = { s: 1, sec: 1, second: 1, seconds: 1, m: 60, min: 60, minute: 60, minutes: 60, h: 3600, hour: 3600, hours: 3600, d: 86400, day: 86400, days: 86400 };
+const plain = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
+
+// ---- numbers while they are typed ----
+
+function words(data) {
+  const parts = [];
+  if (data.ge && data.le) parts.push(`${data.ge} to ${data.le}`);
+  else {
+    for (const [key, word] of [["ge", "at least"], ["gt", "above"], ["le", "at most"], ["lt", "below"]])
+      if (data[key]) parts.push(`${word} ${data[key]}`);
+  }
+  const kind = { whole: "a whole number", several: "numbers between commas" }[data.number] || "a number";
+  const unit = data.unit ? ` ${data.unit}` : "";
+  return `${kind}${parts.length ? `, ${parts.join(", ")}${unit}` : unit && ` in ${data.unit}`}${data.number === "time" ? ", or with a unit as 2h" : ""}`;
+}
+
+function fault(input) {
+  const data = input.dataset, text = input.value.trim();
+  if (!text) return "";
+  const texts = data.number === "several" ? text.split(/[,;\s]+/).filter(Boolean) : [text];
+  const good = texts.every((item) => {
+    let factor = 1;
+    if (data.number === "time") {
+      const found = item.match(/^(.*?\d\.?)\s*([a-z]+)$/i);
+      if (found) {
+        factor = unitS[found[2].toLowerCase()];
+        item = found[1];
+        if (!factor) return false;
+      }
+    }
+    if (!plain.test(item) || (data.number === "whole" && !/^[-+]?\d+$/.test(item))) return false;
+    const value = Number(item) * factor;
+    return Number.isFinite(value) && !(value < data.ge || value <= data.gt || value > data.le || value >= data.lt);
+  });
+  return good ? "" : `${text}: ${words(data)}`;
+}
+
+function check(input) {
+  const id = `live-${input.id}`, wrong = fault(input), field = input.closest(".field");
+  let told = document.getElementById(id);
+  if (!told && wrong) {
+    told = make("span", { id, className: "wrong" });
+    told.setAttribute("role", "status");
+    input.after(told);
+  }
+  if (told) told.textContent = wrong;
+  const served = document.getElementById(`wrong-${input.id}`);
+  if (served) served.remove();
+  field.classList.toggle("bad", Boolean(wrong));
+  const about = ["about-" + input.id, ...(wrong ? [id] : [])];
+  input.setAttribute("aria-describedby", about.join(" "));
+  if (wrong) input.setAttribute("aria-invalid", "true");
+  else input.removeAttribute("aria-invalid");
+  return !wrong;
+}
+
+// ---- tables ----
+
+function value(cell) {
+  const text = (cell ? cell.textContent : "").trim().replace("−", "-").replace(/[→✓·○□]/g, "").trim();
+  const power = text.match(/^([-+]?[\d.]+)\s*×\s*10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/);
+  if (power) return Number(power[1]) * 10 ** Number([...power[2]].map((sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(sign)).map((n) => (n ? n - 1 : "-")).join(""));
+  const found = text.match(/^([-+]?(?:\d[\d  ]*\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(s|min|h|d)?(?=$|\s|%|×|″)/i);
+  if (!found) return text === "–" || text === "" ? null : text.toLowerCase();
+  return Number(found[1].replace(/[  ]/g, "")) * (unitS[found[2]] || 1);
+}
+
+function sort(table, column, head) {
+  const down = head.getAttribute("aria-sort") === "ascending", body = table.tBodies[0];
+  const rows = [...body.rows].map((row) => [value(row.cells[column]), row]);
+  rows.sort(([a], [b]) => {
+    if (a === null || b === null) return (a === null) - (b === null);
+    const order = typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b));
+    return down ? -order : order;
+  });
+  for (const other of head.parentNode.cells) other.removeAttribute("aria-sort");
+  head.setAttribute("aria-sort", down ? "descending" : "ascending");
+  body.append(...rows.map(([, row]) => row));
+}
+
+function cells(table) {
+  const shown = [...table.tBodies[0].rows].filter((row) => !row.hidden);
+  return [...table.tHead.rows, ...shown].map((row) => [...row.cells].map((cell) => {
+    const copy = cell.cloneNode(true);
+    for (const line of copy.querySelectorAll("br")) line.replaceWith(" ");
+    return copy.textContent.trim().replace(/\s+/g, " ");
+  }));
+}
+
+const asCsv = (rows) => rows.map((row) => row.map((text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text)).join(",")).join("\n") + "\n";
+const tex = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "″": "$''$", "×": "$\\times$", "±": "$\\pm$", "−": "$-$", "✓": "", "·": "", "○": "", "□": "", "→": "", "–": "--", "☉": "$_\\odot$" };
+const asLatex = ([head, ...rows]) => {
+  const line = (row) => row.map((text) => text.replace(/[\\~^″×±−✓·○□→–☉]/g, (sign) => tex[sign]).replace(/[&%#_{}](?![^$]*\$)/g, "\\$&").trim()).join(" & ") + " \\\\\n";
+  return `\\begin{tabular}{${"l".repeat(head.length)}}\n\\hline\n${line(head)}\\hline\n${rows.map(line).join("")}\\hline\n\\end{tabular}\n`;
+};
+
+async function copy(text, button) {
+  try {
+    await navigator.clipboard.writeText(text);
+  } catch {
+    const area = make("textarea", { value: text, className: "unseen" });
+    document.body.append(area);
+    area.select();
+    document.execCommand("copy");
+    area.remove();
+  }
+  const said = button.textContent;
+  button.textContent = "Copied";
+  setTimeout(() => (button.textContent = said), 1500);
+}
+
+function equip(table) {
+  if (!table.tHead || !table.tBodies[0] || table.dataset.equipped) return;
+  table.dataset.equipped = "yes";
+  const rows = table.tBodies[0].rows, label = table.caption ? table.caption.textContent.trim().split(".")[0] : "table";
+  if (rows.length > 1)
+    [...table.tHead.rows[0].cells].forEach((head, column) => {
+      const button = make("button", { type: "button", className: "sort", title: "Sort" }, ...head.childNodes);
+      button.addEventListener("click", () => sort(table, column, head));
+      head.replaceChildren(button);
+    });
+  const scroll = table.closest(".scroll"), bar = make("p", { className: "tools" });
+  if (rows.length > 7) {
+    const input = make("input", { type: "text", placeholder: "Filter rows", autocomplete: "off" });
+    input.setAttribute("aria-label", `Filter rows of ${label}`);
+    input.addEventListener("input", () => {
+      const wanted = input.value.trim().toLowerCase();
+      for (const row of rows) row.hidden = !row.textContent.toLowerCase().includes(wanted);
+    });
+    scroll.before(make("p", { className: "tools" }, input));
+  }
+  for (const [name, form] of [["Copy as CSV", asCsv], ["Copy as LaTeX", asLatex]]) {
+    const button = make("button", { type: "button", textContent: name });
+    button.setAttribute("aria-label", `${name}: ${label}`);
+    button.addEventListener("click", () => copy(form(cells(table)), button));
+    bar.append(button);
+  }
+  scroll.after(bar);
+}
+
+// ---- an answer that follows the question ----
+
+function follow(form) {
+  const answer = document.querySelector(".answer");
+  if (!answer || form.method !== "get") return;
+  const box = make("input", { type: "checkbox" }), said = make("span", { className: "unit" });
+  said.setAttribute("role", "status");
+  form.querySelector("button[type=submit]").parentNode.append(make("label", { className: "follow" }, box, " Answer while I type "), said);
+  let waiting = 0, asked = 0;
+  const ask = async () => {
+    const pairs = [...new FormData(form)].filter(([, text]) => text.trim()), address = `${form.action}?${new URLSearchParams(pairs)}`;
+    const mine = ++asked;
+    said.textContent = "asking";
+    const told = await fetch(address).catch(() => null);
+    if (mine !== asked) return;
+    const page = told && new DOMParser().parseFromString(await told.text(), "text/html");
+    const found = page && page.querySelector(".answer");
+    said.textContent = found ? "answered" : "no answer to this";
+    if (!found) return;
+    answer.replaceChildren(...found.childNodes);
+    answer.querySelectorAll("table").forEach(equip);
+    history.replaceState(null, "", told.url);
+    const there = document.querySelector(".sources"), next = page.querySelector(".sources");
+    if (there && next) there.replaceWith(next);
+  };
+  form.addEventListener("input", (event) => {
+    clearTimeout(waiting);
+    if (box.checked && event.target !== box && !form.querySelector("[aria-invalid]")) waiting = setTimeout(ask, 500);
+  });
+}
+
+document.querySelectorAll("input[data-number]").forEach((input) => input.addEventListener("input", () => check(input)));
+document.querySelectorAll("form").forEach((form) => {
+  form.addEventListener("submit", (event) => {
+    const wrong = [...form.querySelectorAll("input[data-number]")].filter((input) => !check(input));
+    if (!wrong.length) return;
+    event.preventDefault();
+    for (let fold = wrong[0].closest("details"); fold; fold = null) fold.open = true;
+    wrong[0].focus();
+  });
+  follow(form);
+});
+document.querySelectorAll(".scroll table").forEach(equip);

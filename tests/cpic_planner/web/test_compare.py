@@ -1,0 +1,74 @@
+import hashlib
+import re
+from shlex import split
+
+import pytest
+
+from cpic_planner.cli.main import main
+
+NOISY = b"kind: instrument\nname: noisy\ndetector: {read_noise_e: 160}\n"
+
+
+def words(told):
+    return " ".join(re.sub(r"<[^>]*>", " ", told.text).split())
+
+
+def printed(capsys, command):
+    assert main(split(command)) == 0
+    return capsys.readouterr().out
+
+
+def test_differences_are_those_of_the_command(ask, capsys):
+    text = words(ask("/compare?instrument=as_published&other=cpic_default"))
+    rows = printed(capsys, "instrument diff as_published --format csv").splitlines()[1:]
+    assert len(rows) > 3
+    for row in rows:
+        assert row.split(",")[0] in text
+
+
+def test_answers_of_both_stand_below_each_other_with_their_ratio(ask):
+    page = ask("/compare?target=tau+Cet&snr=5&separation_arcsec=0.45&bands=F520&set=throughput%3Dx0.7")
+    assert page.status == 200
+    question = "target=tau+Cet&snr=5&separation_arcsec=0.45&bands=F520"
+    first, other = (
+        ask(f"/etc?{question}{more}&format=json").json["answers"][0]["value"] for more in ("&set=throughput%3Dx0.7", "")
+    )
+    assert first > other
+    text = words(page)
+    assert f"{other / first:.3f}"[:4] in text
+    assert "cpic etc &#39;tau Cet&#39;" in page.text
+    assert "All that" in text
+
+
+def test_an_instrument_is_not_compared_with_itself_in_silence(ask):
+    assert "the same in every value" in words(ask("/compare?instrument=cpic_default&other=cpic_default"))
+
+
+def test_instruments_that_are_sent_are_compared(send):
+    told = send("/compare", [("other", "noisy.yaml", NOISY)], fields=[("target", "tau Cet"), ("bands", "F520")])
+    assert told.status == 200
+    assert "detector.read_noise_e" in told.text
+    assert hashlib.sha256(NOISY).hexdigest() in told.text
+    assert '<th scope="row">' in told.text or "noisy" in told.text
+    other = b"kind: instrument\nname: x\nwavefront: {opd_rms_nm: 15}\n"
+    refused = send("/compare", [("other", "x.yaml", other)], fields=[("target", "tau Cet")])
+    assert refused.status == 400
+    assert "other optics" in refused.text
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "other=/etc/passwd",
+        "other=x.yaml",
+        "other=cpic_2q&other=cpic_default",
+        "instrument=/etc/passwd",
+        "target=Nobody",
+        "x=1",
+    ],
+)
+def test_bad_input_is_refused(ask, query):
+    told = ask(f"/compare?{query}")
+    assert told.status == 400
+    assert told.text.count('class="wrong"') == 1
+    assert "root:" not in told.text

@@ -1,0 +1,210 @@
+import hashlib
+import json
+import random
+import re
+from shlex import split
+
+import pytest
+
+from cpic_core import InputError
+from cpic_planner.cli.main import main
+from cpic_planner.web.sent import FILE_FIELDS, read_sent
+from simulator.config import load_instrument
+
+STARS = b"name,v_mag,sp_type,distance_pc\nBob,4.5,G8V,7\nAnn,5.0,K1V,9\n"
+DARK = b"kind: instrument\nname: noisier\ndetector: {read_noise_e: 160}\n"
+SPECTRUM = b"wavelength_nm,albedo\n400,0.3\n700,0.5\n1100,0.2\n"
+PLANETS = b"planet,star,status,semi_major_axis_au,mass_mjup,star_mass_msun\ntau Cet x,tau Cet,confirmed,1.8,1.0,0.78\n"
+FILES = {
+    "catalog": ("my stars.csv", STARS),
+    "instrument": ("noisier.yaml", DARK),
+    "albedo": ("grey.csv", SPECTRUM),
+    "known_planets": ("mine.csv", PLANETS),
+}
+SAME = [
+    (("catalog",), {"target": "Bob", "snr": "5"}, "etc Bob --catalog 'my stars.csv' --snr 5"),
+    (("instrument",), {"target": "tau Cet", "detect": "on"}, "etc 'tau Cet' --instrument noisier.yaml --detect"),
+    (("albedo",), {"target": "tau Cet", "snr": "5"}, "etc 'tau Cet' --albedo grey.csv --snr 5"),
+    (("known_planets",), {"target": "tau Cet x", "time": "5h"}, "etc 'tau Cet x' --known-planets mine.csv --time 5h"),
+    (
+        ("catalog", "instrument", "albedo"),
+        {"target": "Ann", "bands": "F520"},
+        "etc Ann --catalog 'my stars.csv' --instrument noisier.yaml --albedo grey.csv --band F520",
+    ),
+    (("catalog",), {"bands": "F520"}, "rank --catalog 'my stars.csv' --band F520"),
+]
+
+
+def sent(names):
+    return [(name, *FILES[name]) for name in names]
+
+
+@pytest.mark.parametrize(("names", "fields", "command"), SAME)
+def test_the_answer_is_that_of_the_command_with_the_same_files(
+    send, capsys, tmp_path, monkeypatch, names, fields, command
+):
+    page = "/priorities" if command.startswith("rank") else "/etc"
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    monkeypatch.chdir(empty)
+    told = send(page, sent(names), fields=[*fields.items(), ("format", "json")])
+    assert told.status == 200, told.text
+    assert list(empty.iterdir()) == []
+    for name, data in FILES.values():
+        (tmp_path / name).write_bytes(data)
+    monkeypatch.chdir(tmp_path)
+    assert main([*split(command), "--json"]) == 0
+    assert told.text == capsys.readouterr().out
+    for name in names:
+        file, data = FILES[name]
+        assert f"{file}: sha256 {hashlib.sha256(data).hexdigest()}" in told.headers["cpic-files"]
+
+
+def test_a_page_has_the_figure_in_itself_and_says_what_was_sent(send):
+    told = send("/etc", sent(["catalog"]), fields=[("target", "Bob"), ("snr", "5"), ("bands", "F520")])
+    assert told.status == 200
+    assert hashlib.sha256(STARS).hexdigest() in told.text
+    assert 'src="data:image/svg+xml;base64,' in told.text
+    assert "img-src 'self' data:" in told.headers["content-security-policy"]
+    assert told.headers["cache-control"] == "no-store"
+    assert 'enctype="multipart/form-data"' in told.text
+    assert "Python" not in told.text
+
+
+def test_nothing_is_kept_of_a_file(send, ask):
+    fields = [("target", "Bob"), ("snr", "5"), ("bands", "F520"), ("format", "json")]
+    near = send("/etc", sent(["catalog"]), fields=fields).json
+    far = send("/etc", [("catalog", "my stars.csv", STARS.replace(b",7\n", b",14\n"))], fields=fields).json
+    assert near["distance_pc"], far["distance_pc"] == (7.0, 14.0)
+    assert near["answers"][0]["value"] != far["answers"][0]["value"]
+    assert ask("/etc?target=Bob&catalog=my+stars.csv").status == 400
+    dim = send(
+        "/etc", [("albedo", "grey.csv", b"nm,albedo\n400,0.1\n1100,0.1\n")], fields=[("target", "tau Cet"), *fields[1:]]
+    )
+    bright = send("/etc", sent(["albedo"]), fields=[("target", "tau Cet"), *fields[1:]])
+    assert dim.json["answers"][0]["contrast"] < bright.json["answers"][0]["contrast"]
+
+
+def test_names_in_files_lead_to_no_file_of_the_server(send, tmp_path, monkeypatch):
+    secret = tmp_path / "secret.txt"
+    secret.write_text("500 0.5\nxyzzy\n")
+    (tmp_path / "grid.db").write_bytes(b"SQLite format 3\0xyzzy")
+    monkeypatch.chdir(tmp_path)
+    for name in (str(secret), "secret.txt", "../secret.txt", "/etc/passwd", "~/.netrc"):
+        for text in (
+            f"bands: {{F520: {{transmission_file: {name}}}}}",
+            f"coronagraph: {{apodizer: {name}}}",
+            f"wavefront: {{map_file: {name}}}",
+            f"base: {name}",
+        ):
+            made = f"kind: instrument\nname: x\n{text}\n".encode()
+            told = send("/etc", [("instrument", "x.yaml", made)], fields=[("target", "tau Cet"), ("format", "csv")])
+            assert told.status == 400, (text, told.text)
+            assert told.text.count("\n") == 1
+            assert "xyzzy" not in told.text
+            assert "root:" not in told.text
+    grid = [("albedo", "grid.db", b"SQLite format 3\0")]
+    told = send("/etc", grid, fields=[("target", "tau Cet"), ("log10_mh", "1"), ("log10_fsed", "1"), ("format", "csv")])
+    assert told.status == 400
+    assert "xyzzy" not in told.text
+
+
+def test_a_curve_that_is_not_sent_is_missed_and_other_optics_are_refused(send):
+    for text, word in (
+        ("wavefront: {opd_rms_nm: 15}", "other optics"),
+        ("bands: {F520: {center_nm: 530}}", "other optics"),
+        ("coronagraph: {inner_arcsec: {F520: 0.19}}", "other optics"),
+    ):
+        file = ("instrument", "x.yaml", f"kind: instrument\n{text}\n".encode())
+        told = send("/etc", [file], fields=[("target", "tau Cet"), ("bands", "F520"), ("format", "csv")])
+        assert told.status == 400
+        assert word in told.text, told.text
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        [("catalog", "../../etc/x.csv", STARS.replace(b"Bob", b"Bob\0"))],
+        [("target", "x.csv", STARS)],
+        [("catalog", "x", STARS)],
+        [("catalog", "", STARS)],
+        [("catalog", ".csv", STARS)],
+        [("catalog", "a\tb.csv", STARS)],
+        [("catalog", "x.csv", STARS), ("catalog", "y.csv", STARS)],
+        [("catalog", "x.csv", STARS), ("instrument", "x.csv", DARK)],
+        [("catalog", "x.csv", b"")],
+        [("catalog", "x.csv", b"\xff\xfe\x00")],
+        [
+            (
+                "catalog",
+                "x.xml",
+                b'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/passwd">]><VOTABLE>&e;',
+            )
+        ],
+        [("catalog", "x.csv.gz", b"\x1f\x8b\x08\x00")],
+        [("instrument", "x.yaml", b"!!python/object/apply:os.system [echo]")],
+        [("instrument", "x.yaml", b"a: &a [" + b"*a," * 100 + b"]")],
+        [("instrument", "x.yaml", b"[" * 10_000)],
+        [("instrument", "x.yaml", STARS)],
+        [("albedo", "x.csv", b"1e3 nan\n")],
+        [("albedo", "x.csv", b"400 5\n500 5\n")],
+        [("known_planets", "x.csv", b"planet\n")],
+    ],
+    ids=lambda files: "+".join(name for _, name, _ in files)[:30] or "nameless",
+)
+def test_hostile_files_are_refused_in_one_line(send, files):
+    told = send("/etc", files, fields=[("target", "Bob"), ("v_mag", ""), ("format", "csv")])
+    assert told.status == 400
+    assert told.text.count("\n") == 1
+    assert "Traceback" not in told.text
+    assert "root:" not in told.text
+
+
+def test_bodies_have_a_size_and_only_questions_take_them(send, browser):
+    large = b"name,v_mag,sp_type,distance_pc\n" + b"B,4,G2V,7\n" * 300_000
+    told = send("/etc", [("catalog", "x.csv", large)], fields=[("target", "B")])
+    assert (told.status, told.text.count("\n")) == (413, 1)
+    assert send("/star", [("catalog", "x.csv", STARS)]).status == 405
+    assert send("/etc", sent(["catalog"]), origin="http://elsewhere.example").status == 403
+    assert browser.get("/etc", method="POST", body=b"x", content_length="1", content_type="text/plain").status == 400
+
+
+def test_any_bytes_come_through_as_they_are():
+    draw = random.Random(5)
+    for _ in range(200):
+        data = bytes(draw.choices(b"\r\n-xy\0\xff", k=draw.randrange(60)))
+        if b"\r\n--edge" in b"\r\n" + data:
+            continue
+        body = (
+            b'--edge\r\nContent-Disposition: form-data; name="catalog"; filename="a.csv"\r\n\r\n'
+            + data
+            + b"\r\n--edge--\r\n"
+        )
+        assert read_sent("multipart/form-data; boundary=edge", body).files == {"a.csv": data}
+
+
+@pytest.mark.parametrize(
+    "body", [b"", b"--edge", b"--edge\r\n", b"--edge--x", b"x--edge--", b"--edge\r\nx--edge--", b"\0" * 99]
+)
+def test_broken_bodies_are_refused(body):
+    with pytest.raises(InputError, match="body"):
+        read_sent("multipart/form-data; boundary=edge", body)
+
+
+def test_the_form_takes_files_and_keeps_the_question(ask):
+    form = ask("/etc/own?target=tau+Cet&snr=5").text
+    for name in set(FILE_FIELDS) - {"other"}:
+        assert re.search(rf'<input type="file" name="{name}"', form)
+        assert form.count(f'name="{name}"') == 1
+    assert 'value="tau Cet"' in form
+    assert 'href="/etc/own?target=tau+Cet&amp;snr=5&amp;bands=F520"' in ask("/etc?target=tau+Cet&snr=5&bands=F520").text
+    assert ask("/priorities/own").status == 200
+
+
+def test_noise_that_was_sent_counts(send):
+    assert load_instrument().detector.read_noise_e != 160
+    fields = [("target", "tau Cet"), ("snr", "5"), ("bands", "F520"), ("em_gain", "1"), ("format", "json")]
+    noisy = send("/etc", sent(["instrument"]), fields=fields).json["answers"][0]
+    quiet = send("/etc", fields=fields).json["answers"][0]
+    assert json.dumps(noisy["budget"]) != json.dumps(quiet["budget"])
+    assert noisy["value"] is None or noisy["value"] > quiet["value"]
