@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import io
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -115,7 +116,7 @@ def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: st
 
         # `savefig` draws a figure with a layout twice, of which the first time is for the layout
         FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
-        return Picture(_uri("image/svg+xml", buffer.getvalue()), alt, caption)
+        return Picture(_uri("image/svg+xml", in_two_lights(buffer.getvalue())), alt, caption)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -127,6 +128,33 @@ def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: st
     small = Image.fromarray(drawn).quantize(palette=_palette(), dither=Image.Dither.NONE)
     small.save(buffer, format="png", compress_level=_PNG_LEVEL)
     return Picture(_uri("image/png", buffer.getvalue()), alt, caption)
+
+
+_GREY = re.compile(rb"(?<=: )#([0-9a-f]{2})\1\1(?![0-9a-f])")
+_DARK_INK, _DARK_PAGE = (0xE4, 0xE7, 0xEA), (0x14, 0x17, 0x1A)
+"""Ink and page of ``plan.css`` in dark mode."""
+
+
+def in_two_lights(drawing: bytes) -> bytes:
+    """Return an SVG drawing whose greys, white and black follow dark mode: black becomes light and white dark.
+
+    Parameters
+    ----------
+    drawing : bytes
+        As matplotlib writes it: colours in styles, black where none is said.
+    """
+    greys = sorted({int(level, 16) for level in _GREY.findall(drawing)} | {0})
+    light = ";".join(f"--g{level:02x}:#{level:02x}{level:02x}{level:02x}" for level in greys)
+    dark = ";".join(f"--g{level:02x}:#{_in_the_dark(level)}" for level in greys)
+    rules = f"svg{{fill:var(--g00);{light}}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}"
+    looked = _GREY.sub(lambda found: b"var(--g" + found[1] + b")", drawing)
+    return looked.replace(b"</style>", rules.encode() + b"</style>", 1)
+
+
+def _in_the_dark(level: int) -> str:
+    share = level / 255.0
+    pairs = zip(_DARK_INK, _DARK_PAGE, strict=True)
+    return "".join(f"{round(ink + share * (page - ink)):02x}" for ink, page in pairs)
 
 
 def _palette() -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from cpic_planner import results
@@ -34,7 +34,11 @@ N_BARS, N_STARS, N_WINDOWS = 12, 25, 3
 _LOW, _HIGH, _INK = "#4477aa", "#cc6677", "#222222"
 
 
-def priority_blocks(rank: results.RankResult, rows: Sequence[results.RankedTarget]) -> Iterator[doc.Block]:
+def priority_blocks(
+    rank: results.RankResult,
+    rows: Sequence[results.RankedTarget],
+    named: Callable[[results.RankedTarget], doc.Inline] = lambda row: pretty_name(row.name),
+) -> Iterator[doc.Block]:
     """Yield the priorities of the first stars: a table, and what an ensemble of instruments says where one was asked.
 
     Parameters
@@ -42,6 +46,8 @@ def priority_blocks(rank: results.RankResult, rows: Sequence[results.RankedTarge
     rank : RankResult
     rows : sequence of RankedTarget
         The stars that are shown.
+    named : callable
+        Writes the name of a star.
     """
     ensemble = rank.ensemble
     sure = "" if ensemble is None else " p_reachable rank_median between p_rank_le_10"
@@ -49,7 +55,7 @@ def priority_blocks(rank: results.RankResult, rows: Sequence[results.RankedTarge
         results.RankedTarget,
         "rank name:row,star tier hours visits limit drift brighter expected_planets expected_planets_unconditional"
         f"{sure}",
-        name=lambda row: pretty_name(row.name),
+        name=named,
         hours=Cells("", lambda row: _time(row.detection_time_s), label="time to detect it", right=True),
         visits=Cells("", lambda row: _count(row.detection_visits), label="visits", right=True),
         limit=Cells("", lambda row: words.LIMITED_BY[row.limited_by][0] if row.limited_by else MISSING, label="limit"),
@@ -119,7 +125,7 @@ def known_blocks(known: results.KnownResult) -> Iterator[doc.Block]:
         semi_major_axis_au=lambda row: significant(row.semi_major_axis_au.median, 3),
         separation_arcsec=Cells("", _separation, label="separation at the date (arcsec)", right=True),
         contrast=Cells("", lambda row: contrast_text(_best_band(row).contrast.median), label="contrast", right=True),
-        window=Cells("", _windows, label="next in the dark hole"),
+        window=Cells("", windows_text, label="next in the dark hole"),
         best=Cells("", _best_day, label="best day", right=True),
     )
     rows = [row for row in known.planets if row.counted]
@@ -155,8 +161,8 @@ def _best_band(row: results.KnownPlanetRow) -> results.KnownBand:
     return next(item for item in row.bands if item.band == name)
 
 
-def _windows(row: results.KnownPlanetRow) -> doc.Inline:
-    """The next windows of the band of the best one."""
+def windows_text(row: results.KnownPlanetRow) -> doc.Inline:
+    """Return the next windows of the band of the best one."""
     band = _best_band(row).band
     own = [window for window in row.windows if window.band == band]
     spans = [f"{window.start_utc} to {window.end_utc}" for window in own[:N_WINDOWS]]

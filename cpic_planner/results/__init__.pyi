@@ -74,6 +74,7 @@ from cpic_planner.results.planned import (
     RunRecord as RunRecord,
     ScheduleImages as ScheduleImages,
     SearchRecord as SearchRecord,
+    SeenRow as SeenRow,
 )
 from cpic_planner.results.ranked import (
     KNOWN_PLANETS as KNOWN_PLANETS,

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import Result, Row, StatusText, VerdictText, column, optional
+from cpic_planner.results.known import SeasonRecord
 from cpic_planner.results.ranked import RankedTarget, ReferencePlanetRecord
 from simulator.knobs import Quantity
 
@@ -195,12 +196,23 @@ class LeftOutRow(Row):
     message: str = column("why it is left out, in words", label="why")
 
 
+class SeenRow(Row):
+    """When a target of a plan can be seen in its period."""
+
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+    usable_h: float = column("time of the period in which it is seen and may be pointed at", label="seen", format=".1f")
+    seasons: list[SeasonRecord]
+
+
 class PeriodRecord(Result):
     """When the stars of a plan have to be seen, and which of those that come first are not."""
 
     start_utc: str
     n_days: int
     pointing: str = Field(description="limits of pointing: preset or name in the file")
+    seen: list[SeenRow] = Field(
+        default_factory=list, description="the targets that are seen, in their order; empty in older results"
+    )
     left_out: list[LeftOutRow] = Field(description="they would have been among the confirmed targets")
     not_checked: list[str] = Field(description="targets without coordinates")
 
