@@ -37,9 +37,11 @@ def star_cell(name: doc.Inline, hip: int | None) -> doc.Inline:
 
 def verdict_cell(pick: Pick) -> doc.Inline:
     """Return the badge of a target, and its verdict over all bands."""
-    _, target, best = pick
-    mark = doc.badge("unreachable", "not confirmed") if best is None else image_figures.outcome(best)
-    return doc.lines(mark, words.plus_minus(target.verdict))
+    return doc.lines(_badge(pick), words.plus_minus(pick[1].verdict))
+
+
+def _badge(pick: Pick) -> doc.Mark:
+    return doc.badge("unreachable", "not confirmed") if pick[2] is None else image_figures.outcome(pick[2])
 
 
 def seasons_texts(plan: results.PlanResult, name: str) -> list[str]:
@@ -106,11 +108,6 @@ _FIRST: tuple[doc.Column[Pick], ...] = (
         lambda pick: star_cell(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip),
         look="row left star",
     ),
-    doc.Column(
-        "Position",
-        lambda pick: doc.lines(words.ra_text(pick[1].ranked.ra_deg), words.dec_text(pick[1].ranked.dec_deg)),
-        "ICRS",
-    ),
     doc.Column("Tier", lambda pick: MISSING if pick[1].ranked.tier is None else str(pick[1].ranked.tier)),
     doc.Column("Band", of_band(lambda best: best.band), look="left"),
     doc.Column("Frames × exposure", of_band(frames_text), "s"),
@@ -125,7 +122,12 @@ def first_table(plan: results.PlanResult) -> doc.Table:
         *_FIRST,
         doc.Column("Can be seen", lambda pick: doc.lines(*seasons_texts(plan, pick[1].name)) or MISSING, look="left"),
         doc.Column("A detection asks for", lambda pick: asks_text(pick[1].ranked), "at least", look="wide"),
-        doc.Column("In images", verdict_cell, look="left verdict"),
+        doc.Column(
+            "Position",
+            lambda pick: doc.lines(words.ra_text(pick[1].ranked.ra_deg), words.dec_text(pick[1].ranked.dec_deg)),
+            "ICRS",
+        ),
+        doc.Column("In images", _badge, look="left"),
     )
     caption = (
         "What to ask for, in order of the ranking; positions are those of the catalogue epoch, without proper motion. "

@@ -130,9 +130,11 @@ def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: st
     return Picture(_uri("image/png", buffer.getvalue()), alt, caption)
 
 
-_GREY = re.compile(rb"(?<=: )#([0-9a-f]{2})\1\1(?![0-9a-f])")
+_COLOUR = re.compile(rb"(?<=: )#([0-9a-f]{6})(?![0-9a-f])")
 _DARK_INK, _DARK_PAGE = (0xE4, 0xE7, 0xEA), (0x14, 0x17, 0x1A)
 """Ink and page of ``plan.css`` in dark mode."""
+_MOST_TINT = 16
+"""Largest difference between red, green and blue of what is a grey, of 255."""
 
 
 def in_two_lights(drawing: bytes) -> bytes:
@@ -143,16 +145,24 @@ def in_two_lights(drawing: bytes) -> bytes:
     drawing : bytes
         As matplotlib writes it: colours in styles, black where none is said.
     """
-    greys = sorted({int(level, 16) for level in _GREY.findall(drawing)} | {0})
-    light = ";".join(f"--g{level:02x}:#{level:02x}{level:02x}{level:02x}" for level in greys)
-    dark = ";".join(f"--g{level:02x}:#{_in_the_dark(level)}" for level in greys)
-    rules = f"svg{{fill:var(--g00);{light}}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}"
-    looked = _GREY.sub(lambda found: b"var(--g" + found[1] + b")", drawing)
-    return looked.replace(b"</style>", rules.encode() + b"</style>", 1)
+    greys = {"000000": 0.0}
+    for colour in map(bytes.decode, _COLOUR.findall(drawing)):
+        levels = bytes.fromhex(colour)
+        if max(levels) - min(levels) <= _MOST_TINT:
+            greys[colour] = sum(levels) / (3 * 255)
+    named = sorted(greys.items())
+    light = ";".join(f"--g{colour}:#{colour}" for colour, _ in named)
+    dark = ";".join(f"--g{colour}:#{_in_the_dark(share)}" for colour, share in named)
+    rules = f"svg{{fill:var(--g000000);{light}}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}"
+
+    def looked(found: re.Match[bytes]) -> bytes:
+        return b"var(--g" + found[1] + b")" if found[1].decode() in greys else found[0]
+
+    return _COLOUR.sub(looked, drawing).replace(b"</style>", rules.encode() + b"</style>", 1)
 
 
-def _in_the_dark(level: int) -> str:
-    share = level / 255.0
+def _in_the_dark(share: float) -> str:
+    """A grey in dark mode, from its share of white."""
     pairs = zip(_DARK_INK, _DARK_PAGE, strict=True)
     return "".join(f"{round(ink + share * (page - ink)):02x}" for ink, page in pairs)
 

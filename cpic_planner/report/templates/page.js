@@ -125,14 +125,15 @@ function equip(table) {
   if (!table.tHead || !table.tBodies[0] || table.dataset.equipped) return;
   table.dataset.equipped = "yes";
   const rows = table.tBodies[0].rows, label = table.caption ? table.caption.textContent.trim().split(".")[0] : "table";
-  if (rows.length > 1)
+  const listed = !table.classList.contains("bands"); // its rows are quantities, in an order that means something
+  if (listed && rows.length > 1)
     [...table.tHead.rows[0].cells].forEach((head, column) => {
       const button = make("button", { type: "button", className: "sort", title: "Sort" }, ...head.childNodes);
       button.addEventListener("click", () => sort(table, column, head));
       head.replaceChildren(button);
     });
   const scroll = table.closest(".scroll"), bar = make("p", { className: "tools" });
-  if (rows.length > 7) {
+  if (listed && rows.length > 7) {
     const input = make("input", { type: "text", placeholder: "Filter rows", autocomplete: "off" });
     input.setAttribute("aria-label", `Filter rows of ${label}`);
     input.addEventListener("input", () => {

@@ -111,8 +111,9 @@ def test_drawings_follow_dark_mode(reader):
     for source in drawings:
         svg = base64.b64decode(source.split(",", 1)[1]).decode()
         assert "@media (prefers-color-scheme:dark)" in svg
-        assert not re.search(r": #([0-9a-f]{2})\1\1", svg)  # every grey is one of the two lights
-        for used in set(re.findall(r"var\((--g[0-9a-f]{2})\)", svg)):
+        assert not re.search(r": #([0-9a-f]{2})\1\1(?![0-9a-f])", svg)  # every grey is one of the two lights
+        assert "var(--gffffff)" in svg
+        for used in set(re.findall(r"var\((--g[0-9a-f]{6})\)", svg)):
             assert svg.count(f"{used}:#") == 2
 
 
