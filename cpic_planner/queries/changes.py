@@ -287,6 +287,18 @@ def read_instrument(source: Any) -> Instrument:
     return source if isinstance(source, Instrument) else load_instrument(source)
 
 
+def asked_changes(default: tuple[str, ...] | None = (), **settings: Any) -> Any:
+    """Declare the field of changes of the instrument; ``settings`` as of `asked`."""
+    return asked(
+        default,
+        "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
+        "throughput=x0.7, bands.F850.qe=0.4; repeat for several.",
+        option="--set",
+        metavar="KEY=VALUE",
+        **settings,
+    )
+
+
 class InstrumentParts(Parts):
     """Options of the instrument."""
 
@@ -296,13 +308,7 @@ class InstrumentParts(Parts):
         unset="cpic_default",
         names_file=lambda word: word not in preset_names("instrument"),
     )
-    changes: tuple[str, ...] = asked(
-        (),
-        "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
-        "throughput=x0.7, bands.F850.qe=0.4; repeat for several.",
-        option="--set",
-        metavar="KEY=VALUE",
-    )
+    changes: tuple[str, ...] = asked_changes()
 
     def made(self, base: Any) -> Instrument:
         """Return the instrument with what is changed of it."""

@@ -244,7 +244,9 @@ _LAST_COLUMN = 24
 _MOST_STRATEGIES = 20
 
 
-def print_whatif(result: results.WhatIfResult, console: Console, report: Path | None = None) -> None:
+def print_whatif(
+    result: results.WhatIfResult, console: Console, report: Path | None = None, *, full: bool = True
+) -> None:
     """Print the summary, the strategies, their differences with the first one, and where the report is.
 
     Parameters
@@ -253,6 +255,8 @@ def print_whatif(result: results.WhatIfResult, console: Console, report: Path | 
     console : Console
     report : Path, optional
         The written report.
+    full : bool
+        Also every strategy's images, and what the comparison is to be made again with.
     """
     for i, text in enumerate(lead_sentences(result)):
         print_plain(console, text, bold=i == 0)
@@ -262,20 +266,18 @@ def print_whatif(result: results.WhatIfResult, console: Console, report: Path | 
     shown = [result.strategies[i] for i in rows]
     universes = f"{count_text(result.n_universes)} universes"
     title = f"{result.name or 'strategies'}: mean of {universes} and its 90 % interval"
-    print_table(console, title, _STRATEGIES, shown, last_width=_LAST_COLUMN)
+    print_table(console, title, _STRATEGIES, shown, last_width=_LAST_COLUMN, legend=True)
     if len(shown) < len(result.strategies):
         print_note(console, f"The first and the {len(shown) - 1} of {len(result.strategies)} that find most.")
-    print_note(
-        console,
-        "survey: 5 to 95 % of single surveys; any: share that finds a planet; visits: made, mean; bound: how far the "
-        "calendar is below what no calendar can pass; alarms: false ones, mean.",
-    )
     if len(shown) > 1:
         console.print()
         _print_differences(result, {item.name for item in shown}, console)
     _print_facts(result, shown, console)
-    _print_images(shown, console)
-    print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
+    if full:
+        _print_images(shown, console)
+        print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
+    else:
+        print_note(console, *filter(None, [_images_sentence(result.strategies)]))
     if report is not None:
         print_plain(console, f"report: {report}")
 
@@ -284,13 +286,27 @@ _STRATEGIES = row_cells(
     results.StrategyOutcome,
     "planets interval/2 survey/5 new/1 any_planet/4 hours visits/6 bound/7 alarms/8 name",
     planets=lambda item: decimals(item.planets.mean, 2),
-    interval=Cells("interval", lambda item: interval_text(item.planets.low, item.planets.high)),
-    survey=Cells("survey", lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}"),
-    new=Cells("new", lambda item: decimals(item.new_planets.mean, 2)),
+    interval=Cells("interval", lambda item: interval_text(item.planets.low, item.planets.high), legend="of the mean"),
+    survey=Cells(
+        "survey",
+        lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}",
+        legend="5 to 95 % of single surveys",
+    ),
+    new=Cells("new", lambda item: decimals(item.new_planets.mean, 2), legend="planets that nobody knows"),
     hours=lambda item: decimals(item.hours.mean, 0),
-    visits=Cells("visits", lambda item: decimals(sum(target.visits for target in item.targets), 1)),
-    bound=Cells("bound %", lambda item: decimals(100.0 * item.schedule.distance, 1)),
-    alarms=Cells("alarms", lambda item: planets_text(item.noise_alarms.mean + item.background_alarms.mean)),
+    visits=Cells(
+        "visits", lambda item: decimals(sum(target.visits for target in item.targets), 1), legend="made, mean"
+    ),
+    bound=Cells(
+        "bound %",
+        lambda item: decimals(100.0 * item.schedule.distance, 1),
+        legend="how far the calendar is below what no calendar can pass",
+    ),
+    alarms=Cells(
+        "alarms",
+        lambda item: planets_text(item.noise_alarms.mean + item.background_alarms.mean),
+        legend="false ones, mean",
+    ),
 )
 
 
@@ -344,6 +360,16 @@ def _likely(item: results.DifferenceRecord) -> str:
 
 def _signed(value: float, places: int) -> str:
     return f"{'+' if value > 0 else ''}{decimals(value, places)}"
+
+
+def _images_sentence(strategies: Sequence[results.StrategyOutcome]) -> str:
+    """How many of the detections that were simulated as images show the planet; empty where none was."""
+    samples = [item.images for item in strategies if item.images is not None and item.images.images]
+    if not samples:
+        return ""
+    expected = decimals(sum(sample.expected for sample in samples), 1)
+    found, made = (sum(getattr(sample, name) for sample in samples) for name in ("found", "images"))
+    return f"{found} of {made} simulated image sequences show the planet, {expected} expected (-v: by strategy)."
 
 
 def _print_images(strategies: list[results.StrategyOutcome], console: Console) -> None:

@@ -120,12 +120,12 @@ def known_blocks(known: results.KnownResult) -> Iterator[doc.Block]:
     """
     columns = doc.row_columns(
         results.KnownPlanetRow,
-        "planet:row,text status semi_major_axis_au separation_arcsec contrast window best",
+        "planet:row,text status semi_major_axis_au separation_arcsec contrast window:wide best",
         planet=known_planet_name,
         semi_major_axis_au=lambda row: significant(row.semi_major_axis_au.median, 3),
         separation_arcsec=Cells("", _separation, label="separation at the date (arcsec)", right=True),
         contrast=Cells("", lambda row: contrast_text(_best_band(row).contrast.median), label="contrast", right=True),
-        window=Cells("", windows_text, label="next in the dark hole"),
+        window=Cells("", windows_text, right=False, label="next in the dark hole"),
         best=Cells("", _best_day, label="best day", right=True),
     )
     rows = [row for row in known.planets if row.counted]
@@ -151,13 +151,13 @@ def _separation(row: results.KnownPlanetRow) -> str:
     return f"{place.median:.3f} ± {0.5 * (place.high - place.low):.3f}"
 
 
-def _best_window(row: results.KnownPlanetRow) -> results.KnownWindow:
-    """The window with the day on which a dark hole covers the planet most likely; the earliest of equals."""
+def best_window(row: results.KnownPlanetRow) -> results.KnownWindow:
+    """Return the window with the day on which a dark hole covers the planet most likely; the earliest of equals."""
     return min(row.windows, key=lambda window: (-window.best_share, window.best_utc))
 
 
 def _best_band(row: results.KnownPlanetRow) -> results.KnownBand:
-    name = _best_window(row).band
+    name = best_window(row).band
     return next(item for item in row.bands if item.band == name)
 
 
@@ -171,7 +171,7 @@ def windows_text(row: results.KnownPlanetRow) -> doc.Inline:
 
 
 def _best_day(row: results.KnownPlanetRow) -> str:
-    window = _best_window(row)
+    window = best_window(row)
     return f"{window.best_utc}: {100.0 * window.best_share:.0f} %"
 
 

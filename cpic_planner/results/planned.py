@@ -62,10 +62,15 @@ class BandConfirmation(Row):
     drawn_as: Literal["sums", "frames"] | None = optional(
         "sums of frames over the hole, or every frame, where sums cannot stand for them"
     )
-    predicted_snr: float | None = optional(label="predicted SNR", short="SNR pred", format=".3g")
+    predicted_snr: float | None = optional(
+        "of one observation, noise of the planet included", label="predicted SNR", short="SNR pred", format=".3g"
+    )
     predicted_significance: float | None = None
     recovered_snr: float | None = optional(
-        label="recovered SNR ± error of the mean", short="SNR rec", format=".3g ± .2g"
+        "the same from the images, mean of the realisations",
+        label="recovered SNR ± error of the mean",
+        short="SNR rec",
+        format=".3g ± .2g",
     )
     recovered_snr_error: float | None = optional("1 sigma of this mean")
     recovered_significance: float | None = None
@@ -84,8 +89,8 @@ class BandConfirmation(Row):
         format=".2f ± .2f",
     )
     etc_ratio_error: float | None = optional("1 sigma, with the accuracy of the prediction itself")
-    true_contrast: float | None = optional(short="contrast true", format=".2e")
-    recovered_contrast: float | None = optional(short="recovered", format=".2e")
+    true_contrast: float | None = optional("planet over star in the scene", short="contrast true", format=".2e")
+    recovered_contrast: float | None = optional("mean contrast of the images", short="recovered", format=".2e")
     contrast_error: float | None = optional("1 sigma of one observation, from aperture-sized samples in the hole")
     contrast_mean_error: float | None = optional("1 sigma of recovered_contrast")
     star_flux: Literal["off_mask", "field_star", "known"] | None = optional(

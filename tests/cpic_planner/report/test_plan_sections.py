@@ -60,7 +60,7 @@ def test_page_one_says_what_to_observe_first(plan, rank, sensitivity, read):
     assert f"Observe α Cen B first, in {best.band}: {best.n_frames} frames of {best.exposure_s:g} s at EM gain" in first
     assert "It can be seen 2028-02-03 to 2028-05-20." in first
     assert first.count("2028-02-03 to 2028-05-20") == 2
-    assert f"2028-02-03 to 2028-05-20 {duration_text(plan.targets[0].ranked.detection_time_s)} ✓ detected" in first
+    assert f"2028-02-03 to 2028-05-20 {duration_text(plan.targets[0].ranked.detection_time_s)} 14 h" in first
     counts = [sum(row.tier == tier for row in rows) for tier in (1, 2, 4)]
     for tier, count in zip((1, 2, 4), counts, strict=True):
         assert f"Tier {tier}: {count} star" in first
