@@ -178,11 +178,8 @@ def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool
             print_plain(console, f"{where}: {snr}, {off}, {'found' if audit.detected else 'not found'}")
     if result.searches:
         _print_searches(result.searches, console)
-    if full:
-        print_plain(console, *map(position_text, result.positions), *map(albedo_text, result.albedos))
-    else:
-        _print_positions(result.positions, console)
-        print_plain(console, *map(albedo_text, result.albedos))
+    _print_positions(result.positions, console)
+    print_plain(console, *map(albedo_text, result.albedos))
     print_comparison(result, console, measured=bool(rows))
     if full:
         print_modelled(result.bands, console)
@@ -230,15 +227,6 @@ def _print_positions(positions: Sequence[results.PositionRecord], console: Conso
     ]
     if positions:
         print_table(console, "Measured places, beside the true ones", cells, positions)
-
-
-def position_text(position: results.PositionRecord) -> str:
-    """Return a measured position beside the true one."""
-    return (
-        f"{position.planet}: {position.separation_arcsec:.4f} ± {position.separation_error_arcsec:.4f}″ at PA "
-        f"{position.pa_deg:.2f} ± {position.pa_error_deg:.2f}° ({', '.join(position.bands)}); true "
-        f"{position.true_separation_arcsec:.4f}″, {position.true_pa_deg:.2f}°"
-    )
 
 
 def albedo_text(albedo: results.AlbedoRecord) -> str:

@@ -55,9 +55,9 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
         if result.years is not None:
             print_note(
                 console,
-                f"Window, of several that of the best day: days of {result.years:g} years from {result.date_utc[:10]} on which the planet is more likely "
-                "than not between the corners of the dark hole, in the band that covers it best (-v: all of them, "
-                "orbits, references).",
+                f"Window, of several that of the best day: days of {result.years:g} years from {result.date_utc[:10]} "
+                "on which the planet is more likely than not between the corners of the dark hole, in the band that "
+                "covers it best (-v: all of them, orbits, references).",
             )
         return
     if result.years is not None:
