@@ -5,7 +5,7 @@ Visibility on the terminal: one star in words, several as a table.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from catalogs.known_planet_columns import FLAGS
@@ -59,6 +59,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
                 "on which the planet is more likely than not between the corners of the dark hole, in the band that "
                 "covers it best (-v: all of them, orbits, references).",
             )
+            print_note(console, *filter(None, [_caveats(shown)]))
         return
     if result.years is not None:
         years = f"{result.years:g} years from {result.date_utc[:10]}"
@@ -83,6 +84,17 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
         f"{result.planets_table}; {count_text(result.n_draws)} draws of each planet with seed {result.seed}, "
         f"{result.albedo} albedo.",
     )
+
+
+def _caveats(rows: Sequence[KnownPlanetRow]) -> str:
+    """Which of these planets have an orbit or a status that is in doubt, in one sentence; empty for none."""
+    kinds = (
+        ("a later orbit contradicts that of", [row for row in rows if row.superseded_by]),
+        ("published orbits disagree on", [row for row in rows if len(row.orbits) > 1]),
+        ("not counted:", [row for row in rows if not row.counted]),
+    )
+    said = [f"{text} {', '.join(map(known_planet_name, named))}" for text, named in kinds if named]
+    return f"In doubt: {'; '.join(said)} (-v: who says so)." if said else ""
 
 
 def _cells(result: KnownResult) -> list[Cells]:
