@@ -54,7 +54,7 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
     cells = [
         Cells("target", itemgetter(0), right=False),
         Cells("band", itemgetter(1), right=False, legend="→ marks the one to observe in"),
-        *_measured_cells(MEASURED.format(more=""), itemgetter(2)),
+        *_measured_cells(MEASURED.format(more=""), itemgetter(2), plan.reference_library),
     ]
     count = len(plan.targets)
     title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
@@ -91,14 +91,20 @@ def _left_out_sentence(plan: results.PlanResult) -> str:
     return f"{' and '.join(parts)}: -v names them." if parts else ""
 
 
-def _measured_cells(layout: str, of: Callable[[Any], results.BandConfirmation]) -> list[Cells]:
+def _measured_cells(layout: str, of: Callable[[Any], results.BandConfirmation], library: str) -> list[Cells]:
+    found = f"realisations in which {LIBRARIES[library].found}"
     return row_cells(
         results.BandConfirmation,
         layout,
         of=of,
-        n_detected=lambda row: detections_cell(of(row)),
+        n_detected=Cells("found", lambda row: detections_cell(of(row)), legend=found, fields=("n_detected",), of=of),
         recovered_contrast=lambda row: _recovered(of(row)),
-        outcome=Cells("outcome", lambda row: outcome_cell(of(row)), right=False),
+        outcome=Cells(
+            "outcome",
+            lambda row: outcome_cell(of(row)),
+            right=False,
+            legend="seen at its place means significant there, but not found blind",
+        ),
     )
 
 
@@ -161,8 +167,8 @@ def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool
         Also what was run frame by frame, and how images were made.
     """
     several = len({item.planet for item in result.bands}) > 1
-    measured = MEASURED.format(more=" true_contrast/7 recovered_contrast/2")
-    cells = _measured_cells(f"{'planet ' if several else ''}band {measured}", lambda item: item)
+    layout = f"{'planet ' * several}band {MEASURED.format(more=' true_contrast/7 recovered_contrast/2')}"
+    cells = _measured_cells(layout, lambda item: item, result.reference_library)
     rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
     count = result.realisations
     title = f"{result.scene}: confirmed by simulated images, {count} realisation{'s' * (count != 1)} a band"

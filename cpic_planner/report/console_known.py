@@ -112,7 +112,9 @@ def _cells(result: KnownResult) -> list[Cells]:
         separation_arcsec=Cells(
             "sep ″",
             lambda row: _with_width(row.separation_arcsec, 3),
+            label="separation",
             legend="projected separation, the median of the draws ± half of the width that holds 68 % of them",
+            fields=("separation_arcsec",),
         ),
         phase_deg=lambda row: _with_width(row.phase_deg, 0),
         contrast=Cells("contrast", lambda row: ratio_text(row.bands[0].contrast.median), legend=f"in {hole.band}"),

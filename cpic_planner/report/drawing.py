@@ -231,6 +231,10 @@ def literal(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+_POINT_PX = 3.0
+"""Radius of a small point on the screen."""
+
+
 def place_labels(
     axes: Axes,
     x: Sequence[float],
@@ -239,6 +243,7 @@ def place_labels(
     *,
     reach_px: Sequence[float] | float = 4.0,
     avoid: Sequence[Artist] = (),
+    others: Sequence[tuple[float, float]] = (),
     **text_style: Any,
 ) -> None:
     """Write a label near each point so that labels cover neither each other nor the labelled points.
@@ -254,12 +259,15 @@ def place_labels(
     reach_px : sequence of float
         Radius of each point's marker.
     avoid : sequence of Artist
-        Texts that labels must not cover.
+        Texts that labels must not cover; those that lie on labelled points are hidden.
+    others : sequence of (float, float)
+        Data coordinates of points without a label that labels must not cover either.
     **text_style
         Handed to ``Axes.annotate``.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.patheffects import withStroke
+    from matplotlib.transforms import Bbox
 
     figure = axes.figure
     canvas = figure.canvas
@@ -270,7 +278,14 @@ def place_labels(
     frame = axes.get_window_extent(renderer)
     radii = np.broadcast_to(np.asarray(reach_px, float), len(texts))
     taken: list[tuple[float, ...]] = [(x - r, y - r, x + r, y + r) for (x, y), r in zip(points, radii, strict=True)]
-    taken += [tuple(artist.get_window_extent(renderer).extents) for artist in avoid]
+    for artist in avoid:
+        extent = artist.get_window_extent(renderer)
+        if any(extent.overlaps(Bbox.from_extents(*box)) for box in taken[: len(texts)]):
+            artist.set_visible(False)
+        else:
+            taken.append(tuple(extent.extents))
+    beside = axes.transData.transform(np.array(others)) if others else np.empty((0, 2))
+    taken += [(x - _POINT_PX, y - _POINT_PX, x + _POINT_PX, y + _POINT_PX) for x, y in beside]
     to_points = 72.0 / figure.dpi
     halo = [withStroke(linewidth=2.2, foreground="white")]
     for (px, py), radius, text in zip(points, radii, texts, strict=True):

@@ -30,6 +30,8 @@ def test_one_star(done):
     assert "2030-03-01 to" in out
     assert "best day: that on which it stands there most likely" in " ".join(out.split())
     assert out[out.index("Window, of") :].count(".\n") == 1  # one sentence below the legend
+    heads, _ = done("known", "eps Eri", "--years", "1", "--format", "csv", *FEW)
+    assert "separation_arcsec_low,separation_arcsec,separation_arcsec_high" in heads.splitlines()[0]
     out, _ = done("known", "eps Eri", "--date", "2030-03-01", "--years", "1", "-v", *FEW)
     assert "in the dark hole 2030-03-01 to" in out
     assert "radius_unknown (b): no radius" in out
