@@ -15,6 +15,7 @@ import typer
 from cpic_planner import report
 from cpic_planner.cli import options
 from cpic_planner.cli.options import Answer, DryRunOption, Output, note, print_cost, with_progress
+from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
     from cpic_planner.queries import ConfirmQuestion, PlanQuestion, SimulateQuestion
@@ -84,7 +85,7 @@ def plan(question: PlanQuestion, output: Answer, dry_run: DryRunOption = False) 
     start = partial(make_plan, question, question.out, catalog=table, **question.how)
     done = with_progress("confirming", _n_bands(question), start)
     confirmed = any(band.detected for target in done.result.targets for band in target.bands)
-    output.show(done.result, partial(report.print_plan, done.result), confirmed)
+    output.show(done.result, partial(report.print_plan, done.result, full=is_verbose()), confirmed)
     if output.plain:
         typer.echo(f"report: {question.out / 'report.html'}")
 
@@ -145,7 +146,7 @@ def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = F
     start = partial(confirm_scene, question, question.out, **question.how)
     done = with_progress("confirming", len(question.band_names()), start, "band")
     confirmed = any(band.detected for band in done.result.bands)
-    output.show(done.result, partial(report.print_confirm, done.result), confirmed)
+    output.show(done.result, partial(report.print_confirm, done.result, full=is_verbose()), confirmed)
     if not output.plain:
         return
     if question.out is None:

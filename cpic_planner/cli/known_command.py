@@ -39,8 +39,8 @@ def known(
 
     Published orbits are drawn within their errors: with time the place of a planet gets less certain, and where no
     time of periastron or conjunction is published its phase is unknown. Without a star all stars with known planets
-    are listed (with -v also why some planets are not counted), with one also the days of the next years on which it
-    stands in the dark hole of each band.
+    are listed, with one also the days of the next years on which it stands in a dark hole. With -v: also why some
+    planets are not counted, every window, and where orbits and status are from.
 
     Examples:
 
@@ -181,4 +181,4 @@ def visibility(
     if plot is not None:
         write_plot(plot, report.visibility_figure(result))
     seen = any(target.observable_days for target in result.targets)
-    output.show(result, partial(report.print_visibility, result), seen)
+    output.show(result, partial(report.print_visibility, result, full=is_verbose()), seen)

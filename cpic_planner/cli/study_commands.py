@@ -15,6 +15,7 @@ import typer
 from cpic_core import InputError
 from cpic_planner import report
 from cpic_planner.cli.options import Output, note, print_json, print_line_or_json, with_progress
+from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
     from cpic_planner.queries import TradeoffQuestion, WhatIfQuestion
@@ -68,6 +69,8 @@ def whatif(
 
       cpic whatif survey_default --no-facts --images 0
 
+      cpic whatif survey_default --set drift.visit_nm=0.1nm --set throughput=x0.7
+
       cpic whatif survey_default --exclusions none
 
       cpic whatif survey_default --doubt drift=0.02nm,0.05nm,0.1nm,0.2nm --no-facts
@@ -85,6 +88,7 @@ def whatif(
         - {name: one_hour, visit: {time_s: 3600}, revisits: {max_visits: 10}}
         - {name: ten_hours, visit: {time_s: 36000}, revisits: {max_visits: 10}}
 
+    --set changes the instrument for all strategies; in a file, universe: {changes: [throughput=x0.7]} says the same.
     --vary takes any key of a strategy (dotted) or a short name: contrast, drift, throughput, exozodi, budget_h,
     time_s, max_visits, max_targets, rule, library. A value is a number with a unit (time_s=1h), a factor with an x
     (budget_h=x0.5), a number alone where the key ends in its unit or the quantity has none, or a word. drift,
@@ -128,7 +132,7 @@ def whatif(
     out = question.out or Path("cpic-whatif")
     start = partial(run_whatif, config, out, n_images=question.images, **question.how)
     done = with_progress("what if", int(cost["n_steps"]), start)
-    output.show(done.result, partial(report.print_whatif, done.result))
+    output.show(done.result, partial(report.print_whatif, done.result, full=is_verbose()))
     if output.plain:
         typer.echo(f"visits: {out / 'visits.csv'}\nreport: {out / 'report.html'}")
 

@@ -44,9 +44,10 @@ from cpic_planner.results import (
     RankResult,
     ReferencePlanetRecord,
     ScheduleImages,
+    SeenRow,
 )
 from cpic_planner.survey import ScheduledVisit, read_schedule
-from cpic_planner.survey.visibility import BLOCKS, Visibility, load_visibility, visibility
+from cpic_planner.survey.visibility import BLOCKS, Visibility, load_visibility, seasons_of, visibility
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_target
 from cpic_planner.validation import ConfirmTask, confirm_task
 
@@ -119,6 +120,7 @@ def _seen(config: PlanQuestion, ready: _Prepared) -> tuple[list[RankedTarget], P
     chosen: list[RankedTarget] = []
     left_out: list[LeftOutRow] = []
     not_checked: list[str] = []
+    seen: list[SeenRow] = []
     waiting = [row for row in ready.rank.targets if row.status != "saturated"]
     while waiting and len(chosen) < config.top:
         some, waiting = waiting[:_CHUNK], waiting[_CHUNK:]
@@ -129,29 +131,36 @@ def _seen(config: PlanQuestion, ready: _Prepared) -> tuple[list[RankedTarget], P
         for row in some:
             if len(chosen) >= config.top:
                 break
-            reason = None
             if found is None or row not in placed:
                 not_checked.append(row.name)
-            else:
-                reason = _unseen(found, placed.index(row), row, ready.model)
+                chosen.append(row)
+                continue
+            at = placed.index(row)
+            reason = _unseen(found, at, row, ready.model)
             if reason is None:
                 chosen.append(row)
+                seen.append(SeenRow(name=row.name, usable_h=_usable_h(found, at), seasons=seasons_of(found, at)))
             else:
                 left_out.append(reason)
     record = PeriodRecord(
         start_utc=start_utc,
         n_days=config.n_days,
         pointing=pointing.name,
+        seen=seen,
         left_out=left_out,
         not_checked=not_checked,
     )
     return chosen, record
 
 
+def _usable_h(found: Visibility, at: int) -> float:
+    return float(found.visible_fraction[at].sum()) * 24.0 * found.step_days
+
+
 def _unseen(found: Visibility, at: int, row: RankedTarget, model: EtcModel) -> LeftOutRow | None:
     """Why a star cannot have its best observation in the period; None where it can."""
     n_days = len(found.mjd) * found.step_days
-    usable_h = float(found.visible_fraction[at].sum()) * 24.0 * found.step_days
+    usable_h = _usable_h(found, at)
     needed_h = None if row.time_s is None else row.time_s / 3600.0
     frame_s = (row.exposure_s or 0.0) + model.camera(row.band).readout_s
     longest_s = float(found.window_s[at].max())

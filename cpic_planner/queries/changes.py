@@ -253,8 +253,7 @@ def _leaves(nominal: Instrument, change: Change) -> list[tuple[str, Any]]:
     if not leaves:
         raise change.refused("a key of the instrument", advice(root, change.key, (*ALIASES, COMPANIONS)))
     for key, value in leaves:
-        below = children(value)
-        if below is not None:
+        if (below := children(value)) is not None:
             raise change.refused(f"a single value, not all of {key}", f"its keys: {', '.join(below)}")
     return leaves
 
@@ -287,6 +286,13 @@ def read_instrument(source: Any) -> Instrument:
     return source if isinstance(source, Instrument) else load_instrument(source)
 
 
+def asked_changes(default: tuple[str, ...] | None = (), **settings: Any) -> Any:
+    """Declare the field of changes of the instrument; ``settings`` as of `asked`."""
+    what = "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
+    more = "throughput=x0.7, bands.F850.qe=0.4; repeat for several."
+    return asked(default, what + more, option="--set", metavar="KEY=VALUE", **settings)
+
+
 class InstrumentParts(Parts):
     """Options of the instrument."""
 
@@ -296,13 +302,7 @@ class InstrumentParts(Parts):
         unset="cpic_default",
         names_file=lambda word: word not in preset_names("instrument"),
     )
-    changes: tuple[str, ...] = asked(
-        (),
-        "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
-        "throughput=x0.7, bands.F850.qe=0.4; repeat for several.",
-        option="--set",
-        metavar="KEY=VALUE",
-    )
+    changes: tuple[str, ...] = asked_changes()
 
     def made(self, base: Any) -> Instrument:
         """Return the instrument with what is changed of it."""

@@ -12,6 +12,7 @@ from pydantic import model_validator
 
 from cpic_core import InputError
 from cpic_planner.queries.base import Question, called
+from cpic_planner.queries.changes import asked_changes
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.images import ImageQuestion
 from cpic_planner.queries.rank import RankedQuestion, asked_exclusions
@@ -73,7 +74,7 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
 
 _SAMPLE = ("universes", "seed", "start_utc", "date_utc", "duration_days", "slot_days")
 _FACTS = ("catalog", "known_planets", "candidates", "exclusions", "facts")
-UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "instrument", *_FACTS)
+UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "instrument", "changes", *_FACTS)
 """Fields that stand instead of those of `cpic_planner.survey.strategy_file.UniverseConfig`, which checks them."""
 
 
@@ -119,6 +120,7 @@ class WhatIfQuestion(RunQuestion):
     visibility: str | None = asked(None, "Limits of pointing: preset, or YAML file.", read=str)
     catalog: str | None = asked(None, "Star table: snapshot, latest, simbad_2012, or a file.", read=str)
     instrument: str | None = asked(None, "Preset name or YAML file.", read=str)
+    changes: Texts | None = asked_changes(None, unset="as the file says")
     known_planets: str | None = asked(
         None,
         "Table of known planets as of cpic rank: snapshot, archive_2019, latest, a file, none+FILE; counted beside the "

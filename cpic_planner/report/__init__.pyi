@@ -13,14 +13,13 @@ from cpic_planner.report.console_etc import (
     print_etc as print_etc,
     question_text as question_text,
 )
-from cpic_planner.report.console_fidelity import print_fidelity as print_fidelity
+from cpic_planner.report.console_fidelity import print_fidelity as print_fidelity, print_tradeoff as print_tradeoff
 from cpic_planner.report.console_known import print_known as print_known, print_visibility as print_visibility
 from cpic_planner.report.console_runs import (
     print_explanation as print_explanation,
     print_moves as print_moves,
     print_rank as print_rank,
     print_sensitivity as print_sensitivity,
-    print_tradeoff as print_tradeoff,
     print_whatif as print_whatif,
 )
 from cpic_planner.report.document import (
@@ -64,7 +63,7 @@ from cpic_planner.report.numbers import (
     level_text as level_text,
     pretty_name as pretty_name,
 )
-from cpic_planner.report.plan_sections import star_blocks as star_blocks
+from cpic_planner.report.plan_stars import star_blocks as star_blocks
 from cpic_planner.report.priorities import (
     TIERS as TIERS,
     ensemble_figure as ensemble_figure,

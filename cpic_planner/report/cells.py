@@ -116,6 +116,7 @@ def _column_cells(
     form = column.look.format
     unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
     legend = column.look.meaning.partition(";")[0] if column.look.short and column.right else ""
+    legend = legend.removesuffix(f", {column.unit}")  # the cells may be in another one
     return Cells(column.heading, text, column.right, 0, column.label, unit, legend, (column.name,), of)
 
 

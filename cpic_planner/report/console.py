@@ -17,7 +17,14 @@ from cpic_planner.registry import LIBRARIES
 from cpic_planner.report import cells as tables, numbers, summary
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, chosen_text, count_text, decimals, shortened, significant
-from cpic_planner.report.words import ALBEDO_STATUS, STATUS_SYMBOLS, not_imaged_lines, plus_minus, targets_sentences
+from cpic_planner.report.words import (
+    ALBEDO_STATUS,
+    STATUS_SYMBOLS,
+    counted,
+    not_imaged_lines,
+    plus_minus,
+    targets_sentences,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,13 +36,15 @@ MEASURED = (
 """What is shown of each measurement; the rest is in the files."""
 
 
-def print_plan(plan: results.PlanResult, console: Console) -> None:
-    """Print the confirmed targets of a plan, band by band, their verdicts, and how the ETC stands.
+def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True) -> None:
+    """Print the confirmed targets of a plan, band by band, and how the ETC stands.
 
     Parameters
     ----------
     plan : PlanResult
     console : Console
+    full : bool
+        Also the verdicts of the targets, how images were made, and where targets come from.
     """
     rows = []
     for target in plan.targets:
@@ -44,13 +53,18 @@ def print_plan(plan: results.PlanResult, console: Console) -> None:
             rows.append((numbers.short_name(target.name) if number == 0 else "", arrow + item.band, item))
     cells = [
         Cells("target", itemgetter(0), right=False),
-        Cells("band", itemgetter(1), right=False),
-        *_measured_cells(MEASURED.format(more=""), itemgetter(2)),
+        Cells("band", itemgetter(1), right=False, legend="→ marks the one to observe in"),
+        *_measured_cells(MEASURED.format(more=""), itemgetter(2), plan.reference_library),
     ]
     count = len(plan.targets)
     title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
-    print_table(console, title, cells, rows)
+    print_table(console, title, cells, rows, legend=not full)
     tables.explain_symbols(console, [item.status for _, _, item in rows if item.status != "ok"])
+    if not full:
+        print_comparison(plan, console)
+        if left := _left_out_sentence(plan):
+            print_note(console, left)
+        return
     verdicts = (f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}" for target in plan.targets)
     print_plain(console, *verdicts)
     print_comparison(plan, console)
@@ -68,14 +82,29 @@ def print_plan(plan: results.PlanResult, console: Console) -> None:
     )
 
 
-def _measured_cells(layout: str, of: Callable[[Any], results.BandConfirmation]) -> list[Cells]:
+def _left_out_sentence(plan: results.PlanResult) -> str:
+    """How many stars and rows there are no images of; empty for none."""
+    stars = 0 if plan.period is None else len(plan.period.left_out)
+    rows = 0 if plan.schedule is None else len(plan.schedule.not_imaged)
+    parts = [f"{counted(stars, 'star')} left out for visibility"] * bool(stars)
+    parts += [f"{counted(rows, 'row')} of the schedule without images"] * bool(rows)
+    return f"{' and '.join(parts)}: -v names them." if parts else ""
+
+
+def _measured_cells(layout: str, of: Callable[[Any], results.BandConfirmation], library: str) -> list[Cells]:
+    found = f"realisations in which {LIBRARIES[library].found}"
     return row_cells(
         results.BandConfirmation,
         layout,
         of=of,
-        n_detected=lambda row: detections_cell(of(row)),
+        n_detected=Cells("found", lambda row: detections_cell(of(row)), legend=found, fields=("n_detected",), of=of),
         recovered_contrast=lambda row: _recovered(of(row)),
-        outcome=Cells("outcome", lambda row: outcome_cell(of(row)), right=False),
+        outcome=Cells(
+            "outcome",
+            lambda row: outcome_cell(of(row)),
+            right=False,
+            legend="seen at its place means significant there, but not found blind",
+        ),
     )
 
 
@@ -125,25 +154,27 @@ def outcome_cell(item: results.BandConfirmation) -> str:
 _SHOWN = 5
 
 
-def print_confirm(result: results.ConfirmResult, console: Console) -> None:
+def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool = True) -> None:
     """Print measurements, blind candidates, positions and albedo fits of a scene, and how the ETC stands.
 
     Parameters
     ----------
     result : ConfirmResult
     console : Console
+    full : bool
+        Also what was run frame by frame, and how images were made.
     """
     several = len({item.planet for item in result.bands}) > 1
-    measured = MEASURED.format(more=" true_contrast/7 recovered_contrast/2")
-    cells = _measured_cells(f"{'planet ' if several else ''}band {measured}", lambda item: item)
+    layout = f"{'planet ' * several}band {MEASURED.format(more=' true_contrast/7 recovered_contrast/2')}"
+    cells = _measured_cells(layout, lambda item: item, result.reference_library)
     rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
     count = result.realisations
     title = f"{result.scene}: confirmed by simulated images, {count} realisation{'s' * (count != 1)} a band"
     if not rows:
         print_plain(console, f"{result.scene}: no planet, {LIBRARIES[result.reference_library].searched}", bold=True)
     else:
-        print_table(console, title, cells, rows, explained=True)
-    for item in result.bands:
+        print_table(console, title, cells, rows, explained=True, legend=not full)
+    for item in result.bands if full else ():
         if item.audit is not None:
             audit, where = item.audit, f"{item.planet}, {item.band}, frame by frame with every effect"
             snr = f"SNR {significant(audit.recovered_snr)} ({significant(audit.predicted_snr)} predicted)"
@@ -151,10 +182,12 @@ def print_confirm(result: results.ConfirmResult, console: Console) -> None:
             print_plain(console, f"{where}: {snr}, {off}, {'found' if audit.detected else 'not found'}")
     if result.searches:
         _print_searches(result.searches, console)
-    print_plain(console, *map(position_text, result.positions), *map(albedo_text, result.albedos))
+    _print_positions(result.positions, console)
+    print_plain(console, *map(albedo_text, result.albedos))
     print_comparison(result, console, measured=bool(rows))
-    print_modelled(result.bands, console)
-    print_note(console, _setup_text(result))
+    if full:
+        print_modelled(result.bands, console)
+        print_note(console, _setup_text(result))
 
 
 def _recovered(item: results.BandConfirmation) -> str:
@@ -187,13 +220,17 @@ def _candidate_text(item: results.CandidateRecord | None) -> str:
     return item.planet or ("no planet of the scene" if item.detected else "below the threshold")
 
 
-def position_text(position: results.PositionRecord) -> str:
-    """Return a measured position beside the true one."""
-    return (
-        f"{position.planet}: {position.separation_arcsec:.4f} ± {position.separation_error_arcsec:.4f}″ at PA "
-        f"{position.pa_deg:.2f} ± {position.pa_error_deg:.2f}° ({', '.join(position.bands)}); true "
-        f"{position.true_separation_arcsec:.4f}″, {position.true_pa_deg:.2f}°"
-    )
+def _print_positions(positions: Sequence[results.PositionRecord], console: Console) -> None:
+    cells = [
+        Cells("planet", lambda item: item.planet, right=False),
+        Cells("sep ″", lambda item: f"{item.separation_arcsec:.4f} ± {item.separation_error_arcsec:.4f}"),
+        Cells("true", lambda item: f"{item.true_separation_arcsec:.4f}"),
+        Cells("PA deg", lambda item: f"{item.pa_deg:.2f} ± {item.pa_error_deg:.2f}"),
+        Cells("true", lambda item: f"{item.true_pa_deg:.2f}"),
+        Cells("bands", lambda item: ", ".join(item.bands), right=False),
+    ]
+    if positions:
+        print_table(console, "Measured places, beside the true ones", cells, positions)
 
 
 def albedo_text(albedo: results.AlbedoRecord) -> str:

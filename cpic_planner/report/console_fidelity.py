@@ -1,15 +1,34 @@
-"""How firm answers of the exposure-time calculator are, on the terminal: stated errors, and checks in images."""
+"""How firm answers of the exposure-time calculator are, on the terminal: stated errors, and checks in images.
+
+Speed against accuracy on the terminal.
+"""
 
 from __future__ import annotations
 
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
-from cpic_planner.report.cells import Cells, explain_symbols, print_note, print_table, row_cells, status_cell
+from cpic_planner.report.cells import (
+    Cells,
+    explain_symbols,
+    print_note,
+    print_plain,
+    print_table,
+    row_cells,
+    status_cell,
+)
 from cpic_planner.report.console_etc import answer_name
 from cpic_planner.report.numbers import MISSING, significant
 from cpic_planner.report.summary import error_text
-from cpic_planner.results import AnswerFidelity, EtcAnswer, EtcFidelity, EtcResult, ImageCheck
+from cpic_planner.results import (
+    AnswerFidelity,
+    EtcAnswer,
+    EtcFidelity,
+    EtcResult,
+    ImageCheck,
+    TradeoffResult,
+    TradeoffRow,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -81,3 +100,37 @@ def _agreement(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
     if item.images is None:
         return status_cell(item.status, item.reason)
     return "agrees" if item.images.agrees else "differs"
+
+
+def print_tradeoff(result: TradeoffResult, console: Console) -> None:
+    """Print one table a scene: every way with its time, memory and errors.
+
+    Parameters
+    ----------
+    result : TradeoffResult
+    console : Console
+    """
+
+    def way(row: TradeoffRow) -> str:
+        title = row.title if row.machine == result.machine.key else f"{row.title} (another machine)"
+        return title if row.status == "ok" else f"{title}: {row.status}, {row.reason.replace('_', ' ')}"
+
+    cells = row_cells(
+        TradeoffRow,
+        "title wall_s cpu_s peak_memory_mb/2 flux_error/1 snr_error",
+        flux_error=lambda row: _error(row.flux_error, None),
+        snr_error=lambda row: _error(row.snr_error, row.snr_uncertainty),
+        title=Cells("way", way, right=False),
+    )
+    for scene in result.scenes:
+        rows = [row for row in result.rows if row.scene == scene.name]
+        title = f"{scene.title} ({scene.name}, {scene.band})"
+        print_table(console, title, cells, rows)
+    for name, ratio in result.speed_ups.items():
+        print_plain(console, f"{name}: one call of the closed forms is {ratio:.0f} times faster than the reference")
+
+
+def _error(value: float | None, uncertainty: float | None) -> str:
+    if value is None:
+        return ""
+    return f"{100 * value:+.2g} %" if not uncertainty else f"{100 * value:+.2g} ± {100 * uncertainty:.1g} %"

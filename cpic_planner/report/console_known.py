@@ -5,13 +5,13 @@ Visibility on the terminal: one star in words, several as a table.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from catalogs.known_planet_columns import FLAGS
 from cpic_planner.report.cells import Cells, Sheet, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, ratio_text
-from cpic_planner.report.priorities import known_planet_name
+from cpic_planner.report.priorities import best_window, known_planet_name
 from cpic_planner.report.summary import day_text, pointing_sentence
 from cpic_planner.report.words import BLOCK_WORDS
 from cpic_planner.results import (
@@ -32,9 +32,9 @@ _WINDOWS = 6
 
 
 def print_known(result: KnownResult, console: Console, limit: int = 40, *, full: bool = True) -> None:
-    """Print the planets, widest on the sky first unless a star was asked for, and what the numbers mean.
+    """Print the planets, widest on the sky first unless a star was asked for, and what the headings mean.
 
-    Without ``full``, and without a star, planets that are not counted are not told one by one.
+    With ``full`` also every window, orbit and status with its reference, and what the numbers are from.
     """
     band = result.holes[0].band
     counted = [row for row in result.planets if row.counted]
@@ -50,7 +50,17 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
     )
     more = f"; {count_text(len(listed))} {'more ' * bool(counted)}listed and not counted" if listed else ""
     title = f"Known planets: {told}, {result.date_utc[:10]}, {band}{more}"
-    print_table(console, title, _cells(), shown)
+    print_table(console, title, _cells(result), shown, legend=not full)
+    if not full:
+        if result.years is not None:
+            print_note(
+                console,
+                f"Window, of several that of the best day: days of {result.years:g} years from {result.date_utc[:10]} "
+                "on which the planet is more likely than not between the corners of the dark hole, in the band that "
+                "covers it best (-v: all of them, orbits, references).",
+            )
+            print_note(console, *filter(None, [_caveats(shown)]))
+        return
     if result.years is not None:
         years = f"{result.years:g} years from {result.date_utc[:10]}"
         never = ", ".join(known_planet_name(row) for row in counted[:limit] if not row.windows)
@@ -59,7 +69,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
         for row in counted[:limit]:
             _print_windows(row, result, console)
             _print_standing(row, console)
-    for row in listed if full or result.years is not None else ():
+    for row in listed:
         _print_standing(row, console)
     lacking: dict[str, list[str]] = {}
     for row in shown if result.years is not None else ():
@@ -76,18 +86,55 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
     )
 
 
-def _cells() -> list[Cells]:
+def _caveats(rows: Sequence[KnownPlanetRow]) -> str:
+    """Which of these planets have an orbit or a status that is in doubt, in one sentence; empty for none."""
+    kinds = (
+        ("a later orbit contradicts that of", [row for row in rows if row.superseded_by]),
+        ("published orbits disagree on", [row for row in rows if len(row.orbits) > 1]),
+        ("not counted:", [row for row in rows if not row.counted]),
+    )
+    said = [f"{text} {', '.join(map(known_planet_name, named))}" for text, named in kinds if named]
+    return f"In doubt: {'; '.join(said)} (-v: who says so)." if said else ""
+
+
+def _cells(result: KnownResult) -> list[Cells]:
+    hole = result.holes[0]
+    inside = (
+        f"share of the draws between the corners of the dark hole of {hole.band}, {hole.inner_arcsec:.2f} to "
+        f"{hole.outer_arcsec:.2f} arcsec; at a given roll the position angle decides as well"
+    )
+    windows = "" if result.years is None else "window/1 best_day/1 "
     return row_cells(
         KnownPlanetRow,
         "planet distance_pc/5 period_days/4 semi_major_axis_au/3 eccentricity/6 mass_mjup/7 radius_rjup/8 "
-        "separation_arcsec phase_deg/1 contrast in_hole/2 phase_known/2 status",
+        f"separation_arcsec phase_deg/1 contrast in_hole/2 phase_known/3 {windows}status",
         planet=known_planet_name,
-        separation_arcsec=lambda row: _with_width(row.separation_arcsec, 3),
+        separation_arcsec=Cells(
+            "sep ″",
+            lambda row: _with_width(row.separation_arcsec, 3),
+            label="separation",
+            legend="projected separation, the median of the draws ± half of the width that holds 68 % of them",
+            fields=("separation_arcsec",),
+        ),
         phase_deg=lambda row: _with_width(row.phase_deg, 0),
-        contrast=Cells("contrast", lambda row: ratio_text(row.bands[0].contrast.median)),
-        in_hole=Cells("in hole", lambda row: f"{100.0 * row.bands[0].hole_share:.0f} %"),
+        contrast=Cells("contrast", lambda row: ratio_text(row.bands[0].contrast.median), legend=f"in {hole.band}"),
+        in_hole=Cells("in hole", lambda row: f"{100.0 * row.bands[0].hole_share:.0f} %", legend=inside),
         phase_known=Cells("phase known", lambda row: "no" if "phase_unknown" in row.flags else "yes", right=False),
+        window=Cells("window", _window, right=False),
+        best_day=Cells("best day", _best_day, legend="that on which it stands there most likely, and how likely"),
     )
+
+
+def _window(row: KnownPlanetRow) -> str:
+    """The window of the best day."""
+    if not row.windows:
+        return MISSING
+    best = best_window(row)
+    return best.start_utc if best.end_utc == best.start_utc else f"{best.start_utc} to {best.end_utc}"
+
+
+def _best_day(row: KnownPlanetRow) -> str:
+    return f"{best_window(row).best_utc}, {best_window(row).best_share:.0%}" if row.windows else MISSING
 
 
 def _print_standing(row: KnownPlanetRow, console: Console) -> None:
@@ -146,8 +193,8 @@ _YEAR_DAYS = 366.0
 _BLOCKED = {"sun": "Sun", "moon": "Moon", "panel": "panels", "limb": "limb"}
 
 
-def print_visibility(result: VisibilityResult, console: Console) -> None:
-    """Print seasons, what blocks the rest, and what an orbit gives.
+def print_visibility(result: VisibilityResult, console: Console, *, full: bool = True) -> None:
+    """Print seasons, what blocks the rest, and what an orbit gives; with ``full`` how that is worked out.
 
     Parameters
     ----------
@@ -158,9 +205,14 @@ def print_visibility(result: VisibilityResult, console: Console) -> None:
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
         title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {day_text(result.start_utc)}"
-        print_table(console, title, _visibility_cells(years), result.targets, last_width=_LAST_COLUMN)
+        cells = _visibility_cells(years)
+        print_table(console, title, cells, result.targets, last_width=_LAST_COLUMN, legend=not full)
     else:
         _print_star(result, console)
+    if not full:
+        print_note(console, "Windows are between limbs of the Earth, the anomaly not cut out.")
+        print_note(console, pointing_sentence(result.pointing))
+        return
     step = "day" if result.step_days == 1 else f"step of {result.step_days:g} days"
     orbit = f"circular, {result.altitude_km:g} km, {result.inclination_deg:g} deg, node drifting"
     print_note(
@@ -199,7 +251,10 @@ def _visibility_cells(years: bool) -> list[Cells]:
     def blocked(name: str) -> Callable[[VisibleTarget], str]:
         return lambda row: f"{row.blocked_days[name]:g}"
 
-    days: dict[str, Any] = {name: Cells(header, blocked(name)) for name, header in _BLOCKED.items()}
+    days: dict[str, Any] = {
+        name: Cells(header, blocked(name), legend=f"days blocked, {BLOCK_WORDS[name]}")
+        for name, header in _BLOCKED.items()
+    }
     return row_cells(
         VisibleTarget,
         "name ecliptic_latitude_deg/3 observable_days sun/2 moon/2 panel/2 limb/5 visible_s best_visible_s best_utc/1 "

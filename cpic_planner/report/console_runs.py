@@ -1,8 +1,6 @@
 """The ranking on the terminal: table, sensitivity, and why one star stands where it stands.
 
 A comparison of survey strategies on the terminal.
-
-Speed against accuracy on the terminal.
 """
 
 from __future__ import annotations
@@ -244,7 +242,9 @@ _LAST_COLUMN = 24
 _MOST_STRATEGIES = 20
 
 
-def print_whatif(result: results.WhatIfResult, console: Console, report: Path | None = None) -> None:
+def print_whatif(
+    result: results.WhatIfResult, console: Console, report: Path | None = None, *, full: bool = True
+) -> None:
     """Print the summary, the strategies, their differences with the first one, and where the report is.
 
     Parameters
@@ -253,6 +253,8 @@ def print_whatif(result: results.WhatIfResult, console: Console, report: Path | 
     console : Console
     report : Path, optional
         The written report.
+    full : bool
+        Also every strategy's images, and what the comparison is to be made again with.
     """
     for i, text in enumerate(lead_sentences(result)):
         print_plain(console, text, bold=i == 0)
@@ -262,20 +264,18 @@ def print_whatif(result: results.WhatIfResult, console: Console, report: Path | 
     shown = [result.strategies[i] for i in rows]
     universes = f"{count_text(result.n_universes)} universes"
     title = f"{result.name or 'strategies'}: mean of {universes} and its 90 % interval"
-    print_table(console, title, _STRATEGIES, shown, last_width=_LAST_COLUMN)
+    print_table(console, title, _STRATEGIES, shown, last_width=_LAST_COLUMN, legend=True)
     if len(shown) < len(result.strategies):
         print_note(console, f"The first and the {len(shown) - 1} of {len(result.strategies)} that find most.")
-    print_note(
-        console,
-        "survey: 5 to 95 % of single surveys; any: share that finds a planet; visits: made, mean; bound: how far the "
-        "calendar is below what no calendar can pass; alarms: false ones, mean.",
-    )
     if len(shown) > 1:
         console.print()
         _print_differences(result, {item.name for item in shown}, console)
     _print_facts(result, shown, console)
-    _print_images(shown, console)
-    print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
+    if full:
+        _print_images(shown, console)
+        print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
+    else:
+        print_note(console, *filter(None, [_images_sentence(result.strategies)]))
     if report is not None:
         print_plain(console, f"report: {report}")
 
@@ -284,13 +284,27 @@ _STRATEGIES = row_cells(
     results.StrategyOutcome,
     "planets interval/2 survey/5 new/1 any_planet/4 hours visits/6 bound/7 alarms/8 name",
     planets=lambda item: decimals(item.planets.mean, 2),
-    interval=Cells("interval", lambda item: interval_text(item.planets.low, item.planets.high)),
-    survey=Cells("survey", lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}"),
-    new=Cells("new", lambda item: decimals(item.new_planets.mean, 2)),
+    interval=Cells("interval", lambda item: interval_text(item.planets.low, item.planets.high), legend="of the mean"),
+    survey=Cells(
+        "survey",
+        lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}",
+        legend="5 to 95 % of single surveys",
+    ),
+    new=Cells("new", lambda item: decimals(item.new_planets.mean, 2), legend="planets that nobody knows"),
     hours=lambda item: decimals(item.hours.mean, 0),
-    visits=Cells("visits", lambda item: decimals(sum(target.visits for target in item.targets), 1)),
-    bound=Cells("bound %", lambda item: decimals(100.0 * item.schedule.distance, 1)),
-    alarms=Cells("alarms", lambda item: planets_text(item.noise_alarms.mean + item.background_alarms.mean)),
+    visits=Cells(
+        "visits", lambda item: decimals(sum(target.visits for target in item.targets), 1), legend="made, mean"
+    ),
+    bound=Cells(
+        "bound %",
+        lambda item: decimals(100.0 * item.schedule.distance, 1),
+        legend="how far the calendar is below what no calendar can pass",
+    ),
+    alarms=Cells(
+        "alarms",
+        lambda item: planets_text(item.noise_alarms.mean + item.background_alarms.mean),
+        legend="false ones, mean",
+    ),
 )
 
 
@@ -346,6 +360,16 @@ def _signed(value: float, places: int) -> str:
     return f"{'+' if value > 0 else ''}{decimals(value, places)}"
 
 
+def _images_sentence(strategies: Sequence[results.StrategyOutcome]) -> str:
+    """How many of the detections that were simulated as images show the planet; empty where none was."""
+    samples = [item.images for item in strategies if item.images is not None and item.images.images]
+    if not samples:
+        return ""
+    expected = decimals(sum(sample.expected for sample in samples), 1)
+    found, made = (sum(getattr(sample, name) for sample in samples) for name in ("found", "images"))
+    return f"{found} of {made} simulated image sequences show the planet, {expected} expected (-v: by strategy)."
+
+
 def _print_images(strategies: list[results.StrategyOutcome], console: Console) -> None:
     for item in strategies:
         sample = item.images
@@ -361,37 +385,3 @@ def _print_images(strategies: list[results.StrategyOutcome], console: Console) -
         counts = f"{sample.found} of {sequences} show the planet"
         expected = f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}"
         print_plain(console, f"{item.name}: {counts}, {expected}{remark}")
-
-
-def print_tradeoff(result: results.TradeoffResult, console: Console) -> None:
-    """Print one table a scene: every way with its time, memory and errors.
-
-    Parameters
-    ----------
-    result : TradeoffResult
-    console : Console
-    """
-
-    def way(row: results.TradeoffRow) -> str:
-        title = row.title if row.machine == result.machine.key else f"{row.title} (another machine)"
-        return title if row.status == "ok" else f"{title}: {row.status}, {row.reason.replace('_', ' ')}"
-
-    cells = row_cells(
-        results.TradeoffRow,
-        "title wall_s cpu_s peak_memory_mb/2 flux_error/1 snr_error",
-        flux_error=lambda row: _error(row.flux_error, None),
-        snr_error=lambda row: _error(row.snr_error, row.snr_uncertainty),
-        title=Cells("way", way, right=False),
-    )
-    for scene in result.scenes:
-        rows = [row for row in result.rows if row.scene == scene.name]
-        title = f"{scene.title} ({scene.name}, {scene.band})"
-        print_table(console, title, cells, rows)
-    for name, ratio in result.speed_ups.items():
-        print_plain(console, f"{name}: one call of the closed forms is {ratio:.0f} times faster than the reference")
-
-
-def _error(value: float | None, uncertainty: float | None) -> str:
-    if value is None:
-        return ""
-    return f"{100 * value:+.2g} %" if not uncertainty else f"{100 * value:+.2g} ± {100 * uncertainty:.1g} %"

@@ -108,7 +108,10 @@ def contrast_diagram(
         x, y = [row.separation_arcsec for row in chosen], [row.contrast for row in chosen]
         reach = [9.0 if row.name in confirmed else 5.0 for row in chosen]
         names = [literal(pretty_name(row.name)) for row in chosen]
-        place_labels(axes, x, y, names, fontsize=9, reach_px=reach)
+        labels = {row.name for row in chosen}
+        detected = [row for row in rows if row.status == "ok" and row.name not in labels]
+        seen = [(row.separation_arcsec, row.contrast) for row in detected]
+        place_labels(axes, x, y, names, fontsize=9, reach_px=reach, others=seen)
         return save(
             figure,
             alt=f"Diagram of contrast against separation: {len(rows)} reference planets and {len(limits)} "

@@ -263,11 +263,12 @@ class Group(_Templated):
 
 @dataclass(frozen=True)
 class Fold(_Templated):
-    """Blocks that show when asked for."""
+    """Blocks that show when asked for, with an anchor where something leads to them."""
 
     summary: str
     blocks: "Sequence[Block]"
     open: bool = False
+    anchor: str = ""
 
 
 Block: TypeAlias = Paragraph | Heading | Table | Figure | Facts | Items | Group | Fold
@@ -307,17 +308,28 @@ def section_of(
 
 @dataclass(frozen=True)
 class Document:
-    """A report: title of the window, heading, what it is, its summary, and its sections as (anchor, title, blocks)."""
+    """A report: title of the window, heading, what it is, its summary, and its sections as (anchor, title, blocks).
+
+    ``opening`` is the heading of the summary.
+    """
 
     title: str
     heading: str
     about: str
     summary: Sequence[Block]
     sections: Sequence[tuple[str, str, Sequence[Block]]]
+    opening: str = "Summary"
 
 
 def document_of(
-    page: Registry[Section[D]], data: D, *, title: str, heading: str, about: str, summary: Iterable[Block]
+    page: Registry[Section[D]],
+    data: D,
+    *,
+    title: str,
+    heading: str,
+    about: str,
+    summary: Iterable[Block],
+    opening: str = "Summary",
 ) -> Document:
     """Return the document that a page makes of its data.
 
@@ -331,9 +343,11 @@ def document_of(
         Title of the window, heading, and the line below it.
     summary : iterable of Block
         Shown before all sections.
+    opening : str
+        Heading of that.
     """
     made = ((entry.name, entry.title, list(entry.blocks(data))) for entry in page.values())
-    return Document(title, heading, about, list(summary), [section for section in made if section[2]])
+    return Document(title, heading, about, list(summary), [section for section in made if section[2]], opening)
 
 
 def reproduced_blocks(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import io
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -129,7 +130,7 @@ def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: st
 
         # `savefig` draws a figure with a layout twice, of which the first time is for the layout
         FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
-        return Picture(_uri("image/svg+xml", buffer.getvalue()), alt, caption)
+        return Picture(_uri("image/svg+xml", in_two_lights(buffer.getvalue())), alt, caption)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -141,6 +142,43 @@ def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: st
     small = Image.fromarray(drawn).quantize(palette=_palette(), dither=Image.Dither.NONE)
     small.save(buffer, format="png", compress_level=_PNG_LEVEL)
     return Picture(_uri("image/png", buffer.getvalue()), alt, caption)
+
+
+_COLOUR = re.compile(rb"(?<=: )#([0-9a-f]{6})(?![0-9a-f])")
+_DARK_INK, _DARK_PAGE = (0xE4, 0xE7, 0xEA), (0x14, 0x17, 0x1A)
+"""Ink and page of ``plan.css`` in dark mode."""
+_MOST_TINT = 16
+"""Largest difference between red, green and blue of what is a grey, of 255."""
+
+
+def in_two_lights(drawing: bytes) -> bytes:
+    """Return an SVG drawing whose greys, white and black follow dark mode: black becomes light and white dark.
+
+    Parameters
+    ----------
+    drawing : bytes
+        As matplotlib writes it: colours in styles, black where none is said.
+    """
+    greys = {"000000": 0.0}
+    for colour in map(bytes.decode, _COLOUR.findall(drawing)):
+        levels = bytes.fromhex(colour)
+        if max(levels) - min(levels) <= _MOST_TINT:
+            greys[colour] = sum(levels) / (3 * 255)
+    named = sorted(greys.items())
+    light = ";".join(f"--g{colour}:#{colour}" for colour, _ in named)
+    dark = ";".join(f"--g{colour}:#{_in_the_dark(share)}" for colour, share in named)
+    rules = f"svg{{fill:var(--g000000);{light}}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}"
+
+    def looked(found: re.Match[bytes]) -> bytes:
+        return b"var(--g" + found[1] + b")" if found[1].decode() in greys else found[0]
+
+    return _COLOUR.sub(looked, drawing).replace(b"</style>", rules.encode() + b"</style>", 1)
+
+
+def _in_the_dark(share: float) -> str:
+    """A grey in dark mode, from its share of white."""
+    pairs = zip(_DARK_INK, _DARK_PAGE, strict=True)
+    return "".join(f"{round(ink + share * (page - ink)):02x}" for ink, page in pairs)
 
 
 def _palette() -> Any:
@@ -207,6 +245,10 @@ def literal(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+_POINT_PX = 3.0
+"""Radius of a small point on the screen."""
+
+
 def place_labels(
     axes: Axes,
     x: Sequence[float],
@@ -215,6 +257,7 @@ def place_labels(
     *,
     reach_px: Sequence[float] | float = 4.0,
     avoid: Sequence[Artist] = (),
+    others: Sequence[tuple[float, float]] = (),
     **text_style: Any,
 ) -> None:
     """Write a label near each point so that labels cover neither each other nor the labelled points.
@@ -230,12 +273,15 @@ def place_labels(
     reach_px : sequence of float
         Radius of each point's marker.
     avoid : sequence of Artist
-        Texts that labels must not cover.
+        Texts that labels must not cover; those that lie on labelled points are hidden.
+    others : sequence of (float, float)
+        Data coordinates of points without a label that labels must not cover either.
     **text_style
         Handed to ``Axes.annotate``.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.patheffects import withStroke
+    from matplotlib.transforms import Bbox
 
     figure = axes.figure
     canvas = figure.canvas
@@ -246,7 +292,14 @@ def place_labels(
     frame = axes.get_window_extent(renderer)
     radii = np.broadcast_to(np.asarray(reach_px, float), len(texts))
     taken: list[tuple[float, ...]] = [(x - r, y - r, x + r, y + r) for (x, y), r in zip(points, radii, strict=True)]
-    taken += [tuple(artist.get_window_extent(renderer).extents) for artist in avoid]
+    for artist in avoid:
+        extent = artist.get_window_extent(renderer)
+        if any(extent.overlaps(Bbox.from_extents(*box)) for box in taken[: len(texts)]):
+            artist.set_visible(False)
+        else:
+            taken.append(tuple(extent.extents))
+    beside = axes.transData.transform(np.array(others)) if others else np.empty((0, 2))
+    taken += [(x - _POINT_PX, y - _POINT_PX, x + _POINT_PX, y + _POINT_PX) for x, y in beside]
     to_points = 72.0 / figure.dpi
     halo = [withStroke(linewidth=2.2, foreground="white")]
     for (px, py), radius, text in zip(points, radii, texts, strict=True):

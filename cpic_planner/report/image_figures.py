@@ -3,7 +3,9 @@
 What the reports of a plan and of a confirmed scene show of images: measurements, pictures, how they were made.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
@@ -21,7 +23,7 @@ from cpic_planner.report.numbers import (
     significant,
 )
 from cpic_planner.report.panel_figure import PANEL_NOTE
-from cpic_planner.report.summary import ModelledRow, dial_text, error_text, modelled_groups
+from cpic_planner.report.summary import ModelledGroup, ModelledRow, dial_text, error_text, modelled_groups, size_order
 from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, orbits_text, plus_minus, reason_text, status_text
 from cpic_planner.results import (
     AuditRecord,
@@ -296,36 +298,65 @@ def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str
     yield from (doc.Figure(picture, before=name) for picture in shown)
 
 
-def _decision(row: ModelledRow) -> doc.Inline:
-    return doc.badge("ok" if row.effect.decision == "kept" else "unreachable", row.word)
+@dataclass(frozen=True)
+class _EffectRow:
+    """One effect in all images of a report: its largest size, and what became of it in how many of them."""
+
+    row: ModelledRow
+    where: str
+    words: dict[str, int]
+
+    @property
+    def decision(self) -> doc.Inline:
+        """What became of the effect; where that differs between images, in how many."""
+        kept = "ok" if self.row.effect.decision == "kept" else "unreachable"
+        others = ", ".join(f"{word} in {count}" for word, count in self.words.items())
+        return doc.lines(doc.badge(kept, self.row.word), doc.small(others) if len(self.words) > 1 else "")
 
 
-_EFFECTS: tuple[doc.Column[ModelledRow], ...] = (
-    doc.Column("Effect", lambda row: row.effect.effect, look="row left"),
-    doc.Column("Predicted size", lambda row: row.size or MISSING, "largest of flux and SNR"),
-    doc.Column("Largest in", lambda row: row.where, look="left"),
-    doc.Column("Modelled", _decision, look="left"),
-    doc.Column("How, or why not", lambda row: row.effect.reason, look="left wide"),
+_EFFECTS: tuple[doc.Column[_EffectRow], ...] = (
+    doc.Column("Effect", lambda item: item.row.effect.effect, look="row left"),
+    doc.Column("Predicted size", lambda item: item.row.size or MISSING, "largest of flux and SNR"),
+    doc.Column("Largest in", lambda item: item.where, look="left"),
+    doc.Column("Modelled", lambda item: item.decision, look="left"),
+    doc.Column("How, or why not", lambda item: item.row.effect.reason, look="left wide"),
 )
 
 
-def modelled_blocks(named: Sequence[tuple[str, ModellingRecord]]) -> Iterator[doc.Block]:
-    """Yield one table for every distinct way in which images were made; see `modelled_groups`."""
-    groups = modelled_groups(named)
+def _effect_rows(groups: Sequence[ModelledGroup]) -> list[_EffectRow]:
+    """Every effect once, largest first."""
+    every: dict[str, list[tuple[ModelledGroup, ModelledRow]]] = {}
     for group in groups:
-        knobs = group.knobs[:1].upper() + group.knobs[1:]
-        made = f": {group.members}. {knobs}. Predicted error beside the reference: {group.errors}."
-        caption: doc.Inline = [doc.strong(group.title), made]
-        yield doc.table(f"Modelled: {group.members}", caption, _EFFECTS, group.rows)
+        for row in group.rows:
+            every.setdefault(row.effect.effect, []).append((group, row))
+    rows = []
+    for found in every.values():
+        group, largest = max(found, key=lambda item: size_order(item[1].effect))
+        words: Counter[str] = Counter()
+        for other, row in found:
+            words[row.word] += len(other.names)
+        alike = len({row.size for _, row in found}) == 1
+        rows.append(_EffectRow(largest, largest.where or ("" if alike else group.names[0]), dict(words)))
+    return sorted(rows, key=lambda item: -size_order(item.row.effect))
+
+
+def modelled_blocks(named: Sequence[tuple[str, ModellingRecord]]) -> Iterator[doc.Block]:
+    """Yield how images were made, each distinct way in a paragraph, and a folded table of all effects."""
+    groups = modelled_groups(named)
     if not groups:
         yield doc.Paragraph("No image was made.")
         return
-    yield doc.Paragraph(
+    for group in groups:
+        knobs = group.knobs[:1].upper() + group.knobs[1:]
+        made = f": {group.members}. {knobs}. Predicted error beside the reference: {group.errors}."
+        yield doc.Paragraph([doc.strong(group.title), made])
+    rows = _effect_rows(groups)
+    caption = (
         "Sizes are closed-form predictions of the relative change of what is measured if the effect is left out or "
         "done more coarsely, after the reduction; a dash where none can be given. What is left out is left out because "
-        "the sum of such sizes stays within what was asked for, or because it is not there.",
-        "note",
+        "the sum of such sizes stays within what was asked for, or because it is not there."
     )
+    yield doc.Fold(f"All effects ({len(rows)})", [doc.table("Effects in the images", caption, _EFFECTS, rows)])
 
 
 def not_modelled_blocks(items: Sequence[str]) -> Iterator[doc.Block]:

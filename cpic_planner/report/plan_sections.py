@@ -1,17 +1,28 @@
 """The prioritisation report of a plan: its sections, each an entry of `PLAN_SECTIONS`."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from catalogs import data_credits
 from cpic_core import Registry
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report import document as doc, image_figures, numbers, summary, words
-from cpic_planner.report.cells import Cells, frames_text
+from cpic_planner.report.cells import Cells
+from cpic_planner.report.decision import (
+    Pick,
+    decision_blocks,
+    of_band,
+    picks_of,
+    star_cell,
+    summary_sentences,
+    verdict_cell,
+)
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import PLAN_FIGURES
-from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, pretty_name, significant
+from cpic_planner.report.numbers import decimals, duration_text, pretty_name, significant
+from cpic_planner.report.plan_stars import anchors_of, star_pages
 from cpic_planner.report.priorities import known_blocks, priority_blocks, sensitivity_blocks
 from cpic_planner.report.words import method_credits, terms
 
@@ -44,6 +55,16 @@ class PlanReport:
     known: results.KnownResult | None = None
     top_rows: int = 50
 
+    @cached_property
+    def anchors(self) -> dict[str, str]:
+        """Anchors of the pages of stars, by name."""
+        return anchors_of(self.plan, self.rows)
+
+    def named(self, row: results.RankedTarget) -> doc.Inline:
+        """Return the name of a star, as a link where it has a page."""
+        name = pretty_name(row.name)
+        return doc.link(self.anchors[row.name], name) if row.name in self.anchors else name
+
     @property
     def rows(self) -> list[results.RankedTarget]:
         """Rows of the ranking that are printed."""
@@ -56,11 +77,7 @@ PLAN_SECTIONS: Registry[doc.Section[PlanReport]] = Registry("section")
 
 def plan_document(report: PlanReport) -> doc.Document:
     """Return the report of a plan."""
-    plan, rank = report.plan, report.rank
-    lead = [doc.Paragraph(" ".join(summary.summary_sentences(plan, rank)), "lead")]
-    lead.append(doc.Paragraph(doc.strong(summary.calibration_sentence(plan)), "lead"))
-    if altered := summary.overrides_sentence(plan):
-        lead.insert(0, doc.Paragraph(doc.strong(altered), "altered"))
+    plan = report.plan
     return doc.document_of(
         PLAN_SECTIONS,
         report,
@@ -68,29 +85,9 @@ def plan_document(report: PlanReport) -> doc.Document:
         heading="CPI-C target plan",
         about="Which nearby stars to observe first, in which band and with which settings; predicted analytically, "
         "confirmed with simulated images.",
-        summary=lead,
+        opening="What to observe first",
+        summary=decision_blocks(plan, report.rank, report.sensitivity, report.named),
     )
-
-
-_Pick = tuple[int, results.ConfirmedTarget, results.BandConfirmation | None]
-
-
-def _of_band(text: Callable[[results.BandConfirmation], doc.Inline]) -> Callable[[_Pick], doc.Inline]:
-    return lambda pick: MISSING if pick[2] is None else text(pick[2])
-
-
-def _star(name: doc.Inline, hip: int | None) -> doc.Inline:
-    return doc.lines(name, doc.small(f"HIP {hip}") if hip is not None else "")
-
-
-def _picked_star(pick: _Pick) -> doc.Inline:
-    return _star(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip)
-
-
-def _pick_verdict(pick: _Pick) -> doc.Inline:
-    _, target, best = pick
-    mark = doc.badge("unreachable", "not confirmed") if best is None else image_figures.outcome(best)
-    return doc.lines(mark, words.plus_minus(target.verdict))
 
 
 def _recovered(best: results.BandConfirmation) -> doc.Inline:
@@ -102,28 +99,27 @@ def _significance(best: results.BandConfirmation) -> str:
     return f"{significant(best.recovered_significance)} / {significant(best.threshold)}"
 
 
-_NOWHERE = doc.Span("the images show the planet in no band; see below", 8)
-_FIRST: tuple[doc.Column[_Pick], ...] = (
-    doc.Column("#", lambda pick: str(pick[1].ranked.rank)),
-    doc.Column("Star", _picked_star, look="row left"),
-    doc.Column("V", lambda pick: decimals(pick[1].ranked.v_mag, 2), "mag"),
-    doc.Column("Distance", lambda pick: significant(pick[1].ranked.distance_pc, 4), "pc"),
-    doc.Column("Band", _of_band(lambda best: best.band), look="left"),
-    doc.Column("Frames × exposure", lambda pick: _NOWHERE if pick[2] is None else frames_text(pick[2]), "s"),
-    doc.Column("EM gain", _of_band(lambda best: significant(best.em_gain))),
-    doc.Column("Wall time", _of_band(lambda best: duration_text(best.time_s))),
-    doc.Column("Separation", _of_band(lambda best: decimals(best.separation_arcsec, 3)), "arcsec"),
-    doc.Column("Contrast", _of_band(lambda best: numbers.contrast_text(best.true_contrast))),
-    doc.Column("SNR", _of_band(lambda best: significant(best.predicted_snr)), "predicted"),
-    doc.Column("SNR", _of_band(_recovered), "recovered"),
-    doc.Column("Significance", _of_band(_significance), "/ threshold"),
-    doc.Column("Verdict", _pick_verdict, look="left verdict"),
+_NOWHERE = doc.Span("the images show the planet in no band; see its page", 6)
+_IMAGED: tuple[doc.Column[Pick], ...] = (
+    doc.Column(
+        "Star",
+        lambda pick: star_cell(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip),
+        look="row left star",
+    ),
+    doc.Column("Band", lambda pick: _NOWHERE if pick[2] is None else pick[2].band, look="left"),
+    doc.Column("Separation", of_band(lambda best: decimals(best.separation_arcsec, 3)), "arcsec"),
+    doc.Column("Contrast", of_band(lambda best: numbers.contrast_text(best.true_contrast))),
+    doc.Column("SNR", of_band(lambda best: significant(best.predicted_snr)), "predicted"),
+    doc.Column("SNR", of_band(_recovered), "recovered"),
+    doc.Column("Significance", of_band(_significance), "/ threshold"),
+    doc.Column("Verdict", verdict_cell, look="left verdict"),
 )
 
 
-@doc.section_of(PLAN_SECTIONS, "first", "What to observe first")
-def _observe_first(report: PlanReport) -> Iterator[doc.Block]:
+@doc.section_of(PLAN_SECTIONS, "first", "What the images show")
+def _images(report: PlanReport) -> Iterator[doc.Block]:
     plan = report.plan
+    yield doc.Paragraph(" ".join(summary_sentences(plan, report.rank)))
     if plan.targets:
         caption = (
             "Targets confirmed with simulated images, in order of the ranking; each in the band of highest predicted "
@@ -131,51 +127,16 @@ def _observe_first(report: PlanReport) -> Iterator[doc.Block]:
             f"{plan.realisations} realisations or, without any, among those that show it at its known place. "
             "Separation and contrast are those of the reference planet; the verdict is of all bands."
         )
-        picks = [(number, target, summary.chosen(target)) for number, target in enumerate(plan.targets, 1)]
-        yield doc.table("What to observe first", caption, _FIRST, picks)
+        yield doc.table("What the images show", caption, _IMAGED, picks_of(plan))
     else:
         yield doc.Paragraph("No target was confirmed.")
     for text in (*words.targets_sentences(plan), *words.not_imaged_lines(plan)):
         yield doc.Paragraph(text, "note")
-    yield doc.Paragraph(
-        "Wall time is all visits to one target in one band: science frames, reference frames, readouts and the "
-        "overhead of each visit. Occultations and visibility are not in it.",
-        "note",
-    )
-
-
-_REQUEST: tuple[doc.Column[tuple[results.ConfirmedTarget, results.BandConfirmation]], ...] = (
-    doc.Column("Star", lambda row: _star(pretty_name(row[0].name), row[0].hip), look="row left"),
-    doc.Column("RA", lambda row: words.ra_text(row[0].ranked.ra_deg), "ICRS"),
-    doc.Column("Dec", lambda row: words.dec_text(row[0].ranked.dec_deg), "ICRS"),
-    doc.Column("Band", lambda row: row[1].band, look="left"),
-    doc.Column("Frames", lambda row: count_text(row[1].n_frames), "science"),
-    doc.Column("Exposure", lambda row: significant(row[1].exposure_s), "s"),
-    doc.Column("EM gain", lambda row: significant(row[1].em_gain)),
-    doc.Column("Wall time", lambda row: duration_text(row[1].time_s)),
-)
-
-
-@doc.section_of(PLAN_SECTIONS, "request", "Observing request")
-def _request(report: PlanReport) -> Iterator[doc.Block]:
-    chosen = [(target, summary.chosen(target)) for target in report.plan.targets]
-    rows = [(target, best) for target, best in chosen if best is not None]
-    if not rows:
-        yield doc.Paragraph("The images chose no band for any target, so that there is nothing to ask for.")
-        return
-    caption = (
-        "What to ask for: one line for each target with a chosen band. The wall time holds science frames, reference "
-        f"frames ({LIBRARIES[report.plan.reference_library].meaning}) and readouts; positions are those of the "
-        "catalogue epoch, without proper motion."
-    )
-    yield doc.table("Observing request", caption, _REQUEST, rows)
-    total_s = sum(best.time_s or 0.0 for _, best in rows)
-    yield doc.Paragraph(f"Sum of the wall times: {duration_text(total_s)}.", "note")
 
 
 @doc.section_of(PLAN_SECTIONS, "priorities", "Priorities")
 def _priorities(report: PlanReport) -> Iterator[doc.Block]:
-    yield from priority_blocks(report.rank, report.rows)
+    yield from priority_blocks(report.rank, report.rows, report.named)
     if report.known is not None:
         yield from known_blocks(report.known)
 
@@ -194,66 +155,9 @@ def _figures(report: PlanReport) -> Iterator[doc.Block]:
             yield doc.Figure(report.figures[key], title, key, more=more)
 
 
-@doc.section_of(PLAN_SECTIONS, "targets", "Targets")
-def _targets(report: PlanReport) -> Iterator[doc.Block]:
-    for number, target in enumerate(report.plan.targets, 1):
-        title = f"{target.ranked.rank}. {numbers.full_name(target.name, target.hip)}"
-        yield doc.Group(f"target-{number}", title, list(star_blocks(target, report.images)))
-
-
-def _companion_text(star: results.RankedTarget) -> str:
-    """Where the nearest companion stands, with the error of its place."""
-    angle, error = star.companion_pa_deg, star.companion_position_error_arcsec
-    text = f"{significant(star.companion_separation_arcsec, 3)} arcsec"
-    text += "" if error is None else f" ± {significant(error, 1)}"
-    return text + (", position angle not known" if angle is None else f", position angle {round(angle)} deg")
-
-
-def star_blocks(target: results.ConfirmedTarget, images: Mapping[str, Picture]) -> Iterator[doc.Block]:
-    """Yield what images show of one star: facts, verdict, measurements in each band, pictures.
-
-    Parameters
-    ----------
-    target : ConfirmedTarget
-    images : mapping of str to Picture
-        By ``BandConfirmation.image``.
-    """
-    star, name = target.ranked, pretty_name(target.name)
-    facts: list[tuple[doc.Inline, doc.Inline]] = [
-        ("Catalogue name", target.name),
-        ("Position (ICRS)", f"{words.ra_text(star.ra_deg)}, {words.dec_text(star.dec_deg)}"),
-        ("Type, V", f"{star.sp_type}, {decimals(star.v_mag, 2)} mag"),
-        ("Distance", f"{significant(star.distance_pc, 4)} pc"),
-    ]
-    if star.luminosity_lsun is not None:
-        facts.append(("Luminosity", [f"{significant(star.luminosity_lsun)} L", doc.Mark("sub", "☉")]))
-    if star.companion_separation_arcsec is not None:
-        facts.append(("Nearest known companion", _companion_text(star)))
-    sunlight = star.ref_planet_insolation_au
-    lit = "" if sunlight is None else f" (sunlight of {significant(sunlight)} au)"
-    facts += [
-        ("Reference planet", f"{significant(target.planet_distance_au)} au from the star{lit}"),
-        ("Completeness", _completeness_fact(star)),
-        ("Predicted margin", f"{significant(star.detection_margin)} in {star.band}"),
-    ]
-    facts += [(title, text) for title, text in image_figures.visits_facts(target).items()]
-    yield doc.Facts(facts, wide=False)
-    if star.flags:
-        yield doc.Facts([("Caveats", "; ".join(words.flag_text(flag) for flag in star.flags))])
-    if target.verdict:
-        yield doc.Paragraph(doc.strong(words.sentence(target.verdict)))
-    picked = f"The chosen band is {target.chosen_band}." if target.chosen_band else "No band was chosen."
-    yield image_figures.measure_table(name, target.bands, f"{name} by band. {picked}", target.chosen_band)
-    yield from image_figures.audit_blocks(name, target.bands)
-    yield from image_figures.picture_blocks(images, [band.image for band in target.bands if band.image], name)
-
-
-def _completeness_fact(star: results.RankedTarget) -> str:
-    fact = f"{numbers.share_text(star.completeness)} % in {star.completeness_band}"
-    of_all, placed = star.completeness_unconditional, star.completeness_known_place
-    if placed is not None:
-        fact = f"{fact} by a blind search, {numbers.share_text(placed)} % at known places"
-    return fact if of_all is None else f"{fact}; blind {numbers.share_text(of_all)} % whatever is known of the star"
+@doc.section_of(PLAN_SECTIONS, "targets", "A page a star")
+def _stars(report: PlanReport) -> Iterator[doc.Block]:
+    return star_pages(report.plan, report.rows, report.images, report.known)
 
 
 @doc.section_of(PLAN_SECTIONS, "assumptions", "Assumptions")
@@ -327,7 +231,7 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
         f"rank {'rank_in_catalogue ' * rank.filtered}name:row,star v_mag sp_type distance_pc score completeness "
         "completeness_unconditional band "
         "separation_arcsec contrast frames em_gain snr detection_margin status:wide flags:flags",
-        name=lambda row: _star(pretty_name(row.name), row.hip),
+        name=lambda row: star_cell(report.named(row), row.hip),
         distance_pc=lambda row: significant(row.distance_pc, 4),
         score=Cells("", lambda row: words.score_number(row.score, score.name), label="score", unit=score.unit),
         completeness=_completeness,
@@ -341,7 +245,7 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
         "reference planet. All rows and columns are in `ranking.csv` and `ranking.ecsv`."
     )
     yield doc.table("Ranking", doc.marked(caption), columns, rows, look="compact")
-    yield from _velocities(rank, len(rows))
+    yield from _velocities(report)
     if reasons := sorted({row.reason for row in rows if row.reason}):
         yield doc.Heading("Reasons used here")
         yield doc.Facts([(reason.replace("_", " "), words.reason_text(reason)) for reason in reasons])
@@ -351,15 +255,15 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
         yield doc.Facts([(doc.code(flag), words.flag_text(flag)) for flag in flags])
 
 
-def _velocities(rank: results.RankResult, first: int) -> Iterator[doc.Block]:
+def _velocities(report: PlanReport) -> Iterator[doc.Block]:
     """What is expected with what is known, and where more velocities would change it."""
-    if expected := summary.expected_sentence(rank):
+    if expected := summary.expected_sentence(report.rank):
         yield doc.Paragraph(expected)
-    if rows := summary.unprobed_stars(rank, first):
+    if rows := summary.unprobed_stars(report.rank, len(report.rows)):
         columns = doc.row_columns(
             results.RankedTarget,
             "rank name:row,star completeness completeness_unconditional rv_amplitude_m_s ref_planet_distance_au",
-            name=lambda row: _star(pretty_name(row.name), row.hip),
+            name=lambda row: star_cell(report.named(row), row.hip),
         )
         caption = (
             "Where more radial velocities would change the ranking: stars whose reference planet they do not exclude "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from cpic_planner import results
@@ -34,7 +34,11 @@ N_BARS, N_STARS, N_WINDOWS = 12, 25, 3
 _LOW, _HIGH, _INK = "#4477aa", "#cc6677", "#222222"
 
 
-def priority_blocks(rank: results.RankResult, rows: Sequence[results.RankedTarget]) -> Iterator[doc.Block]:
+def priority_blocks(
+    rank: results.RankResult,
+    rows: Sequence[results.RankedTarget],
+    named: Callable[[results.RankedTarget], doc.Inline] = lambda row: pretty_name(row.name),
+) -> Iterator[doc.Block]:
     """Yield the priorities of the first stars: a table, and what an ensemble of instruments says where one was asked.
 
     Parameters
@@ -42,6 +46,8 @@ def priority_blocks(rank: results.RankResult, rows: Sequence[results.RankedTarge
     rank : RankResult
     rows : sequence of RankedTarget
         The stars that are shown.
+    named : callable
+        Writes the name of a star.
     """
     ensemble = rank.ensemble
     sure = "" if ensemble is None else " p_reachable rank_median between p_rank_le_10"
@@ -49,7 +55,7 @@ def priority_blocks(rank: results.RankResult, rows: Sequence[results.RankedTarge
         results.RankedTarget,
         "rank name:row,star tier hours visits limit drift brighter expected_planets expected_planets_unconditional"
         f"{sure}",
-        name=lambda row: pretty_name(row.name),
+        name=named,
         hours=Cells("", lambda row: _time(row.detection_time_s), label="time to detect it", right=True),
         visits=Cells("", lambda row: _count(row.detection_visits), label="visits", right=True),
         limit=Cells("", lambda row: words.LIMITED_BY[row.limited_by][0] if row.limited_by else MISSING, label="limit"),
@@ -114,12 +120,12 @@ def known_blocks(known: results.KnownResult) -> Iterator[doc.Block]:
     """
     columns = doc.row_columns(
         results.KnownPlanetRow,
-        "planet:row,text status semi_major_axis_au separation_arcsec contrast window best",
+        "planet:row,text status semi_major_axis_au separation_arcsec contrast window:wide best",
         planet=known_planet_name,
         semi_major_axis_au=lambda row: significant(row.semi_major_axis_au.median, 3),
         separation_arcsec=Cells("", _separation, label="separation at the date (arcsec)", right=True),
         contrast=Cells("", lambda row: contrast_text(_best_band(row).contrast.median), label="contrast", right=True),
-        window=Cells("", _windows, label="next in the dark hole"),
+        window=Cells("", windows_text, right=False, label="next in the dark hole"),
         best=Cells("", _best_day, label="best day", right=True),
     )
     rows = [row for row in known.planets if row.counted]
@@ -145,18 +151,18 @@ def _separation(row: results.KnownPlanetRow) -> str:
     return f"{place.median:.3f} ± {0.5 * (place.high - place.low):.3f}"
 
 
-def _best_window(row: results.KnownPlanetRow) -> results.KnownWindow:
-    """The window with the day on which a dark hole covers the planet most likely; the earliest of equals."""
+def best_window(row: results.KnownPlanetRow) -> results.KnownWindow:
+    """Return the window with the day on which a dark hole covers the planet most likely; the earliest of equals."""
     return min(row.windows, key=lambda window: (-window.best_share, window.best_utc))
 
 
 def _best_band(row: results.KnownPlanetRow) -> results.KnownBand:
-    name = _best_window(row).band
+    name = best_window(row).band
     return next(item for item in row.bands if item.band == name)
 
 
-def _windows(row: results.KnownPlanetRow) -> doc.Inline:
-    """The next windows of the band of the best one."""
+def windows_text(row: results.KnownPlanetRow) -> doc.Inline:
+    """Return the next windows of the band of the best one."""
     band = _best_band(row).band
     own = [window for window in row.windows if window.band == band]
     spans = [f"{window.start_utc} to {window.end_utc}" for window in own[:N_WINDOWS]]
@@ -165,7 +171,7 @@ def _windows(row: results.KnownPlanetRow) -> doc.Inline:
 
 
 def _best_day(row: results.KnownPlanetRow) -> str:
-    window = _best_window(row)
+    window = best_window(row)
     return f"{window.best_utc}: {100.0 * window.best_share:.0f} %"
 
 

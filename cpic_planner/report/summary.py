@@ -4,13 +4,12 @@ What was modelled, for people: the dial in words, and one table of the effect le
 """
 
 import statistics
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from cpic_planner import results
-from cpic_planner.registry import LIBRARIES, SCORES
-from cpic_planner.report.numbers import chosen_text, count_text, duration_text, pretty_name, significant
+from cpic_planner.registry import LIBRARIES
+from cpic_planner.report.numbers import count_text, pretty_name, significant
 from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, SEARCHES, counted, orbits_text, overrides_text, sentence
 from simulator.knobs import Quantity
 
@@ -160,50 +159,6 @@ def detected_sentence(rank: results.RankResult) -> str:
     return f"{words}, in {extent}{span}{f'; {paid}' if paid else ''}."
 
 
-def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> list[str]:
-    """Return the summary of the plan, one sentence an item.
-
-    Parameters
-    ----------
-    plan : PlanResult
-    rank : RankResult
-    """
-    sentences = [
-        f"{chosen_text(plan.n_ranked, plan.n_in_catalogue)} {'was' if plan.n_ranked == 1 else 'were'} ranked by "
-        f"{_score_words(rank)}, in at most "
-        f"{duration_text(plan.time_s)} of wall time per target and band.",
-        f"A reference planet ({planet_text(plan)}) is predicted to be detected around "
-        f"{count_text(plan.counts.get('ok', 0))} of them, {programme_text(rank)}"
-        + (f" ({limits_text(rank.counts_limited_by)})." if rank.counts_limited_by else "."),
-        *filter(None, [detected_sentence(rank)]),
-        *([] if rank.ensemble is None else [rank.ensemble.statement]),
-    ]
-    if not plan.targets:
-        return [*sentences, "No target was confirmed with simulated images."]
-    picks = [(target, chosen(target)) for target in plan.targets]
-    confirmed = [(target, band) for target, band in picks if band is not None and band.detected]
-    measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]
-    detections = sum(bool(band.detected) for band in measured)
-    searched = LIBRARIES[plan.reference_library].searched
-    first = "The first" if plan.schedule is None else "Of the schedule"
-    sentences.append(
-        f"{first} {counted(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
-        f"times in every band in reach, reduced, {searched}: the planet is found around "
-        f"{len(confirmed)} of {len(plan.targets)}, in {detections} of {counted(len(measured), 'measurement')}."
-    )
-    if confirmed:
-        target, band = confirmed[0]
-        which = "Highest ranked" if plan.schedule is None else "First"
-        sentences.append(
-            f"{which} and confirmed is {pretty_name(target.name)} in {band.band}: SNR "
-            f"{significant(band.recovered_snr)} recovered, {significant(band.predicted_snr)} predicted."
-        )
-        counts = Counter(band.band for _, band in confirmed)
-        picked = ", ".join(f"{band} ({count})" for band, count in counts.most_common())
-        sentences.append(f"Chosen bands, with number of targets: {picked}.")
-    return sentences
-
-
 def confirm_sentences(result: results.ConfirmResult) -> list[str]:
     """Return the summary of a confirmed scene, one sentence an item."""
     planets = list(dict.fromkeys(band.planet for band in result.bands))
@@ -224,15 +179,6 @@ def confirm_sentences(result: results.ConfirmResult) -> list[str]:
     if not planets:
         sentences.append("The scene has no planet in the field: there is nothing to compare with a prediction.")
     return sentences
-
-
-def _score_words(rank: results.RankResult) -> str:
-    """What the ranking is by, for the middle of a sentence."""
-    share, hourly = f"the fraction of the population {rank.population.name} that one observation detects", "per hour"
-    if rank.population.name == results.KNOWN_PLANETS:
-        share = "the probability that one observation detects at least one of the star's own planets"
-        hourly = "divided by its hours"
-    return SCORES[rank.score_name].aim.format(share=share, hourly=hourly)
 
 
 def day_text(utc: str) -> str:
@@ -289,7 +235,7 @@ class ModelledGroup:
     ----------
     title : str
         How they are made.
-    members : str
+    names : tuple of str
         Their names.
     knobs, errors : str
         Settings of the optics; largest predicted errors, and what was asked for.
@@ -298,10 +244,15 @@ class ModelledGroup:
     """
 
     title: str
-    members: str
+    names: tuple[str, ...]
     knobs: str
     errors: str
     rows: tuple[ModelledRow, ...]
+
+    @property
+    def members(self) -> str:
+        """Their names, with commas."""
+        return ", ".join(self.names)
 
 
 def dial_text(result: results.ImagedResult) -> str:
@@ -351,17 +302,17 @@ def _group(members: list[tuple[str, results.ModellingRecord]]) -> ModelledGroup:
     ways = _DRAWS[record.draw]
     return ModelledGroup(
         title=ways[:1].upper() + ways[1:],
-        members=", ".join(dict.fromkeys(name for name, _ in members)),
+        names=tuple(dict.fromkeys(name for name, _ in members)),
         knobs=f"{_REGIONS[record.region]}; {knobs.pupil_samples} samples across the pupil, {knobs.wavelength_nodes} "
         f"wavelength{'s' * (knobs.wavelength_nodes != 1)} a band, {knobs.pixel_nodes} × {knobs.pixel_nodes} nodes a "
         f"pixel, {knobs.precision} precision; wavefront at {record.epochs} epoch{'s' * (record.epochs != 1)} a visit",
         errors=f"{error_text(largest)}{asked}",
-        rows=tuple(sorted(rows, key=lambda row: -_size_order(row.effect))),
+        rows=tuple(sorted(rows, key=lambda row: -size_order(row.effect))),
     )
 
 
 def _row(index: int, members: list[tuple[str, results.ModellingRecord]]) -> ModelledRow:
-    name, record = max(members, key=lambda member: _size_order(member[1].effects[index]))
+    name, record = max(members, key=lambda member: size_order(member[1].effects[index]))
     sizes = {item.effects[index].size for _, item in members}
     row = record.effects[index]
     size = "" if row.size is None else _percent(row.size)
@@ -376,8 +327,8 @@ def _decision_text(row: results.EffectRecord) -> str:
     return "as sums" if row.key == "summed_frames" else "left out"
 
 
-def _size_order(row: results.EffectRecord) -> float:
-    """Rows without a size are kept whatever happens: they stand behind those with one, before what is not there."""
+def size_order(row: results.EffectRecord) -> float:
+    """Return what effects are sorted by, largest first; those without a size stand before what is not there."""
     return row.size if row.size else 0.5 * _LEAST * _LEAST if row.size is None else 0.0
 
 

@@ -114,7 +114,7 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
 
     columns: tuple[doc.Column[StrategyOutcome], ...] = (
         doc.Column("Strategy", described, look="row left described"),
-        doc.Column("Planets found", counted("planets"), "new and known"),
+        doc.Column("Planets found", counted("planets"), "new and known", look="wide"),
         doc.Column("One survey", one_survey, "5 to 95 %"),
         doc.Column("New planets", counted("new_planets"), "still allowed"),
         doc.Column("New planets", counted("new_planets_unconditional"), "nothing excluded"),

@@ -209,9 +209,13 @@ def universe_facts(result: WhatIfResult) -> list[tuple[str, str]]:
     """Return what all strategies share, as terms and texts."""
     shared = result.universe
     limits = "Sun, Moon, Earth limb, solar panels, South Atlantic Anomaly, in low Earth orbit"
+    set_to = f" with {', '.join(shared['changes'])}" if shared.get("changes") else ""
     facts = [
         ("Time", f"{_span_text(shared)}, planned in slots of {shared['slot_days']:g} days"),
-        ("Instrument", f"{shared['instrument']}. Every default value has its source and confidence in the preset."),
+        (
+            "Instrument",
+            f"{shared['instrument']}{set_to}. Every default value has its source and confidence in the preset.",
+        ),
         ("Orbit and pointing limits", f"{shared['visibility']}: {limits}"),
         ("Stars", result.catalogue),
         ("Known planets", result.known_planets or "left out"),

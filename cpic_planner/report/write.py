@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import functools
+import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -83,8 +84,14 @@ def plan_html(
 
 
 def page_html(document: Document) -> str:
-    """Return a document as one HTML file with inline style and data-URI images: no script, nothing fetched."""
-    return templates("cpic_planner.report").get_template("page.html.j2").render(document=document)
+    """Return a document as one HTML file: style, images and the one script that may run are in it, nothing is fetched.
+
+    The script sorts, filters and copies tables; the page says all without it.
+    """
+    environment = templates("cpic_planner.report")
+    script = environment.get_template("page.js").render()
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return environment.get_template("page.html.j2").render(document=document, digest=digest)
 
 
 @functools.cache

@@ -76,6 +76,7 @@ from cpic_planner.results.planned import (
     RunRecord as RunRecord,
     ScheduleImages as ScheduleImages,
     SearchRecord as SearchRecord,
+    SeenRow as SeenRow,
     StarImagesResult as StarImagesResult,
 )
 from cpic_planner.results.ranked import (

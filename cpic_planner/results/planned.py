@@ -9,6 +9,7 @@ from pydantic import Field
 
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import ReferencePlanetRecord, Result, Row, StatusText, VerdictText, column, optional
+from cpic_planner.results.known import SeasonRecord
 from cpic_planner.results.ranked import RankedTarget
 from simulator.knobs import Quantity
 
@@ -61,10 +62,15 @@ class BandConfirmation(Row):
     drawn_as: Literal["sums", "frames"] | None = optional(
         "sums of frames over the hole, or every frame, where sums cannot stand for them"
     )
-    predicted_snr: float | None = optional(label="predicted SNR", short="SNR pred", format=".3g")
+    predicted_snr: float | None = optional(
+        "of one observation, noise of the planet included", label="predicted SNR", short="SNR pred", format=".3g"
+    )
     predicted_significance: float | None = None
     recovered_snr: float | None = optional(
-        label="recovered SNR ± error of the mean", short="SNR rec", format=".3g ± .2g"
+        "the same from the images, mean of the realisations",
+        label="recovered SNR ± error of the mean",
+        short="SNR rec",
+        format=".3g ± .2g",
     )
     recovered_snr_error: float | None = optional("1 sigma of this mean")
     recovered_significance: float | None = None
@@ -83,8 +89,8 @@ class BandConfirmation(Row):
         format=".2f ± .2f",
     )
     etc_ratio_error: float | None = optional("1 sigma, with the accuracy of the prediction itself")
-    true_contrast: float | None = optional(short="contrast true", format=".2e")
-    recovered_contrast: float | None = optional(short="recovered", format=".2e")
+    true_contrast: float | None = optional("planet over star in the scene", short="contrast true", format=".2e")
+    recovered_contrast: float | None = optional("mean contrast of the images", short="recovered", format=".2e")
     contrast_error: float | None = optional("1 sigma of one observation, from aperture-sized samples in the hole")
     contrast_mean_error: float | None = optional("1 sigma of recovered_contrast")
     star_flux: Literal["off_mask", "field_star", "known"] | None = optional(
@@ -195,12 +201,23 @@ class LeftOutRow(Row):
     message: str = column("why it is left out, in words", label="why")
 
 
+class SeenRow(Row):
+    """When a target of a plan can be seen in its period."""
+
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+    usable_h: float = column("time of the period in which it is seen and may be pointed at", label="seen", format=".1f")
+    seasons: list[SeasonRecord]
+
+
 class PeriodRecord(Result):
     """When the stars of a plan have to be seen, and which of those that come first are not."""
 
     start_utc: str
     n_days: int
     pointing: str = Field(description="limits of pointing: preset or name in the file")
+    seen: list[SeenRow] = Field(
+        default_factory=list, description="the targets that are seen, in their order; empty in older results"
+    )
     left_out: list[LeftOutRow] = Field(description="they would have been among the confirmed targets")
     not_checked: list[str] = Field(description="targets without coordinates")
 

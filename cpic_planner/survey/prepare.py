@@ -26,7 +26,7 @@ from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
 from cpic_planner.survey.universe import occurrence
 from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
-from simulator.config import Instrument, load_instrument
+from simulator.config import Instrument
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ def read_ground(config: StrategiesConfig, like: Ground | None = None) -> Ground:
     pointing = load_visibility(universe.visibility)
     _check_rolls(config, pointing)
     catalogue = as_catalogue(universe.catalog)
-    instrument = load_instrument(universe.instrument) if like is None else like.instrument
+    instrument = universe.made_instrument() if like is None else like.instrument
     known = known_table(universe)
     strategies = [item.name for item in config.strategies]
     log = _checked(read_log(universe.observed, strategies), catalogue, instrument) if universe.observed else None

@@ -8,10 +8,10 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from catalogs import split_source
 from cpic_core import InputError, Provenance, load_yaml, split_sourced
-from cpic_planner.queries import EXCLUSIONS, get, read_exclusions
+from cpic_planner.queries import EXCLUSIONS, changed_instrument, get, read_exclusions
 from cpic_planner.results import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
-from simulator.config import FrozenModel, Real, Utc, deep_merge, preset_path, preset_tree, validate
+from simulator.config import FrozenModel, Instrument, Real, Utc, deep_merge, preset_path, preset_tree, validate
 from simulator.config.scene import paths_beside
 
 PACKAGE = "cpic_planner"
@@ -40,6 +40,8 @@ class UniverseConfig(FrozenModel):
     instrument, visibility, catalog, known_planets : str
         Presets or files; ``known_planets`` as `catalogs.known_planets.load_known_planets` reads it, ``off`` leaves
         them out.
+    changes : tuple of str
+        What is changed of the instrument for all strategies, ``KEY=VALUE`` as `cpic_planner.queries.changes` reads it.
     candidates : bool
         Whether candidates count among the known planets.
     exclusions : tuple of {"rv", "stability", "known_giants"}
@@ -61,6 +63,7 @@ class UniverseConfig(FrozenModel):
     duration_days: Annotated[Real, Field(ge=1, le=36525)] = 3652.0
     slot_days: Annotated[Real, Field(ge=1, le=400)] = 30.0
     instrument: str = "cpic_default"
+    changes: tuple[str, ...] = ()
     visibility: str = "default"
     catalog: str = "snapshot"
     known_planets: str = "snapshot"
@@ -82,6 +85,10 @@ class UniverseConfig(FrozenModel):
     def n_slots(self) -> int:
         """Slots of the calendar; the last one may be shorter."""
         return max(1, int(-(-self.duration_days // self.slot_days)))
+
+    def made_instrument(self) -> Instrument:
+        """Return the instrument with what is changed of it."""
+        return changed_instrument(self.instrument, self.changes)
 
     @model_validator(mode="after")
     def _slots(self) -> "UniverseConfig":

@@ -11,7 +11,7 @@ from cpic_planner.queries import Written, get, keys_of, put, read_value, scaled,
 from cpic_planner.results import VariedSetting
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.strategy_file import MAX_STRATEGIES, SHARES, StrategiesConfig, budgeted
-from simulator.config import Instrument, load_instrument, nearest, unit_of, validate
+from simulator.config import Instrument, nearest, unit_of, validate
 
 SHORT_NAMES = {
     "contrast": "assumptions.contrast",
@@ -87,7 +87,7 @@ def varied(
             raise InputError(option, item.key, allowed="each key once")
     if {"time_budget_h", "share_of_time"} <= set(keys):
         raise InputError(option, "budget_h and share_of_time", allowed="one of the two: each is all telescope time")
-    instrument = load_instrument(config.universe.instrument) if set(keys) & set(_UNITS) else None
+    instrument = config.universe.made_instrument() if set(keys) & set(_UNITS) else None
     made = []
     for strategy in config.strategies:
         tree = strategy.model_dump(mode="python")

@@ -45,7 +45,7 @@ def decided_by(config: StrategiesConfig, ground: Ground, n_images: int) -> dict[
     """Return what decides the result: configuration, stars, known planets, instrument; files by what is in them."""
     populations = [item.population for item in config.strategies]
     return {
-        "config": config.model_dump(mode="json", exclude={"universe": set(FILES)}),
+        "config": config.model_dump(mode="json", exclude={"universe": {*FILES, "changes"}}),
         "populations": [None if population is None else population.content() for population in populations],
         "ground": ground.content(),
         "images": n_images,

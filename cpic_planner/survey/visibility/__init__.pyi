@@ -1,6 +1,7 @@
 from cpic_planner.survey.visibility.calendar import (
     BLOCKS as BLOCKS,
     Visibility as Visibility,
+    seasons_of as seasons_of,
     slew_s as slew_s,
     utc_of as utc_of,
     visibility as visibility,

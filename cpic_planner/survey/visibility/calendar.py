@@ -348,22 +348,34 @@ def visibility_result(
     return VisibilityResult.of(seen, orbit, **about, targets=rows)
 
 
+def seasons_of(seen: Visibility, row: int) -> list[SeasonRecord]:
+    """Return the times in which a target can be seen, but for passages of the Moon.
+
+    Parameters
+    ----------
+    seen : Visibility
+    row : int
+        Index of the target.
+    """
+    runs, times = seen.runs(row, through=("moon",)), seen.windows(row, through=("moon",))
+    lengths = [float(np.count_nonzero(seen.observable[row, begin:behind]) * seen.step_days) for begin, behind in runs]
+    return [
+        SeasonRecord(start_utc=start, end_utc=end, days=length)
+        for (start, end), length in zip(times, lengths, strict=True)
+    ]
+
+
 def _target(targets: Targets, seen: Visibility, row: int) -> VisibleTarget:
     usable = np.flatnonzero(seen.observable[row])
     visible = seen.visible_s[row]
     best = int(usable[np.argmax(visible[usable])]) if len(usable) else None
     days = seen.days(row)
-    runs, times = seen.runs(row, through=("moon",)), seen.windows(row, through=("moon",))
-    lengths = [float(np.count_nonzero(seen.observable[row, begin:behind]) * seen.step_days) for begin, behind in runs]
     return VisibleTarget.of(
         targets,
         at=row,
         hip=int(targets.hip[row]) or None,
         ecliptic_latitude_deg=float(ecliptic_deg(targets.ra_deg[row], targets.dec_deg[row])[1]),
-        seasons=[
-            SeasonRecord(start_utc=start, end_utc=end, days=length)
-            for (start, end), length in zip(times, lengths, strict=True)
-        ],
+        seasons=seasons_of(seen, row),
         observable_days=days[""],
         blocked_days={name: days[name] for name in BLOCKS if name},
         visible_s=None if best is None else float(np.median(visible[usable])),

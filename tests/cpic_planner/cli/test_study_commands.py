@@ -189,7 +189,7 @@ def test_a_preset_or_file_that_does_not_exist(call):
 def test_the_file_of_the_help_is_a_file(done, tmp_path):
     out, _ = done("--help")
     path = tmp_path / "help.yaml"
-    path.write_text(textwrap.dedent(out[out.index("    kind: strategies") : out.index("  --vary takes")]))
+    path.write_text(textwrap.dedent(out[out.index("    kind: strategies") : out.index("  --set changes")]))
     config = load_strategies(path)
     assert [item.name for item in config.strategies] == ["one_hour", "ten_hours"]
     assert config.universe.universes == 500

@@ -27,12 +27,16 @@ def test_one_star_in_words(done):
         "min on the best day, 2028-",
         "longest window",
         "roll free by 15.0 deg",
-        "circular, 400 km, 41.5 deg",
         "50 deg from the Sun, 20 from the Moon",
         "turning by up to 25 deg",
         "8 % of all time",
     ):
         assert words in text, words
+    below = text[text.index("Windows are between limbs") :]
+    assert len(re.findall(r"\.(?:\s|$)", below)) == 2  # sentences
+    told = " ".join(done("tau Cet", "-v")[0].split())
+    assert "circular, 400 km, 41.5 deg" in told
+    assert "A season goes on behind a passage of the Moon." in told
 
 
 def test_several_stars_as_a_table(done):

@@ -207,6 +207,11 @@ def test_a_star_that_is_not_seen_in_the_period_is_not_proposed(stars, tmp_path, 
     assert [row.name for row in year.chosen] == [row.name for row in april.chosen] == ["first", "blind"]
     assert (year.period.start_utc, year.period.n_days, year.period.left_out) == ("2028-01-01T00:00:00", 365, [])
     assert year.period.not_checked == ["blind"]  # a table of one's own without coordinates
+    for plan in (year, april):  # who is seen is told with its seasons
+        assert [row.name for row in plan.period.seen] == ["first"]
+        for row in plan.period.seen:
+            days = sum(season.days for season in row.seasons)
+            assert 0 < row.usable_h < 24.0 * days <= 24.0 * plan.period.n_days
     assert april.period.start_utc == "2028-04-02T00:00:00"
     (left,) = winter.period.left_out
     assert (left.name, left.rank, left.limited_by, left.usable_h) == ("first", 1, "visibility", 0.0)

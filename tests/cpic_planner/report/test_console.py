@@ -24,6 +24,8 @@ from cpic_planner.report.numbers import size_text
 from cpic_planner.results import (
     CheckResult,
     FindingRecord,
+    LeftOutRow,
+    PeriodRecord,
     SimulatedProgramme,
     SimulatedSequence,
     SimulationResult,
@@ -170,6 +172,19 @@ def test_plan(plan):
     rolled = " ".join(shown(print_plan, plan.model_copy(update={"reference_library": "roll"})).split())
     assert "in which the planet is significant at its known place" in rolled
     assert "blind search" not in rolled
+
+
+def test_in_short_a_plan_has_a_legend_and_two_sentences(plan):
+    text = shown(print_plan, plan, full=False)
+    below = " ".join(text[text.index("band: → marks the one to observe in") :].split())
+    assert "found: realisations in which the blind search finds the planet" in below
+    assert len(re.findall(r"\.(?:\s|$)", below)) == 1  # how the prediction holds
+    rolled = " ".join(shown(print_plan, plan.model_copy(update={"reference_library": "roll"}), full=False).split())
+    assert "found: realisations in which the planet is significant at its known place" in rolled
+    left = [LeftOutRow(name="tau Cet", rank=n, usable_h=0.0, message="not seen") for n in (1, 2)]
+    period = PeriodRecord(start_utc="2028-01-01", n_days=3, pointing="default", left_out=left, not_checked=[])
+    told = shown(print_plan, plan.model_copy(update={"period": period}), full=False)
+    assert "2 stars left out for visibility: -v names them." in told
 
 
 def test_etc(etc_answers):

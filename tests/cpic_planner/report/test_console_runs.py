@@ -1,4 +1,5 @@
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -8,9 +9,9 @@ from cpic_planner.report import print_whatif
 from cpic_planner.results import ImageSample
 
 
-def shown(function, *arguments, width=120):
+def shown(function, *arguments, width=120, **options):
     stream = io.StringIO()
-    function(arguments[0], Console(file=stream, width=width, highlight=False), *arguments[1:])
+    function(arguments[0], Console(file=stream, width=width, highlight=False), *arguments[1:], **options)
     return stream.getvalue()
 
 
@@ -79,3 +80,14 @@ def test_images_tell_their_correction(compared):
     item = result.strategies[0].model_copy(update={"images": none})
     text = shown(print_whatif, result.model_copy(update={"strategies": [item]}), width=200)
     assert "one: no detection was simulated as images: no detections" in text
+
+
+def test_in_short_a_legend_and_two_sentences_stand_under_the_strategies(compared):
+    result = compared(["a", "b"])
+    text = shown(print_whatif, result, width=110, full=False)
+    below = " ".join(text[text.index("interval: of the mean") :].split())
+    assert "bound %: how far the calendar is below what no calendar can pass" in below
+    told = below[below.index("Difference with") :]
+    assert len(re.findall(r"[a-z)]\.(?:\s|$)", told)) <= 2
+    assert "configuration" not in told
+    assert "configuration" in shown(print_whatif, result, width=110)

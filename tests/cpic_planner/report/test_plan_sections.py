@@ -1,4 +1,5 @@
 import base64
+import hashlib
 import re
 from dataclasses import replace
 
@@ -8,12 +9,14 @@ from cpic_planner.etc import build_model
 from cpic_planner.ranking import KnownChoice
 from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.registry import LIBRARIES, SCORES, Library
+from cpic_planner.report.decision import summary_sentences
 from cpic_planner.report.drawing import Picture
+from cpic_planner.report.numbers import duration_text
 from cpic_planner.report.plan_sections import PlanReport, plan_document
-from cpic_planner.report.summary import calibration_sentence, summary_sentences
+from cpic_planner.report.summary import calibration_sentence
 from cpic_planner.report.words import dec_text, ra_text
 from cpic_planner.report.write import page_html, plan_html
-from cpic_planner.results import LeftOutRow, NotImagedRow, PeriodRecord, PlanResult, ScheduleImages
+from cpic_planner.results import LeftOutRow, NotImagedRow, PeriodRecord, PlanResult, ScheduleImages, SeenRow
 from cpic_planner.targets import find_target
 from simulator.config import albedo_spec, load_instrument
 
@@ -39,14 +42,79 @@ def test_drawings_load_nothing_either(reader):
             assert not re.search(r'(?:href|src)="(?!#|data:)', svg)
 
 
-def test_the_request_has_a_line_for_each_target_with_a_chosen_band(plan, rank, page):
-    chosen = [target for target in plan.targets if target.chosen_band]
-    request = page[page.index('id="request"') : page.index('id="priorities"')]
-    assert request.count("<tr") == len(chosen) + 1
-    for target in chosen:
-        assert ra_text(target.ranked.ra_deg) in request
-    without = plan.model_copy(update={"targets": []})
-    assert "nothing to ask for" in page_html(plan_document(PlanReport(without, rank, {}, {})))
+def test_page_one_says_what_to_observe_first(plan, rank, sensitivity, read):
+    """Which star, in which band, with which frames, when, how long, what a detection asks for, and what decides."""
+    season = {"start_utc": "2028-02-03T00:00:00", "end_utc": "2028-05-20T12:00:00", "days": 100.0}
+    seen = [SeenRow(name=plan.targets[0].name, usable_h=900.0, seasons=[season])]
+    period = PeriodRecord(start_utc="2028-01-01", n_days=365, pointing="x", seen=seen, left_out=[], not_checked=[])
+    tiers = {"ok": 1, "unreachable": 2}
+    rows = [row.model_copy(update={"tier": tiers.get(row.status, 4)}) for row in rank.targets]
+    page = plan_document(
+        PlanReport(
+            plan.model_copy(update={"period": period}), rank.model_copy(update={"targets": rows}), {}, {}, sensitivity
+        )
+    )
+    words = read(page_html(page)).words
+    first = words[words.index("What to observe first") : words.index("What the images show", words.index("Credits"))]
+    best = next(band for band in plan.targets[0].bands if band.band == plan.targets[0].chosen_band)
+    assert f"Observe α Cen B first, in {best.band}: {best.n_frames} frames of {best.exposure_s:g} s at EM gain" in first
+    assert "It can be seen 2028-02-03 to 2028-05-20." in first
+    assert first.count("2028-02-03 to 2028-05-20") == 2
+    assert f"2028-02-03 to 2028-05-20 {duration_text(plan.targets[0].ranked.detection_time_s)} 14 h" in first
+    counts = [sum(row.tier == tier for row in rows) for tier in (1, 2, 4)]
+    for tier, count in zip((1, 2, 4), counts, strict=True):
+        assert f"Tier {tier}: {count} star" in first
+    assert "1 of 3 assumptions that were changed, one at a time: wavefront drift twice as large." in first
+
+
+def test_page_one_asks_for_a_line_for_each_target(plan, rank, page, read):
+    table = page[page.index("<table") : page.index("</table>")]
+    assert table.count("<tr") == len(plan.targets) + 1
+    for target in plan.targets:
+        assert ra_text(target.ranked.ra_deg) in table
+    nothing = plan.model_copy(update={"targets": []})
+    assert "so that none is proposed" in read(page_html(plan_document(PlanReport(nothing, rank, {}, {})))).words
+    unseen = [target.model_copy(update={"chosen_band": None}) for target in plan.targets]
+    page = page_html(plan_document(PlanReport(plan.model_copy(update={"targets": unseen}), rank, {}, {})))
+    assert "the images of 2 stars show the reference planet in no band" in read(page).words
+
+
+def test_every_star_that_is_shown_has_a_page_that_tables_lead_to(plan, rank, page, reader):
+    reader.check_anchors()
+    targets = [target.name for target in plan.targets]
+    others = [row for row in rank.targets if row.name not in targets]
+    for anchor in [f"target-{number}" for number in range(1, len(targets) + 1)] + [
+        f"star-{row.rank}" for row in others
+    ]:
+        assert f'id="{anchor}"' in page
+        assert page.count(f'href="#{anchor}"') >= 2, anchor  # priorities and ranking
+
+
+def test_effects_are_listed_once_and_folded(page, reader):
+    modelled = page[page.index('id="modelled"') : page.index('id="missing"')]
+    assert modelled.count("<table") == 1
+    assert modelled.index("<details>") < modelled.index("<table")
+    effects = re.findall(r'<th scope="row" class="left">\s*([^<]*)</th>', modelled)
+    assert len(effects) == len(set(effects)) > 1
+
+
+def test_only_the_script_of_reports_may_run(page):
+    script = page[page.index("<script>") + 8 : page.index("</script>")]
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'" in page
+    assert page.count("<script") == 1
+
+
+def test_drawings_follow_dark_mode(reader):
+    drawings = [one["src"] for tag, one in reader.tags if tag == "img" and one["src"].startswith("data:image/svg")]
+    assert drawings
+    for source in drawings:
+        svg = base64.b64decode(source.split(",", 1)[1]).decode()
+        assert "@media (prefers-color-scheme:dark)" in svg
+        assert not re.search(r": #([0-9a-f]{2})\1\1(?![0-9a-f])", svg)  # every grey is one of the two lights
+        assert "var(--gffffff)" in svg
+        for used in set(re.findall(r"var\((--g[0-9a-f]{6})\)", svg)):
+            assert svg.count(f"{used}:#") == 2
 
 
 def test_hostile_name_is_text(page, words):
@@ -150,7 +218,8 @@ def test_completeness_and_its_population(words):
     assert "by completeness per hour: fraction of the population that one observation detects" in words
     assert re.search(r"α Cen B HIP 71681 1\.33 K1V 1\.255 0\.00800 8\.00 ± 0\.4 F520 9\.60 F520", words)
     assert (
-        "Completeness 6.80 % in F520; blind 8.16 % whatever is known of the star Predicted margin 5.69 in F662" in words
+        "Completeness 6.80 % in F520; blind 8.16 % whatever is known of the star Expected planets of one observation "
+        "0.014; 0.017 if nothing were known of the star Predicted margin 5.69 in F662" in words
     )
     for word in ("completeness", "score", "Kendall tau", "speckle floor"):
         assert f" {word} " in words
@@ -221,7 +290,7 @@ def test_no_comparison_without_measurements(plan):
 
 def test_page_one_says_how_the_etc_stands(page, words):
     sentence = "The ETC agrees with the images: predicted / recovered SNR 1.03 ± 0.04 over 6 measurements."
-    assert words.index(sentence) < words.index("What to observe first Targets")
+    assert words.index(sentence) < words.index("What the images show")
     assert "+-" not in words
     assert "Images altered" not in words
 

@@ -4,6 +4,7 @@ import pytest
 
 from cpic_planner.survey import load_strategies, varied, with_exact_calendars, with_universe
 from cpic_planner.survey.strategy_file import UniverseConfig, sources_of
+from simulator.config import load_instrument
 
 ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
 
@@ -165,3 +166,19 @@ def test_a_share_of_time_is_varied(refused):
     (hours,) = varied(config, ["budget_h=50"]).strategies
     assert (hours.time_budget_h, hours.share_of_time) == (50.0, None)
     refused("--vary = budget_h and share_of_time", varied, config, ["budget_h=50", "share_of_time=0.1"])
+
+
+def test_the_instrument_is_changed_for_all_strategies(refused):
+    """One value for all, by the keys of the instrument; what strategies assume of it comes on top."""
+    config = with_universe(load(), {"changes": ("drift=0.1nm", "throughput=x0.7")})
+    made, own = config.universe.made_instrument(), load_instrument()
+    assert made.drift.visit_nm == 0.1
+    walk = own.drift.walk_nm_per_sqrt_hour
+    assert made.drift.walk_nm_per_sqrt_hour == pytest.approx(walk * 0.1 / own.drift.visit_nm)
+    passed = {name: band.t_opt for name, band in made.bands.items()}
+    assert passed == pytest.approx({name: 0.7 * band.t_opt for name, band in own.bands.items()})
+    (doubled,) = varied(config, ["drift=x2"]).strategies
+    assert doubled.varied[0].text == "x2 (0.2 nm)"  # of the instrument as it was changed
+    assert load(universe={"changes": ["throughput=x0.7"]}).universe.changes == ("throughput=x0.7",)
+    wrong = with_universe(load(), {"changes": ("drfit=0.1nm",)})
+    assert "drift" in refused("drfit", wrong.universe.made_instrument)

@@ -1,5 +1,5 @@
-// What pages do beyond what they are: numbers are checked while they are typed, tables sort, filter and copy, and an
-// answer can follow the question. Nothing here is needed to ask.
+// What pages and reports do beyond what they are: numbers are checked while they are typed, tables sort, filter and copy,
+// an answer can follow the question, and a link to something folded opens it. Nothing here is needed to ask or to read.
 "use strict";
 
 const make = (tag, given, ...inside) => {
@@ -75,9 +75,11 @@ function value(cell) {
   return Number(found[1].replace(/[  ]/g, "")) * (unitS[found[2]] || 1);
 }
 
+const at = (row, column) => [...row.cells].flatMap((cell) => Array(cell.colSpan).fill(cell))[column];
+
 function sort(table, column, head) {
   const down = head.getAttribute("aria-sort") === "ascending", body = table.tBodies[0];
-  const rows = [...body.rows].map((row) => [value(row.cells[column]), row]);
+  const rows = [...body.rows].map((row) => [value(at(row, column)), row]);
   rows.sort(([a], [b]) => {
     if (a === null || b === null) return (a === null) - (b === null);
     const order = typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b));
@@ -90,10 +92,10 @@ function sort(table, column, head) {
 
 function cells(table) {
   const shown = [...table.tBodies[0].rows].filter((row) => !row.hidden);
-  return [...table.tHead.rows, ...shown].map((row) => [...row.cells].map((cell) => {
+  return [...table.tHead.rows, ...shown].map((row) => [...row.cells].flatMap((cell) => {
     const copy = cell.cloneNode(true);
     for (const line of copy.querySelectorAll("br")) line.replaceWith(" ");
-    return copy.textContent.trim().replace(/\s+/g, " ");
+    return [copy.textContent.trim().replace(/\s+/g, " "), ...Array(cell.colSpan - 1).fill("")];
   }));
 }
 
@@ -123,14 +125,15 @@ function equip(table) {
   if (!table.tHead || !table.tBodies[0] || table.dataset.equipped) return;
   table.dataset.equipped = "yes";
   const rows = table.tBodies[0].rows, label = table.caption ? table.caption.textContent.trim().split(".")[0] : "table";
-  if (rows.length > 1)
+  const listed = !table.classList.contains("bands"); // its rows are quantities, in an order that means something
+  if (listed && rows.length > 1)
     [...table.tHead.rows[0].cells].forEach((head, column) => {
       const button = make("button", { type: "button", className: "sort", title: "Sort" }, ...head.childNodes);
       button.addEventListener("click", () => sort(table, column, head));
       head.replaceChildren(button);
     });
   const scroll = table.closest(".scroll"), bar = make("p", { className: "tools" });
-  if (rows.length > 7) {
+  if (listed && rows.length > 7) {
     const input = make("input", { type: "text", placeholder: "Filter rows", autocomplete: "off" });
     input.setAttribute("aria-label", `Filter rows of ${label}`);
     input.addEventListener("input", () => {
@@ -179,6 +182,16 @@ function follow(form) {
   });
 }
 
+// ---- what is folded ----
+
+function unfold() {
+  const there = document.getElementById(location.hash.slice(1));
+  for (let fold = there && there.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
+  if (there) there.scrollIntoView();
+}
+
+addEventListener("hashchange", unfold);
+if (location.hash) unfold();
 document.querySelectorAll("input[data-number]").forEach((input) => input.addEventListener("input", () => check(input)));
 document.querySelectorAll("form").forEach((form) => {
   form.addEventListener("submit", (event) => {
