@@ -19,7 +19,7 @@ from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_valida
 
 from cpic_core import InputError
 from cpic_planner.queries.base import Parts, advice, children, matching, put, sections
-from cpic_planner.queries.fields import asked
+from cpic_planner.queries.fields import asked, asked_changes
 from cpic_planner.queries.written_values import is_number, read_value, two_spellings, with_unit
 from cpic_planner.results import InstrumentValue
 from simulator.config import Drift, FrozenModel, Instrument, at, canonical_json, load_instrument, preset_names, unit_of
@@ -284,13 +284,6 @@ def default_instrument() -> Instrument:
 def read_instrument(source: Any) -> Instrument:
     """Return an instrument from what people write; see `simulator.load_instrument`."""
     return source if isinstance(source, Instrument) else load_instrument(source)
-
-
-def asked_changes(default: tuple[str, ...] | None = (), **settings: Any) -> Any:
-    """Declare the field of changes of the instrument; ``settings`` as of `asked`."""
-    what = "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
-    more = "throughput=x0.7, bands.F850.qe=0.4; repeat for several."
-    return asked(default, what + more, option="--set", metavar="KEY=VALUE", **settings)
 
 
 class InstrumentParts(Parts):

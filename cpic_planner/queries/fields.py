@@ -267,3 +267,15 @@ def _plain(default: Any) -> str:
     if isinstance(default, int | float):
         return f"{default:g}"
     return str(default) if isinstance(default, str | Path) else ""
+
+
+def asked_changes(default: tuple[str, ...] | None = (), **settings: Any) -> Any:
+    """Declare the field of changes of the instrument; ``settings`` as of `asked`."""
+    return asked(
+        default,
+        "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
+        "throughput=x0.7, bands.F850.qe=0.4; repeat for several.",
+        option="--set",
+        metavar="KEY=VALUE",
+        **settings,
+    )

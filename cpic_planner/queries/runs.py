@@ -12,8 +12,7 @@ from pydantic import model_validator
 
 from cpic_core import InputError
 from cpic_planner.queries.base import Question, called
-from cpic_planner.queries.changes import asked_changes
-from cpic_planner.queries.fields import asked
+from cpic_planner.queries.fields import asked, asked_changes
 from cpic_planner.queries.images import ImageQuestion
 from cpic_planner.queries.rank import RankedQuestion, asked_exclusions
 from cpic_planner.queries.shared import RunQuestion, Texts

@@ -310,6 +310,8 @@ def with_universe(
     if "slot_days" not in given and isinstance(length, int | float):
         tree["slot_days"] = min(tree["slot_days"], float(length))
     universe = validate(UniverseConfig, tree, where="universe")
+    if universe.changes:
+        universe.made_instrument()  # refuses what the instrument cannot have before anything is worked out
     old = config.universe
     kept = {key: item for key, item in old.provenance.items() if getattr(universe, key) == getattr(old, key)}
     universe._provenance.update(kept)

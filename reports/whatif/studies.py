@@ -57,7 +57,7 @@ def cost(
                     "targets": {"max_targets": max(stars)},
                     "visit": {"bands": ["F520"]},
                     "time_budget_h": 1e5,
-                    "share": 1.0,
+                    "slot_share": 1.0,
                     "revisits": {"max_visits": 4},
                     "assumptions": {"contrast": 1e-12, "drift": 0.003, "throughput": 2.0},
                     "scheduler": {"min_gain": 0.0},

@@ -56,6 +56,7 @@ def test_changes_of_the_instrument_are_those_of_a_file(done, tmp_path):
         "plan --top 1 --band F520 --dry-run",
         "confirm paper_example --band F520 --dry-run",
         "simulate paper_example --band F520 --dry-run",
+        "whatif survey_default --strategy few_and_deep --dry-run",
     ],
 )
 def test_every_command_with_an_instrument_takes_changes(call, command):
