@@ -78,7 +78,7 @@ def test_every_described_address_is_answered(document, browser, tmp_path):
         mine = type(browser)(application(jobs=queue))
         for path, item in document["paths"].items():
             for method in {"get", "post"} & set(item):
-                place = path.replace("{id}", "0" * 16).replace("{name}", "plan.json")
+                place = path.replace("{id}", "0" * 16).replace("{name}", "plan.json").replace("{which}", "seasons")
                 told = mine.submit(place, {}) if method == "post" else mine.get(f"{place}?nothing=1")
                 assert told.status != 405, path
                 assert not told.text.startswith("There is no such page"), path
