@@ -105,6 +105,6 @@ def serve(
         queue.start()
         app = application(names, jobs=queue, folder=folder)
         ready()
-        # The first figure would wait for the import of matplotlib and its fonts: they are read beside the first answers.
-        threading.Thread(target=etc_figure, args=(usual, "svg"), name="cpic-figures", daemon=True).start()
+        # The first figure would wait for the import of matplotlib and its fonts.
+        threading.Thread(target=etc_figure, args=(usual, "svg"), daemon=True).start()
         uvicorn.run(app, host=host, port=port, http=Punctual, **UVICORN)
