@@ -234,8 +234,8 @@ def etc_figure(result: EtcResult, curves: EtcCurves) -> Figure:
     """
     rows = [row for row in result.answers if row.budget]
     with style():
-        low = 0.75 + 0.3 * len(rows) if rows else 0.0
-        figure = new_figure(4.6 + low, layout=None)
+        tall = _HIGH + (0.75 + 0.3 * len(rows) if rows else 0.0)
+        figure = new_figure(tall, layout=None)
         looks = band_style([curve.label for curve in curves.limits])
         times, limits = figure.add_subplot(), figure.add_subplot()
         upper = max(_times(times, curves, looks), _limits(limits, curves, looks))
@@ -245,20 +245,20 @@ def etc_figure(result: EtcResult, curves: EtcCurves) -> Figure:
             lower, longest = _budgets(budgets, rows)
             left, bottom = max(left, 0.2 + 0.072 * longest), _below(lower)
         # Room for words is counted instead of looked for: that costs more than drawing them.
-        free = 4.6 + low - _ABOVE - _below(upper) - bottom
-        wide, high = (WIDTH_INCHES - left - _BETWEEN - _RIGHT) / 2.0, free * 4.6 / (4.6 + low)
-        foot = 4.6 + low - _ABOVE - high
-        _place(times, left, foot, wide, high)
-        _place(limits, left + wide + _BETWEEN, foot, wide, high)
+        free = tall - _ABOVE - _below(upper) - bottom
+        wide, high = (WIDTH_INCHES - left - _BETWEEN - _RIGHT) / 2.0, free * _HIGH / tall
+        foot = tall - _ABOVE - high
+        _place(times, tall, left, foot, wide, high)
+        _place(limits, tall, left + wide + _BETWEEN, foot, wide, high)
         if rows:
-            _place(budgets, left, bottom, WIDTH_INCHES - left - _RIGHT, free - high)
+            _place(budgets, tall, left, bottom, WIDTH_INCHES - left - _RIGHT, free - high)
         title = f"{pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"
-        figure.suptitle(literal(title), fontsize=12, y=1.0 - 0.05 / (4.6 + low))
+        figure.suptitle(literal(title), fontsize=12, y=1.0 - 0.05 / tall)
     return figure
 
 
-_LEFT, _BETWEEN, _RIGHT, _ABOVE = 0.8, 1.0, 0.16, 0.49
-"""Room for words beside and above axes, inches."""
+_HIGH, _LEFT, _BETWEEN, _RIGHT, _ABOVE = 4.6, 0.8, 1.0, 0.16, 0.49
+"""Height of the figure without a budget, and room for words beside and above axes, inches."""
 
 
 def _below(legend_rows: int) -> float:
@@ -266,10 +266,9 @@ def _below(legend_rows: int) -> float:
     return 0.8 + 0.2 * legend_rows
 
 
-def _place(axes: Axes, left: float, bottom: float, width: float, height: float) -> None:
-    """Put axes at a place that is given in inches."""
-    whole_width, whole_height = axes.figure.get_size_inches()
-    axes.set_position((left / whole_width, bottom / whole_height, width / whole_width, height / whole_height))
+def _place(axes: Axes, tall: float, left: float, bottom: float, width: float, height: float) -> None:
+    """Put axes at a place of a figure of a height; all are inches."""
+    axes.set_position((left / WIDTH_INCHES, bottom / tall, width / WIDTH_INCHES, height / tall))
 
 
 def _legend(axes: Axes, columns: int, handles: Sequence[Any] | None = None) -> int:
