@@ -307,8 +307,8 @@ class InstrumentQuestion(Question):
         if bands is not None and ALL in bands:
             if len(bands) > 1:
                 raise InputError("bands", ", ".join(map(str, bands)), allowed=f"{ALL} alone, or names of bands")
-            tree["bands"] = tuple(tree.get("instrument", default_instrument()).bands)
-        return tree
+            bands = tuple(tree.get("instrument", default_instrument()).bands)
+        return tree if bands is None else tree | {"bands": tuple(dict.fromkeys(bands))}
 
     def band_names(self) -> tuple[str, ...]:
         """Return the bands that are asked for, all of the visible camera without any."""

@@ -164,7 +164,7 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
         why = levels if chance is None else f"{share_text(chance)} % of such programmes show the planet"
         inner = (
             "; it was put where the level takes the least time, often at the inner edge of the dark hole, where the "
-            "threshold is highest (--detect asks for a detection)"
+            "threshold is highest (a question for a detection takes that into account)"
         )
         text = f"The answer in {best.band} is not a detection: {why}"
         told.append(f"{text}{inner * (best.question == 'exposure_time' and not placed)}.")

@@ -104,20 +104,6 @@ def new_figure(height_inches: float, *, layout: Literal["constrained"] | None = 
     return figure
 
 
-def lay_out(figure: Figure) -> None:
-    """Look for room for all words once, in the style of the moment; the axes stay there whenever the figure is drawn.
-
-    Parameters
-    ----------
-    figure : Figure
-        Finished.
-    """
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
-        figure.set_layout_engine("none")
-
-
 def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: str, caption: str) -> Picture:
     """Return the figure as a picture; no date, version or path goes into it.
 

@@ -6,6 +6,7 @@ Figures of the exposure-time calculator and of the ranking, as files.
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,9 +29,9 @@ from cpic_planner.ranking import separation_grid
 from cpic_planner.report.drawing import (
     BAND_STYLE,
     IMAGE_DPI,
+    WIDTH_INCHES,
     Look,
     band_style,
-    lay_out,
     literal,
     new_figure,
     plain_ticks,
@@ -233,18 +234,47 @@ def etc_figure(result: EtcResult, curves: EtcCurves) -> Figure:
     """
     rows = [row for row in result.answers if row.budget]
     with style():
-        figure = new_figure(4.6 + (0.75 + 0.3 * len(rows) if rows else 0.0))
-        grid = figure.add_gridspec(2 if rows else 1, 2, height_ratios=(4.6, 0.75 + 0.3 * len(rows)) if rows else (1,))
-        figure.set_layout_engine("constrained", wspace=0.06, hspace=0.06)
+        tall = _HIGH + (0.75 + 0.3 * len(rows) if rows else 0.0)
+        figure = new_figure(tall, layout=None)
         looks = band_style([curve.label for curve in curves.limits])
-        _times(figure.add_subplot(grid[0, 0]), curves, looks)
-        _limits(figure.add_subplot(grid[0, 1]), curves, looks)
+        times, limits = figure.add_subplot(), figure.add_subplot()
+        upper = max(_times(times, curves, looks), _limits(limits, curves, looks))
+        left, bottom = _LEFT, 0.0
         if rows:
-            _budgets(figure.add_subplot(grid[1, :]), rows)
+            budgets = figure.add_subplot()
+            lower, longest = _budgets(budgets, rows)
+            left, bottom = max(left, 0.2 + 0.072 * longest), _below(lower)
+        # Room for words is counted instead of looked for: that costs more than drawing them.
+        free = tall - _ABOVE - _below(upper) - bottom
+        wide, high = (WIDTH_INCHES - left - _BETWEEN - _RIGHT) / 2.0, free * _HIGH / tall
+        foot = tall - _ABOVE - high
+        _place(times, tall, left, foot, wide, high)
+        _place(limits, tall, left + wide + _BETWEEN, foot, wide, high)
+        if rows:
+            _place(budgets, tall, left, bottom, WIDTH_INCHES - left - _RIGHT, free - high)
         title = f"{pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"
-        figure.suptitle(literal(title), fontsize=12)
-        lay_out(figure)
+        figure.suptitle(literal(title), fontsize=12, y=1.0 - 0.05 / tall)
     return figure
+
+
+_HIGH, _LEFT, _BETWEEN, _RIGHT, _ABOVE = 4.6, 0.8, 1.0, 0.16, 0.49
+"""Height of the figure without a budget, and room for words beside and above axes, inches."""
+
+
+def _below(legend_rows: int) -> float:
+    """Room for an axis and a legend below it, inches."""
+    return 0.8 + 0.2 * legend_rows
+
+
+def _place(axes: Axes, tall: float, left: float, bottom: float, width: float, height: float) -> None:
+    """Put axes at a place of a figure of a height; all are inches."""
+    axes.set_position((left / WIDTH_INCHES, bottom / tall, width / WIDTH_INCHES, height / tall))
+
+
+def _legend(axes: Axes, columns: int, handles: Sequence[Any] | None = None) -> int:
+    """Put a legend below, and return its rows."""
+    legend = axes.legend(handles=handles, ncols=columns, **_BELOW)
+    return math.ceil(len(legend.get_texts()) / columns)
 
 
 def _line_looks(curves: Sequence[TimeCurve], looks: dict[str, tuple[str, str]]) -> list[tuple[str, str]]:
@@ -254,7 +284,8 @@ def _line_looks(curves: Sequence[TimeCurve], looks: dict[str, tuple[str, str]]) 
     return [BAND_STYLE[(len(looks) + i) % len(BAND_STYLE)] for i in range(len(curves))]
 
 
-def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> None:
+def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> int:
+    """Draw SNR against time; return the rows of the legend, as the other two do."""
     from matplotlib.lines import Line2D
 
     axes.grid(visible=True)
@@ -291,11 +322,11 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
     axes.set_title("best visit of at most this time", fontsize=10)
     if not curves.times:
         axes.text(0.5, 0.5, "no planet to be seen here", transform=axes.transAxes, ha="center")
-        return
-    axes.legend(handles=[*handles, *keys], ncols=3, **_BELOW)
+        return 0
+    return _legend(axes, 3, [*handles, *keys])
 
 
-def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> None:
+def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> int:
     axes.grid(visible=True)
     axes.set(yscale="log", xlabel="separation on the diagonal (arcsec)", ylabel="planet-to-star contrast (flux ratio)")
     shown: list[float] = []
@@ -311,11 +342,11 @@ def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) ->
         axes.set_ylim(min(shown) / 2.5, max(shown) * 3.0)
     title = f"limit for {curves.limit_level} in {duration_text(curves.limit_time_s)}; symbols: planet"
     axes.set_title(title, fontsize=10)
-    axes.legend(ncols=2, **_BELOW)
+    return _legend(axes, 2)
 
 
-def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> None:
-    """One stacked bar an answer; small terms are one piece."""
+def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> tuple[int, int]:
+    """One stacked bar an answer; small terms are one piece. Return rows of the legend and the longest label."""
     shares = []
     for row in rows:
         terms = {name.removesuffix("_e2"): value for name, value in row.budget.items() if name.endswith("_e2")}
@@ -335,4 +366,4 @@ def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> None:
     axes.set_yticks(range(len(rows)), labels)
     axes.invert_yaxis()
     axes.set(xlim=(0, 100), xlabel="share of the variance of the answer (%)")
-    axes.legend(ncols=3, **_BELOW)
+    return _legend(axes, 3), max(map(len, labels))

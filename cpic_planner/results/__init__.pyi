@@ -109,6 +109,10 @@ from cpic_planner.results.runs import (
     TradeoffScene as TradeoffScene,
     VisitRow as VisitRow,
 )
+from cpic_planner.results.shown import (
+    StarResult as StarResult,
+    TwoInstrumentsResult as TwoInstrumentsResult,
+)
 from cpic_planner.results.surveyed import (
     AssumedInstrument as AssumedInstrument,
     DifferenceRecord as DifferenceRecord,

@@ -38,6 +38,8 @@ RESULTS = {
         ("visibility", "VisibilityResult"),
         ("whatif", "WhatIfResult"),
         ("visits", "VisitsResult"),
+        ("star", "StarResult"),
+        ("two_instruments", "TwoInstrumentsResult"),
     )
 }
 """Where the model of each result is."""

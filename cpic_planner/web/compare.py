@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from cpic_core import InputError, was_sent
 from cpic_planner import report
-from cpic_planner.api import answered
+from cpic_planner.api import Answered, answered
 from cpic_planner.queries import called_as, default_instrument, instrument_rows, instrument_title, read_instrument
-from cpic_planner.results import InstrumentResult
+from cpic_planner.results import InstrumentResult, TwoInstrumentsResult
 from cpic_planner.version import __version__
 from cpic_planner.web.asking import ETC, Pairs
 from cpic_planner.web.blocks import blocks_of
@@ -68,8 +69,26 @@ def compare_pairs(given: Sequence[tuple[str, str]]) -> Pairs:
     return (*ETC.canonical((name, text) for name, text in given if name != OTHER), *((OTHER, text) for text in others))
 
 
-def compare_blocks(pairs: Pairs, sent: Sent | None = None) -> list[report.Block]:
-    """Return in what two instruments differ, and a question answered with each where one names a star.
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Two instruments, and what they answer.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What they are called beside each other.
+    result : TwoInstrumentsResult
+    answers : tuple of Answered
+        Of both; none where no star is given.
+    """
+
+    names: tuple[str, str]
+    result: TwoInstrumentsResult
+    answers: tuple[Answered, ...]
+
+
+def compared(pairs: Pairs, sent: Sent | None = None) -> Compared:
+    """Return two instruments, and a question answered with each where one names a star.
 
     Parameters
     ----------
@@ -90,13 +109,39 @@ def compare_blocks(pairs: Pairs, sent: Sent | None = None) -> list[report.Block]
         check_shipped(other, question.bands or other.visible_bands(), OTHER)
     title = f"{instrument_title(first)} beside {instrument_title(other)}"
     differing = InstrumentResult(title=title, values=instrument_rows(first, other=other))
+    both = (question, question.model_copy(update={"instrument": other})) if star else ()
+    found = tuple(map(answered, both))
+    result = TwoInstrumentsResult(differences=differing, answers=[answer.result for answer in found])
+    return Compared(_labels(first.name, other.name), result, found)
+
+
+def compare_result(pairs: Pairs, sent: Sent | None = None) -> TwoInstrumentsResult:
+    """Return what `compared` says as a result; parameters as there.
+
+    Parameters
+    ----------
+    pairs : sequence of (str, str)
+    sent : Sent, optional
+    """
+    return compared(pairs, sent).result
+
+
+def compare_blocks(pairs: Pairs, sent: Sent | None = None) -> list[report.Block]:
+    """Return what `compared` says as blocks of a page; parameters as there.
+
+    Parameters
+    ----------
+    pairs : sequence of (str, str)
+    sent : Sent, optional
+    """
+    found = compared(pairs, sent)
+    differing = found.result.differences
     blocks = blocks_of(partial(report.print_instrument, differing, "key value other unit"))
     if not differing.values:
-        blocks = [report.Paragraph(f"{title}: the same in every value.")]
-    if not star:
+        blocks = [report.Paragraph(f"{differing.title}: the same in every value.")]
+    if not found.answers:
         return [*blocks, report.Paragraph("With a star below, both answer the same question.", "note"), *_same(pairs)]
-    labels = _labels(first.name, other.name)
-    both = [(labels[0], answered(question)), (labels[1], answered(question.model_copy(update={"instrument": other})))]
+    both = list(zip(found.names, found.answers, strict=True))
     blocks += blocks_of(partial(report.print_both, [(name, answer.result) for name, answer in both]))
     blocks += [report.Fold(f"All that {name} answers", blocks_of(answer.print)) for name, answer in both]
     return [*blocks, *_same(pairs)]
@@ -128,6 +173,7 @@ COMPARE = View(
     compare_pairs,
     compare_form,
     compare_blocks,
+    compare_result,
     lambda pairs: f"{dict(pairs).get('instrument', 'cpic_default')} beside {dict(pairs).get(OTHER, 'cpic_default')}",
     takes_files=True,
 )

@@ -243,7 +243,7 @@ def _progress_page(title: str, standing: Standing, token: str) -> str:
     if standing.place:
         facts.append(("Place in the queue", str(standing.place)))
     if standing.state == "running":
-        facts.append(("Finished", f"{standing.done} of {standing.tasks} bands"))
+        facts.append(("Finished", f"{standing.done} of {standing.tasks} band{'s' * (standing.tasks != 1)}"))
     blocks.append(report.Facts(facts))
     more: dict[str, Any] = {}
     if going:

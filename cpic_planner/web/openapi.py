@@ -16,9 +16,16 @@ from cpic_planner.schemas import RESULTS
 from cpic_planner.version import __version__
 from cpic_planner.web import answers
 from cpic_planner.web.asking import ETC, IMAGES, MOST_VALUES, RANK, Asking, parameter
+from cpic_planner.web.compare import COMPARE
+from cpic_planner.web.forms import Field
 from cpic_planner.web.job_pages import JobAnswer
 from cpic_planner.web.runs import RunAnswer, RunsAnswer
+from cpic_planner.web.sent import FILE_FIELDS
+from cpic_planner.web.server import VIEWS
+from cpic_planner.web.star import FIGURES, STAR
 
+_VIEWS = {STAR.path: "star", COMPARE.path: "two_instruments"}
+"""Result of each page that is no question of a command."""
 _TYPES = {int: "integer", float: "number", bool: "boolean"}
 _WITHIN = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum")
 _PNG, _SVG, _FORM = "image/png", "image/svg+xml", "application/x-www-form-urlencoded"
@@ -26,8 +33,8 @@ _PNG, _SVG, _FORM = "image/png", "image/svg+xml", "application/x-www-form-urlenc
 
 @functools.cache
 def described() -> dict[str, Any]:
-    """Return the OpenAPI 3.1 document of the calculator, the priorities and the jobs."""
-    models = {name: pkgutil.resolve_name(RESULTS[name]) for name in ("etc", "rank", "star_images")}
+    """Return the OpenAPI 3.1 document of all addresses."""
+    models = {name: pkgutil.resolve_name(RESULTS[name]) for name in ("etc", "rank", "star_images", *_VIEWS.values())}
     models |= {"problem": answers.Problem, "job": JobAnswer, "runs": RunsAnswer, "run": RunAnswer}
     where, schemas = models_json_schema(
         [(model, "serialization") for model in models.values()], ref_template="#/components/schemas/{model}"
@@ -42,9 +49,10 @@ def described() -> dict[str, Any]:
         content = {"text/html": _TEXT, **dict.fromkeys(sorted(set(said.values())), _TEXT)}
         content["application/json"] = {"schema": of[asking.command]}
         paths[asking.page] = _get(asking.model.__doc__, [*fields, *rows, form], content, of["problem"])
+        paths[asking.page] |= _with_files(paths[asking.page]["get"])
         for ending, media in (("svg", _SVG), ("png", _PNG)):
             paths[f"{asking.page}.{ending}"] = _get("The figure of the answer.", [*fields, *rows], {media: {}}, None)
-    paths |= _jobs(of) | _runs(of)
+    paths |= _views(of) | _jobs(of) | _runs(of)
     return {
         "openapi": "3.1.0",
         "info": {
@@ -65,6 +73,50 @@ async def openapi(request: Request) -> Response:
 
 
 _TEXT: dict[str, Any] = {"schema": {"type": "string"}}
+_SENT = {"description": "Names of the files with the sha256 of their content.", "schema": {"type": "string"}}
+
+
+def _views(of: dict[str, Any]) -> dict[str, Any]:
+    """Addresses of pages that are no question of a command."""
+    calculator = [_parameter(ETC, option) | {"required": False} for option in _offered(ETC)]
+    names = {item["name"] for item in calculator}
+    paths: dict[str, Any] = {}
+    for view in VIEWS:
+        fields = [_field(field) for group in view.form((), None).groups for field in group.fields]
+        own = [item for item in fields if item["name"] not in names]
+        parameters = [*own, *(calculator if len(own) < len(fields) else ()), _FORMS]
+        content = {"text/html": _TEXT, "application/json": {"schema": of[_VIEWS[view.path]]}}
+        paths[view.path] = _get(view.about, parameters, content, of["problem"])
+        if view.takes_files:
+            paths[view.path] |= _with_files(paths[view.path]["get"])
+    star = [item for item in paths[STAR.path]["get"]["parameters"] if item is not _FORMS]
+    which = {"name": "which", "in": "path", "required": True}
+    which["schema"] = {"type": "string", "enum": list(FIGURES)}
+    for ending, media in (("svg", _SVG), ("png", _PNG)):
+        paths[f"{STAR.path}/{{which}}.{ending}"] = _get("A figure of the star.", star, {media: {}}, None)
+        paths[f"{STAR.path}/{{which}}.{ending}"]["parameters"] = [which]
+    return paths
+
+
+def _field(field: Field) -> dict[str, Any]:
+    """A field of a form as a parameter of an address."""
+    schema: dict[str, Any] = {"type": "string"} | ({"enum": list(field.choices)} if field.choices else {})
+    return _plain(field.name, field.hint or field.label, schema)
+
+
+def _with_files(asked: dict[str, Any]) -> dict[str, Any]:
+    """The same question with files: the parameters are parts of a form, some of which may be files."""
+    fields: dict[str, Any] = {}
+    for item in asked["parameters"]:
+        fields[item["name"]] = item["schema"] | {"description": item["description"]}
+        if item["name"] in FILE_FIELDS:
+            one: dict[str, Any] = {"oneOf": [item["schema"], {"type": "string", "format": "binary"}]}
+            fields[item["name"]] = one | {"description": f"{item['description']} Or a file."}
+    schema = {"type": "object", "properties": fields}
+    body = {"required": True, "content": {"multipart/form-data": {"schema": schema}, _FORM: {"schema": schema}}}
+    found = asked["responses"]["200"] | {"headers": {"Cpic-Files": _SENT}}
+    rest = {"parameters": [], "requestBody": body, "responses": asked["responses"] | {"200": found}}
+    return {"post": asked | rest | {"summary": f"{asked['summary']} Files may come with it, and are not kept."}}
 
 
 def _offered(asking: Asking[Any]) -> Sequence[Option]:
@@ -73,6 +125,9 @@ def _offered(asking: Asking[Any]) -> Sequence[Option]:
 
 def _plain(name: str, text: str, schema: dict[str, Any]) -> dict[str, Any]:
     return {"name": name, "in": "query", "description": text, "schema": schema}
+
+
+_FORMS = _plain("format", "Form of the answer; a page without.", {"type": "string", "enum": ["html", "json"]})
 
 
 def _is_required(option: Option) -> bool:
@@ -134,14 +189,13 @@ def _refusals(bad: dict[str, Any]) -> dict[str, Any]:
 
 def _runs(of: dict[str, Any]) -> dict[str, Any]:
     """Addresses of runs, and of commands that are not run for visitors."""
-    form = _plain("format", "Form of the answer; a page without.", {"type": "string", "enum": ["html", "json"]})
     cost = {"type": "object", "additionalProperties": {"type": "number"}}
     costs = {"type": "object", "additionalProperties": cost}
     told = {"/runs": ("Runs of the folder.", of["runs"]), "/runs/{id}": ("One run and its files.", of["run"])}
     told["/commands"] = ("Commands of longer runs, with their expected cost.", costs)
     paths: dict[str, Any] = {}
     for path, (text, schema) in told.items():
-        paths[path] = _get(text, [form], {"text/html": _TEXT, "application/json": {"schema": schema}}, None)
+        paths[path] = _get(text, [_FORMS], {"text/html": _TEXT, "application/json": {"schema": schema}}, None)
         if path.endswith("{id}"):
             paths[path]["parameters"] = [_named("id", "^[0-9a-f]+(-[0-9]+)?$")]
     files = {"*/*": {"schema": {"type": "string"}}}
@@ -161,7 +215,7 @@ def _jobs(of: dict[str, Any]) -> dict[str, Any]:
     job = {"application/json": {"schema": of["job"]}, "text/html": _TEXT}
     offered = _offered(IMAGES)
     fields = {parameter(option): _schema(IMAGES, option) | {"description": spelled(option.text)} for option in offered}
-    fields["format"] = {"type": "string", "enum": ["html", "json"]}
+    fields["format"] = _FORMS["schema"]
     needed = [parameter(option) for option in offered if _is_required(option)]
     asked = {"type": "object", "properties": fields, "required": needed}
     missing = {"404": {"description": "There is no such job.", "content": {"text/plain": _TEXT}}}

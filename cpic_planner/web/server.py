@@ -12,8 +12,9 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from cpic_core import InputError, only_sent_files
+from cpic_core import InputError, dump_json, only_sent_files
 from cpic_planner import report
+from cpic_planner.results import Result
 from cpic_planner.web import answers, forms, pages, star
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
 from cpic_planner.web.compare import COMPARE
@@ -72,37 +73,39 @@ class Site:
         return found
 
     async def _viewed(self, view: View, request: Request) -> Response:
-        """Show a page that is no question of a command; without parameters its form."""
-        given = _parameters(request)
+        """Show what is no question of a command as a page or as data; without parameters its form."""
+        form, given = "", _parameters(request)
         try:
+            form, given = _form_of_view(given)
             pairs = view.pairs(given)
-            if any(not text for _, text in given):
+            if not form and any(not text for _, text in given):
                 return RedirectResponse(f"{view.path}?{urlencode(pairs)}", 303)
-            if not pairs:
+            if not pairs and not form:
                 return _page(pages.page(view.title, view.about, view.form((), None), own=_own_of(view)))
-            return await self._workers.do(_view, view, pairs)
+            return await self._workers.do(_view, view, pairs, form, key=(view.path, pairs, form))
         except InputError as error:
-            return _page(pages.page(view.title, view.about, view.form(given, error)), 400)
+            return _refused_view(view, given, error, form)
 
     async def _viewed_with_files(self, view: View, request: Request) -> Response:
         """Show a page about files that are sent."""
-        given: Sequence[tuple[str, str]] = ()
+        form, given = "", list[tuple[str, str]]()
         try:
             sent = read_sent(request.headers.get("content-type", ""), await request.body())
-            given = [(name, text.strip()) for name, text in sent.given]
-            return await self._workers.do(_view_sent, view, given, sent)
+            form, given = _form_of_view([(name, text.strip()) for name, text in sent.given])
+            return await self._workers.do(_view_sent, view, given, form, sent)
         except InputError as error:
-            return _page(pages.page(view.title, view.about, forms.own_form(view.form(given, error))), 400)
+            return _refused_view(view, given, error, form, sends=True)
 
     async def _star(self, form: Literal["svg", "png"], request: Request) -> Response:
         """Draw a figure of a star."""
         which = request.path_params["which"]
-        if which not in ("seasons", "planets"):
+        if which not in star.FIGURES:
             raise HTTPException(404)
         try:
             pairs = star.star_pairs(_parameters(request))
-            drawing = partial(self._workers.do, star.star_figure, pairs, which, form)
-            return await _drawing(request, answers.tag_of(f"{which}.{form}", pairs), form, drawing)
+            tag = answers.tag_of(f"{which}.{form}", pairs)
+            drawing = partial(self._workers.do, star.star_figure, pairs, which, form, key=tag)
+            return await _drawing(request, tag, form, drawing)
         except InputError as error:
             return line(str(error), 400)
 
@@ -124,7 +127,7 @@ class Site:
             key = (asking.page, pairs, rows, form, bool(shown))
             kept = self._kept.get(key)
             if kept is None:
-                made = await self._workers.do(_answer, asking, pairs, rows, form, shown)
+                made = await self._workers.do(_answer, asking, pairs, rows, form, shown, key=key)
                 kept = bytes(made.body), str(made.media_type)
                 self._kept.put(key, *kept)
             return Response(kept[0], media_type=kept[1])
@@ -162,7 +165,7 @@ class Site:
             more: tuple[Any, ...] = (form,)
             if asking is RANK:
                 draw, more = answers.rank_figure, (limit, form)
-            return await _drawing(request, tag, form, partial(self._workers.do, draw, pairs, *more))
+            return await _drawing(request, tag, form, partial(self._workers.do, draw, pairs, *more, key=tag))
         except InputError as error:
             return line(str(error), 400)
 
@@ -176,19 +179,46 @@ async def _drawing(request: Request, tag: str, form: str, draw: Callable[[], Awa
     return Response(await draw(), media_type=kind, headers=headers)
 
 
-def _view(view: View, pairs: Pairs) -> Response:
-    """Make a page; this runs in a thread of its own."""
+def _form_of_view(given: Sequence[tuple[str, str]]) -> tuple[str, list[tuple[str, str]]]:
+    """Form of an answer, empty for a page, and the other parameters."""
+    asked = [text for name, text in given if name == "format" and text not in ("", "html")]
+    if asked not in ([], ["json"]):
+        raise InputError("format", asked[0][:40], allowed="html or json, once")
+    return "".join(asked), [(name, text) for name, text in given if name != "format"]
+
+
+def _view(view: View, pairs: Pairs, form: str) -> Response:
+    """Make a page, or data; this runs in a thread of its own."""
     with only_sent_files({}):
-        form, own = view.form(pairs, None), _own_of(view, urlencode(pairs))
-        return _page(pages.page(view.heading(pairs), view.about, form, view.blocks(pairs), own=own))
+        if form:
+            return _data(view.result(pairs))
+        asked = urlencode(pairs)
+        told = (view.heading(pairs), view.about, view.form(pairs, None), view.blocks(pairs))
+        return _page(pages.page(*told, [("JSON", f"{view.path}?{asked}&format=json")], _own_of(view, asked)))
 
 
-def _view_sent(view: View, given: Sequence[tuple[str, str]], sent: Sent) -> Response:
-    """Make a page about files that were sent; this runs in a thread of its own."""
+def _view_sent(view: View, given: Sequence[tuple[str, str]], form: str, sent: Sent) -> Response:
+    """Make a page about files that were sent, or data; this runs in a thread of its own."""
     with only_sent_files(sent.files):
         pairs = view.pairs(given)
-        blocks, form = [*view.blocks(pairs, sent), *_told_of(sent)], forms.own_form(view.form(pairs, None))
-        return _page(pages.page(view.heading(pairs), view.about, form, blocks), headers=_of_sent(sent))
+        if form:
+            return _data(view.result(pairs, sent), _of_sent(sent))
+        blocks, fields = [*view.blocks(pairs, sent), *_told_of(sent)], forms.own_form(view.form(pairs, None))
+        return _page(pages.page(view.heading(pairs), view.about, fields, blocks), headers=_of_sent(sent))
+
+
+def _data(result: Result, headers: Mapping[str, str] | None = None) -> Response:
+    return Response(dump_json(result.model_dump(mode="json")), media_type=answers.MEDIA["json"], headers=headers)
+
+
+def _refused_view(
+    view: View, given: Sequence[tuple[str, str]], error: InputError, form: str, *, sends: bool = False
+) -> Response:
+    """Answer bad input: the form with one line at the field, or JSON with its parts."""
+    if form:
+        return JSONResponse(answers.Problem.of(error).model_dump(mode="json"), 400)
+    made = view.form([pair for pair in given if pair[0] != "format"], error)
+    return _page(pages.page(view.title, view.about, forms.own_form(made) if sends else made), 400)
 
 
 def _own_of(view: View, asked: str = "") -> str:

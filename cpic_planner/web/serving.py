@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from starlette.routing import Route
 
 from cpic_core import cache_dir
 from cpic_planner.web import pages
+from cpic_planner.web.answers import etc_figure
 from cpic_planner.web.commands import Commands
 from cpic_planner.web.guard import Guard
 from cpic_planner.web.job_pages import JobPages
@@ -96,10 +98,13 @@ def serve(
 
     from cpic_planner.web.punctual import Punctual
 
-    pages.etc_blocks((("target", "tau Cet"),))  # what the first asker would wait for
+    usual = (("target", "tau Cet"),)
+    pages.etc_blocks(usual)  # what the first asker would wait for
     names = (host, "127.0.0.1", "::1", "localhost", *hosts)
     with JobQueue(jobs or cache_dir() / "web-jobs") as queue:
         queue.start()
         app = application(names, jobs=queue, folder=folder)
         ready()
+        # The first figure would wait for the import of matplotlib and its fonts.
+        threading.Thread(target=etc_figure, args=(usual, "svg"), daemon=True).start()
         uvicorn.run(app, host=host, port=port, http=Punctual, **UVICORN)

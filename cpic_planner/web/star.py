@@ -15,7 +15,7 @@ from cpic_planner import report
 from cpic_planner.api import prepared, visibility_of
 from cpic_planner.api.named import named
 from cpic_planner.queries import EtcQuestion, KnownQuestion, RankQuestion, VisibilityQuestion, called_as, observed_utc
-from cpic_planner.results import Explanation, KnownResult, RankedTarget, VisibilityResult
+from cpic_planner.results import Explanation, KnownResult, RankedTarget, Result, StarResult, VisibilityResult
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from cpic_planner.web import answers
@@ -26,7 +26,7 @@ from cpic_planner.web.forms import Field, Form, Group
 if TYPE_CHECKING:
     from cpic_planner.api.runs import Prepared
 
-PAGE = "/star"
+PAGE, FIGURES = "/star", ("seasons", "planets")
 _YEARS = 5.0
 """How far known planets are followed."""
 _ASKED = {
@@ -48,10 +48,12 @@ class View:
         The form, as `star_form`.
     blocks : callable
         The answer, as `star_blocks`.
+    result : callable
+        The same as data, as `star_result`.
     heading : callable
         Title of an answer.
     takes_files : bool
-        Whether files may be sent with it; ``blocks`` takes them second.
+        Whether files may be sent with it; ``blocks`` and ``result`` take them second.
     """
 
     path: str
@@ -60,6 +62,7 @@ class View:
     pairs: Callable[[Sequence[tuple[str, str]]], Pairs]
     form: Callable[[Sequence[tuple[str, str]], InputError | None], Form]
     blocks: Callable[..., list[report.Block]]
+    result: Callable[..., Result]
     heading: Callable[[Pairs], str]
     takes_files: bool = False
 
@@ -212,6 +215,17 @@ def star_blocks(pairs: Pairs) -> list[report.Block]:
     return [*_star(answer), *_priority(answer), *_planets(answer, pairs), *_seasons(answer, pairs), *_same(answer)]
 
 
+def star_result(pairs: Pairs) -> StarResult:
+    """Return what is known of the star of an address as a result.
+
+    Parameters
+    ----------
+    pairs : sequence of (str, str)
+    """
+    answer = star_answer(pairs)
+    return StarResult.of(answer, answer.star, at=0, hip=int(answer.star.hip[0]) or None)
+
+
 def _star(answer: StarAnswer) -> Iterator[report.Block]:
     star = answer.star
     if answer.note:
@@ -310,6 +324,7 @@ STAR = View(
     star_pairs,
     star_form,
     star_blocks,
+    star_result,
     lambda pairs: report.full_name(star_answer(pairs).name, int(star_answer(pairs).star.hip[0])),
 )
 """The page a star."""

@@ -10,6 +10,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from cpic_core import numeric_context
@@ -62,6 +63,14 @@ class Kept(Generic[K]):
                 self._size -= len(old)
 
 
+@dataclass
+class _Shared:
+    """Work that is under way, and how many wait for it."""
+
+    future: Future[Any]
+    askers: int = 0
+
+
 class Workers:
     """A few threads that compute.
 
@@ -79,8 +88,9 @@ class Workers:
     def __init__(self, threads: int = 2, waiting: int = 30, limit_s: float = 60.0) -> None:
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix="cpic-answer")
         self._most, self._limit_s, self._taken = threads + waiting, limit_s, 0
+        self._shared: dict[Hashable, _Shared] = {}
 
-    async def do(self, work: Callable[..., T], *given: Any) -> T:
+    async def do(self, work: Callable[..., T], *given: Any, key: Hashable = None) -> T:
         """Return what a function gives, which is called in one of the threads.
 
         Parameters
@@ -88,6 +98,8 @@ class Workers:
         work : callable
         *given
             What it is called with.
+        key : hashable, optional
+            Work of one key that is asked for by several at once is done once, and takes one place.
 
         Raises
         ------
@@ -96,18 +108,30 @@ class Workers:
         TimeoutError
             If it takes too long.
         """
-        if self._taken >= self._most:
-            raise Busy
-        self._taken += 1
-        loop = asyncio.get_running_loop()
-        future = self._pool.submit(numeric_context()(work), *given)
-        future.add_done_callback(lambda done: self._leave(loop, done))
-        return await asyncio.wait_for(asyncio.wrap_future(future), self._limit_s)
+        shared = self._shared.get(key)
+        if shared is None or shared.future.cancelled():
+            if self._taken >= self._most:
+                raise Busy
+            self._taken += 1
+            loop = asyncio.get_running_loop()
+            shared = _Shared(self._pool.submit(numeric_context()(work), *given))
+            if key is not None:
+                self._shared[key] = shared
+            shared.future.add_done_callback(lambda _: self._leave(loop, key))
+        shared.askers += 1
+        try:
+            result: T = await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(shared.future)), self._limit_s)
+            return result
+        finally:
+            shared.askers -= 1
+            if not shared.askers:
+                shared.future.cancel()  # nobody waits for it any more: it need not begin
 
-    def _leave(self, loop: asyncio.AbstractEventLoop, future: Future[Any]) -> None:
+    def _leave(self, loop: asyncio.AbstractEventLoop, key: Hashable) -> None:
         """Free a place; this is called in the thread that worked."""
         if not loop.is_closed():
-            loop.call_soon_threadsafe(self._free)
+            loop.call_soon_threadsafe(self._free, key)
 
-    def _free(self) -> None:
+    def _free(self, key: Hashable) -> None:
         self._taken -= 1
+        self._shared.pop(key, None)

@@ -1,5 +1,6 @@
 """A server of its own and Debian's Chromium; without Playwright or Chromium the tests are skipped, and counted."""
 
+import json
 import os
 import shutil
 import socket
@@ -48,7 +49,10 @@ def server(tmp_path_factory):
         port = free.getsockname()[1]
     folder = tmp_path_factory.mktemp("server")
     address = f"http://127.0.0.1:{port}"
-    command = [sys.executable, "-m", "cpic_planner.cli.main", "serve", "--port", str(port)]
+    ranking = {"schema_version": 1, "kind": "rank", "config_hash": "ab12"}
+    (folder / "ranking.json").write_text(json.dumps(ranking, indent=2))
+    own = ["--jobs", str(folder / "jobs"), "--folder", str(folder)]
+    command = [sys.executable, "-m", "cpic_planner.cli.main", "serve", "--port", str(port), *own]
     log = (folder / "log").open("w")
     process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=folder)
     try:
@@ -74,6 +78,23 @@ def chromium():
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def check():
+    """Check that a page fits into its window, shows its images, and that axe finds nothing serious."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    def checked(page, width):
+        page.wait_for_load_state("networkidle")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        for image in page.locator("img").all():
+            assert image.evaluate("image => image.naturalWidth") > 100
+        found = Axe().run(page).response["violations"]
+        bad = [(item["id"], item["nodes"][0]["html"]) for item in found if item["impact"] in ("serious", "critical")]
+        assert bad == []
+
+    return checked
 
 
 @pytest.fixture

@@ -283,3 +283,11 @@ def test_public_functions_keep_their_keywords(name):
         "simulate_products": [],
         "compare_strategies": [],
     }.get(name, ["target"])
+
+
+@pytest.mark.parametrize("model", [EtcQuestion, RankQuestion, PlanQuestion])
+def test_a_band_that_is_given_twice_counts_once(model):
+    given = {"target": "tau Cet"} if model is EtcQuestion else {}
+    once, twice = (model.of(given | {"bands": bands}) for bands in (["F662", "F520"], ["F662", "F520", "F662"]))
+    assert twice == once
+    assert twice.band_names() == ("F662", "F520")

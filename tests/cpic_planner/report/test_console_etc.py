@@ -26,7 +26,7 @@ def test_an_snr_below_the_threshold_is_not_a_detection(capsys, tmp_path, star):
     assert "· measured, not detected" in text
     shown = float(re.search(r"in F520 is not a detection: ([\d.]+) % of such programmes show", text)[1])
     assert shown < 10.0
-    assert "inner edge of the dark hole, where the threshold is highest (--detect asks for a detection)" in text
+    assert "where the threshold is highest (a question for a detection takes that into account)" in text
     placed = told(capsys, "etc", star, "--snr", "5", "--band", "F520", "--separation-arcsec", "0.34", *own)
     assert "is not a detection" in placed
     assert "it was put" not in placed

@@ -153,3 +153,30 @@ def test_as_many_stars_are_drawn_as_asked_for_and_their_names_can_be_read(rank, 
 def test_a_ranking_without_any_frame_can_be_drawn(rank):
     last = rank.model_copy(update={"targets": rank.targets[-1:]})
     assert len(rank_figure(last).axes) == 2
+
+
+@pytest.mark.parametrize(
+    "more",
+    [{"bands": ["F520"]}, {"separation_arcsec": [0.4, 0.5, 0.6]}, {"bands": ["all"]}, {"separation_arcsec": 2.0}],
+)
+def test_all_words_lie_in_the_figure_and_legends_on_no_axes(more):
+    from cpic_planner.api import answered
+    from cpic_planner.queries import EtcQuestion
+    from cpic_planner.report import style
+
+    figure = answered(EtcQuestion.of({"target": "tau Cet", "time_s": 36e3} | more)).figure()
+    with style():
+        figure.canvas.draw()
+        renderer = figure.canvas.get_renderer()
+        found = figure.get_tightbbox(renderer)  # inches
+        wide, high = figure.get_size_inches()
+        assert found.x0 >= 0.0
+        assert found.y0 >= 0.0
+        assert found.x1 <= wide
+        assert found.y1 <= high
+        boxes = [axes.get_window_extent(renderer) for axes in figure.axes]
+        for axes in figure.axes:
+            legend = axes.get_legend()
+            if legend is not None:
+                own = legend.get_window_extent(renderer)
+                assert not any(own.overlaps(box) for box in boxes)

@@ -1,4 +1,5 @@
 import hashlib
+import json
 import re
 from shlex import split
 
@@ -72,3 +73,19 @@ def test_bad_input_is_refused(ask, query):
     assert told.status == 400
     assert told.text.count('class="wrong"') == 1
     assert "root:" not in told.text
+
+
+def test_the_data_of_a_page_are_what_the_commands_print(ask, send, capsys):
+    question = "target=tau+Cet&snr=5&separation_arcsec=0.45&bands=F520"
+    told = ask(f"/compare?{question}&instrument=as_published&format=json").json
+    command = "etc 'tau Cet' --snr 5 --separation-arcsec 0.45 --band F520 --json"
+    theirs = [json.loads(printed(capsys, f"{command}{more}")) for more in (" --instrument as_published", "")]
+    assert told["answers"] == theirs
+    assert told["differences"] == json.loads(printed(capsys, "instrument diff as_published --json"))
+    alone = ask("/compare?instrument=as_published&format=json").json
+    assert (alone["answers"], alone["differences"]) == ([], told["differences"])
+    fields = [("target", "tau Cet"), ("bands", "F520"), ("format", "json")]
+    sent = send("/compare", [("other", "noisy.yaml", NOISY)], fields=fields)
+    assert hashlib.sha256(NOISY).hexdigest() in sent.headers["cpic-files"]
+    assert [row["key"] for row in sent.json["differences"]["values"]] == ["detector.read_noise_e"]
+    assert send("/compare", [], fields=[("other", "x"), ("format", "json")]).json["parameter"] == "other"

@@ -78,7 +78,35 @@ def test_every_described_address_is_answered(document, browser, tmp_path):
         mine = type(browser)(application(jobs=queue))
         for path, item in document["paths"].items():
             for method in {"get", "post"} & set(item):
-                place = path.replace("{id}", "0" * 16).replace("{name}", "plan.json")
+                place = path.replace("{id}", "0" * 16).replace("{name}", "plan.json").replace("{which}", "seasons")
                 told = mine.submit(place, {}) if method == "post" else mine.get(f"{place}?nothing=1")
                 assert told.status != 405, path
                 assert not told.text.startswith("There is no such page"), path
+
+
+@pytest.mark.parametrize("query", ["/star?name=eps+Eri", "/compare?instrument=as_published", "/compare?target=tau+Cet"])
+def test_pages_of_several_answers_are_described_as_they_answer(document, browser, query):
+    path = query.partition("?")[0]
+    told = browser.get(f"{query}&bands=F520&format=json" if "target" in query else f"{query}&format=json")
+    assert told.status == 200
+    assert list(Draft202012Validator(schema_of(document, path, "200")).iter_errors(told.json)) == []
+    refused = browser.get(f"{query}&x=1&format=json")
+    assert refused.status == 400
+    assert list(Draft202012Validator(schema_of(document, path, "400")).iter_errors(refused.json)) == []
+
+
+def test_files_are_described_where_they_are_taken(document, browser):
+    for path, item in document["paths"].items():
+        kinds = item.get("post", {}).get("requestBody", {}).get("content", {})
+        assert ("multipart/form-data" in kinds) == (path in ("/etc", "/priorities", "/compare"))
+    for path, names in (
+        ("/etc", {"instrument", "catalog", "albedo", "known_planets"}),
+        ("/compare", {"instrument", "other", "catalog", "albedo", "known_planets"}),
+    ):
+        content = document["paths"][path]["post"]["requestBody"]["content"]["multipart/form-data"]
+        assert {name for name, told in content["schema"]["properties"].items() if "oneOf" in told} == names
+    stars = b"name,v_mag,sp_type,distance_pc\nBob,4.5,G8V,7\n"
+    fields = [("target", "Bob"), ("snr", "5"), ("bands", "F520"), ("format", "json")]
+    told = browser.post("/etc", [("catalog", "s.csv", stars)], fields=fields)
+    assert "cpic-files" in told.headers
+    assert list(Draft202012Validator(schema_of(document, "/etc", "200", "post")).iter_errors(told.json)) == []

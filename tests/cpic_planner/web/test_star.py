@@ -1,3 +1,4 @@
+import json
 import re
 
 import pytest
@@ -74,3 +75,18 @@ def test_a_star_is_asked_for_by_its_name_and_nothing_else(ask):
         assert "root:" not in told.text
     assert ask("/star?name=tau+Cet&date_utc=").headers["location"] == "/star?name=tau+Cet"
     assert ask("/star").status == 200
+
+
+def test_the_data_of_a_page_are_what_python_and_the_commands_give(ask, capsys):
+    told = ask("/star?name=eps+Eri&date_utc=2030-01-01&format=json").json
+    seasons = star_visibility("eps Eri", start_utc="2030-01-01")
+    assert told["seasons"] == json.loads(seasons.model_dump_json())
+    assert main(["known", "eps Eri", "--date", "2030-01-01", "--json"]) == 0
+    assert told["known"] == json.loads(capsys.readouterr().out)
+    explained = json.loads(explain_rank("eps Eri").model_dump_json())
+    assert told["explanation"]["star"] == explained["star"]
+    assert told["explanation"]["bands"] == explained["bands"]
+    assert (told["name"], told["hip"], told["note"]) == ("eps Eri", 16537, "")
+    assert told["distance_pc"] == pytest.approx(3.22, abs=0.01)
+    assert ask("/star?name=Nobody&format=json").json["parameter"] == "name"
+    assert ask("/star?format=csv&name=tau+Cet").status == 400

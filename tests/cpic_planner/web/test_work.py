@@ -82,3 +82,39 @@ def test_a_kept_answer_takes_no_worker(browser):
     first = mine.get("/etc?target=tau+Cet&bands=F520")
     again = mine.get("/etc?bands=F520&target=tau+Cet")
     assert (first.status, again.body, again.headers) == (200, first.body, first.headers)
+
+
+def test_what_several_ask_at_once_is_worked_out_once():
+    workers, go, calls = Workers(threads=2, waiting=1), threading.Event(), []
+
+    def slow():
+        calls.append(1)
+        go.wait(30)
+        return len(calls)
+
+    async def crowd():
+        asked = [asyncio.ensure_future(workers.do(slow, key="same")) for _ in range(20)]
+        other = asyncio.ensure_future(workers.do(lambda: "other", key="another"))
+        assert await other == "other"
+        go.set()
+        assert await asyncio.gather(*asked) == [1] * 20
+        await asyncio.sleep(0.05)
+        return await workers.do(slow, key="same")
+
+    assert asyncio.run(crowd()) == 2
+
+
+def test_one_who_gives_up_takes_nothing_from_the_others():
+    workers, go = Workers(threads=1), threading.Event()
+
+    async def crowd():
+        before = asyncio.ensure_future(workers.do(go.wait, 30))
+        first, second = (asyncio.ensure_future(workers.do(lambda: 7, key="same")) for _ in range(2))
+        await asyncio.sleep(0)
+        first.cancel()
+        await asyncio.sleep(0)
+        go.set()
+        assert await before
+        return await second
+
+    assert asyncio.run(crowd()) == 7
