@@ -1,5 +1,7 @@
 """Two rolls against injection into simulated frames, and the variance that the ETC takes for them."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -12,16 +14,22 @@ REGION = (np.hypot(_X, _Y) > 4) & (np.hypot(_X, _Y) < 19)
 CENTERINGS = ["temporal", "spatial", "none"]
 
 
-def speckles(n: int, seed: int, *, drift: float = 0.1) -> np.ndarray:
-    """Photon-noisy frames of a static field with drifting modes; ``seed`` draws the frames, not the field."""
+@functools.cache
+def static_field() -> np.ndarray:
+    """A field of speckles and the modes by which it drifts."""
     field = np.random.default_rng(99)
     waves = field.standard_normal((6, SIDE, SIDE)) + 1j * field.standard_normal((6, SIDE, SIDE))
     frequency = np.hypot(np.fft.fftfreq(SIDE)[:, None], np.fft.fftfreq(SIDE))
-    waves = np.fft.ifft2(np.fft.fft2(waves) * np.exp(-2.0 * (np.pi * 1.5 * frequency) ** 2))
-    rng = np.random.default_rng(seed)
+    return np.fft.ifft2(np.fft.fft2(waves) * np.exp(-2.0 * (np.pi * 1.5 * frequency) ** 2))
+
+
+@functools.cache
+def speckles(n: int, seed: int, *, drift: float = 0.1) -> np.ndarray:
+    """Photon-noisy frames of a static field with drifting modes; ``seed`` draws the frames, not the field."""
+    waves, rng = static_field(), np.random.default_rng(seed)
     weights = np.column_stack([np.ones(n), drift * rng.standard_normal((n, 5))])
     light = np.abs(np.einsum("nk,kyx->nyx", weights, waves)) ** 2
-    return rng.poisson(100.0 * light / np.mean(np.abs(waves[0]) ** 2)).astype(float)
+    return rng.poisson(100.0 * light / np.mean(np.abs(waves[0]) ** 2)).astype(np.int32)
 
 
 def places(roll_deg: float, separation: float = 12.3) -> list[tuple[float, float]]:
