@@ -319,6 +319,7 @@ def test_standard_checks_every_answer_in_images(call):
     assert (status, err) == (0, "")
     for word in ("Checked in images (standard: sums of frames)", "flux / true", "images / SNR"):
         assert word in text
+    assert re.search(r" 2  \d of 2 ", text)
 
 
 def test_a_contrast_limit_is_checked_by_a_planet_at_the_limit(call):

@@ -91,10 +91,9 @@ def test_a_contradicted_orbit_is_flagged(done):
 
 
 def test_all_stars_begin_with_the_mission(done):
-    result = known(done, draws=ROUGH)
+    result = known(done, "--v-mag-max", "7.5", draws=ROUGH)
     assert result.date_utc == "2028-01-01T00:00:00"
-    assert len(result.planets) == 182
-    assert known(done, "--v-mag-max", "7.5", draws=ROUGH).planets[-1].v_mag > 7.0
+    assert sum(row.v_mag <= 7.0 for row in result.planets) == 182 < len(result.planets)
     out, _ = done("known", "--limit", "3", *ROUGH)
     assert "3 of 174 around 109 stars" in out
     # Sorted by how likely the hole covers the planet.
