@@ -37,7 +37,7 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     """Add what a part of a test took to its file."""
-    _SPENT[report.location[0]] += report.processor_s  # type: ignore[attr-defined]
+    _SPENT[report.location[0]] += report.processor_s
 
 
 def lines(spent: Counter[str], shown: int = SHOWN) -> list[str]:

@@ -10,6 +10,7 @@ import pytest
 
 from tools import spent
 
+
 def test_parts_of_tests_add_up_by_file(monkeypatch):
     monkeypatch.setattr(spent, "_SPENT", Counter())
     for name, seconds in (("a.py", 1.0), ("b.py", 2.5), ("a.py", 3.0)):
