@@ -16,6 +16,7 @@ FEWER = (
     (r"universes=\d+", "universes=20"),
     (r"realisations=\d+", "realisations=2"),
     (r"n_planets=\d+", "n_planets=100"),
+    (r"(confirm_targets\([^)]*)\)", r'\1, realisations=2, fidelity="quick")'),
     (r"rank_targets\(time_s=(\d+)\)", r"rank_targets(time_s=\1, n_planets=100, v_mag_max=3.5)"),
     (r'"contrast=[^"]+"', '"contrast=1e-8"'),
 )

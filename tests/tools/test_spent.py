@@ -1,5 +1,8 @@
 """What the tests of each file take."""
 
+import subprocess
+import sys
+import time
 from collections import Counter
 from types import SimpleNamespace
 
@@ -11,10 +14,27 @@ from tools import spent
 def test_parts_of_tests_add_up_by_file(monkeypatch):
     monkeypatch.setattr(spent, "_SPENT", Counter())
     for name, seconds in (("a.py", 1.0), ("b.py", 2.5), ("a.py", 3.0)):
-        spent.pytest_runtest_logreport(SimpleNamespace(location=(name, 1, "test"), duration=seconds))
+        spent.pytest_runtest_logreport(SimpleNamespace(location=(name, 1, "test"), processor_s=seconds))
     said = []
     spent.pytest_terminal_summary(SimpleNamespace(section=said.append, line=said.append))
     assert said[1:] == ["     4.0 s a.py", "     2.5 s b.py", "     6.5 s all 2 files"]
+
+
+WORK = "import time\nwhile time.process_time() < 0.2: pass"
+
+
+def test_work_counts_wherever_it_is_done_and_waiting_does_not():
+    """A report that came from another process still says so."""
+    spent.pytest_runtest_logstart()
+    taken = []
+    for work in (lambda: subprocess.run([sys.executable, "-c", WORK], check=True), lambda: time.sleep(0.2)):
+        work()
+        making = spent.pytest_runtest_makereport()
+        next(making)
+        with pytest.raises(StopIteration) as made:
+            making.send(pytest.TestReport("a.py::test", ("a.py", 1, "test"), {}, "passed", None, "call"))
+        taken.append(pytest.TestReport._from_json(made.value.value._to_json()).processor_s)
+    assert taken[0] >= 0.2 > taken[1] >= 0.0
 
 
 @pytest.mark.parametrize("shown", [1, 2])

@@ -29,8 +29,8 @@ third,4.4,G0V,5950,4.4,0.0,8.7,1.1,88.6,20.3
 """
 
 
-# The whole catalogue in a moment, where the numbers do not matter.
-ROUGH = ["--band", "F520", "--planets", "50"]
+# A ranking in a moment, where neither the numbers nor the stars matter.
+ROUGH = ["--band", "F520", "--planets", "50", "--v-mag-max", "4"]
 
 
 @pytest.fixture(scope="module")
@@ -54,14 +54,13 @@ def test_rank_json_holds_one_row_per_star(ranked):
 
 
 def test_rank_writes_tables(call, tmp_path):
-    assert call("rank", *ROUGH, "--limit", "1", "--out", str(tmp_path / "r.csv"))[0] == 0
-    assert (tmp_path / "r.csv").read_text().count("\n") == 1078
-    for ending, lines in ((".tex", 1077 + 7), (".md", 1077 + 4)):
+    assert call("rank", *ROUGH, "--out", str(tmp_path / "r.json"))[0] == 0
+    stars = len(json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["targets"])
+    assert stars > 50
+    for ending, lines in ((".csv", stars + 1), (".tex", stars + 7), (".md", stars + 4)):
         path = tmp_path / f"r{ending}"
         assert call("rank", *ROUGH, "--limit", "1", "--out", str(path), "--brief")[0] == 0
         assert path.read_text(encoding="utf-8").count("\n") == lines
-    assert call("rank", *ROUGH, "--out", str(tmp_path / "r.json"))[0] == 0
-    assert len(json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["targets"]) == 1077
     status, _, err = call("rank", *ROUGH, "--out", str(tmp_path / "r.txt"))
     assert status == 2
     assert ".csv, .ecsv, .json, .tex or .md" in err

@@ -13,11 +13,12 @@ from cpic_planner.results import KnownResult, RankResult
 from simulator import load_scene
 
 FEW = ["--planets", "200"]
+ROUGH = ["--planets", "20"]  # of many stars, where the numbers do not matter
 MINE = "star,planet,a,e,mass,inclination,radius,star_mass\neps Eri,eps Eri q,1.5,0,1,30,1.1,0.83\n"
 
 
-def known(done, *arguments):
-    out, _ = done("known", *arguments, *FEW, "--json")
+def known(done, *arguments, draws=FEW):
+    out, _ = done("known", *arguments, *draws, "--json")
     return KnownResult.model_validate_json(out)
 
 
@@ -55,10 +56,10 @@ def test_refuted_planets_are_shown_with_who_says_so(call, tmp_path):
     assert "1 listed and not counted" in told
     assert "refuted, not counted. Status from Burrows et al. 2024 (arXiv:2404.17494)" in told
     assert "in the dark hole" not in told
-    status, out, _ = call("known", "--limit", "1", *FEW)
+    status, out, _ = call("known", "--limit", "1", "--v-mag-max", "4.5", *ROUGH)
     assert "listed and not counted" in out
     assert "refuted" not in out
-    status, out, _ = call("known", "--limit", "1", "-v", *FEW)
+    status, out, _ = call("known", "--limit", "1", "-v", "--v-mag-max", "4.5", *ROUGH)
     assert out.count("refuted, not counted") == 3
     for option, file in (("--plot", "x.png"), ("--scene", "x.yaml")):
         status, _, err = call("known", "omi2 Eri", option, str(tmp_path / file), *FEW)
@@ -103,11 +104,10 @@ def test_a_contradicted_orbit_is_flagged(done):
 
 
 def test_all_stars_begin_with_the_mission(done):
-    result = known(done)
+    result = known(done, "--v-mag-max", "7.5", draws=ROUGH)
     assert result.date_utc == "2028-01-01T00:00:00"
-    assert len(result.planets) == 182
-    assert known(done, "--v-mag-max", "7.5").planets[-1].v_mag > 7.0
-    out, _ = done("known", "--limit", "3", *FEW)
+    assert sum(row.v_mag <= 7.0 for row in result.planets) == 182 < len(result.planets)
+    out, _ = done("known", "--limit", "3", *ROUGH)
     assert "3 of 174 around 109 stars" in out
     # Sorted by how likely the hole covers the planet.
     shares = [int(share) for share in re.findall(r"(\d+) %", "\n".join(out.splitlines()[3:6]))]
@@ -168,7 +168,7 @@ def test_examples_of_the_help_are_accepted(capsys, tmp_path, monkeypatch):
     examples = re.findall(r"^  cpic (.*)$", inspect.getdoc(known_command.known), re.M)
     assert len(examples) >= 6
     for example in examples:
-        assert main([*shlex.split(example), *FEW]) == 0, example
+        assert main([*shlex.split(example), *ROUGH]) == 0, example
     capsys.readouterr()
     assert (tmp_path / "separation.png").exists()
     assert (tmp_path / "eps_eri.yaml").exists()

@@ -133,7 +133,13 @@ def test_plan_holds_no_clock_host_or_path(finished):
         assert word not in text
 
 
-def test_killed_half_way_and_started_again_gives_the_same_bytes(finished, stars, tmp_path):
+@pytest.fixture
+def no_page(monkeypatch):
+    """Leave the page with its figures empty."""
+    monkeypatch.setattr("cpic_planner.report.write.plan_html", lambda *given, **more: "")
+
+
+def test_killed_half_way_and_started_again_gives_the_same_bytes(finished, stars, tmp_path, no_page):
     """Whole, it ran in one process; here two workers begin with half of the work, and one process goes on."""
     out = tmp_path / "again"
     process = started(stars, out, "--workers", "2")
@@ -158,7 +164,7 @@ def test_another_configuration_needs_force(finished, stars, capsys):
     assert "--force" in capsys.readouterr().err
 
 
-def test_seed_changes_the_measurement_but_not_the_prediction(finished, stars, tmp_path):
+def test_seed_changes_the_measurement_but_not_the_prediction(finished, stars, tmp_path, no_page):
     """Nor does how many targets are confirmed: one here, two before, in the same frames."""
     plan = json.loads(finished[1])
     before = {target["name"]: target for target in plan["targets"]}

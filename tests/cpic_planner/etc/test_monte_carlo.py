@@ -34,7 +34,9 @@ def agrees(found, said):
     ) < tolerance(found)
 
 
-@pytest.mark.parametrize("gain", GAINS)
+@pytest.mark.parametrize(
+    "gain", [pytest.param(gain, marks=[pytest.mark.long] * (gain in (2.0, 300.0))) for gain in GAINS]
+)
 @pytest.mark.parametrize("regime", REGIMES)
 def test_every_regime_at_every_gain(oracles, regime, gain):
     case = oracles.regimes.case_of(regime, gain)
@@ -204,7 +206,7 @@ def test_counting_particles_twice_or_never_fails(oracles):
         assert not agrees(found, said_with(oracles, case, loss_per_s=loss))
 
 
-@pytest.mark.parametrize("index", [0, 4, 5])
+@pytest.mark.parametrize("index", [0, *(pytest.param(index, marks=pytest.mark.long) for index in (4, 5))])
 def test_counted_photons(oracles, index):
     """Nearly dark at 3 sigma and gain 300; a tenth and a third of an electron at 5 sigma and gain 1000."""
     places = oracles.regimes.apertures()

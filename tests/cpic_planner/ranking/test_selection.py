@@ -6,6 +6,7 @@ from cpic_planner import rank_targets
 from cpic_planner.api import prepared
 from cpic_planner.queries import RankQuestion
 
+ASKED = {"bands": ["F520"], "n_planets": 50}
 FILTERS = [
     {"sp_type": ["K"]},
     {"distance_max_pc": 10.0},
@@ -17,15 +18,15 @@ FILTERS = [
 
 @pytest.fixture(scope="module")
 def whole():
-    return rank_targets(bands=["F520"])
+    return rank_targets(**ASKED)
 
 
 @pytest.mark.parametrize("filters", FILTERS)
 def test_a_filter_selects_what_the_ranking_under_it_says(whole, filters):
     before = whole.model_dump_json()
-    question = RankQuestion.of({"bands": ["F520"], **filters})
+    question = RankQuestion.of({**ASKED, **filters})
     chosen = prepared(question).of_all(whole)
-    alone = rank_targets(bands=["F520"], **filters)
+    alone = rank_targets(**ASKED, **filters)
     assert chosen.model_dump_json() == alone.model_dump_json()
     if "dec_min_deg" not in filters or len(filters) > 1:
         assert 0 < len(chosen.targets) < len(whole.targets)

@@ -170,7 +170,7 @@ def test_killed_half_way_and_started_again_gives_the_same_bytes(whole, tmp_path,
     while time.monotonic() < deadline:  # in the middle of a sequence, with another one finished
         if list(out.glob("parts/*.json")) and list(out.glob(".cpic-*/*/*/*/.*.part")):
             break
-        time.sleep(0.002)
+        time.sleep(0.01)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     assert 1 <= len(list(out.glob("parts/*.json"))) < 9

@@ -77,7 +77,7 @@ def against_all_schedules(problems, needed, seeds, least):
     assert np.mean(tops) <= 1.5
 
 
-@pytest.mark.parametrize(("needed", "seeds", "least"), [(1, 36, 34), (2, 60, 40), (3, 120, 20)])
+@pytest.mark.parametrize(("needed", "seeds", "least"), [(1, 36, 34), (3, 120, 20)])
 def test_small_problems_are_planned_as_well_as_possible(problems, needed, seeds, least):
     against_all_schedules(problems, needed, seeds, least)
 

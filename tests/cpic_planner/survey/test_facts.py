@@ -122,12 +122,15 @@ def test_steps_are_told_and_the_result_is_kept(run, config):
     assert WhatIfResult.model_validate_json((folder / "whatif.json").read_text()) == result
 
 
-def test_workers_and_a_break_change_nothing(run, config, tmp_path):
-    folder, *_ = run
-    run_whatif(config, tmp_path, pages=False, workers=2)
-    bodies = [(where / "whatif.json").read_bytes() for where in (folder, tmp_path)]
+def test_workers_and_a_break_change_nothing(small, tmp_path):
+    config = small(universe={"universes": 40, "exclusions": ["rv"], "facts": True})
+    for name, workers in (("alone", 1), ("two", 2)):
+        made = run_whatif(config, tmp_path / name, pages=False, workers=workers)
+        assert made.computed_parts > 0
+    assert [fact.name for fact in made.result.facts.facts] == ["known_planets", "rv", "companions", ALL]
+    bodies = [(tmp_path / name / "whatif.json").read_bytes() for name in ("alone", "two")]
     assert len({hashlib.sha256(body).hexdigest() for body in bodies}) == 1
-    again = run_whatif(config, tmp_path, pages=False)
+    again = run_whatif(config, tmp_path / "two", pages=False)
     assert again.computed_parts == 0
 
 

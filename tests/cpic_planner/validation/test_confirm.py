@@ -35,7 +35,7 @@ CASES = {
     "idealised": ("eps Eri", "F520", {}, Strategy(library="idealised")),
 }
 # Of each of these the calculator's answer meets images in test_etc_check as well.
-SHOWN_ELSEWHERE = ("companion", "roll", "idealised")
+SHOWN_ELSEWHERE = ("photons", "companion", "roll", "idealised")
 EVERY_CASE = [pytest.param(case, marks=[pytest.mark.long] * (case in SHOWN_ELSEWHERE)) for case in CASES]
 
 

@@ -101,7 +101,7 @@ def test_noise_only_pulls_have_unit_width(hole: np.ndarray) -> None:
     assert pulls.std() == pytest.approx(1, abs=4 / math.sqrt(2 * len(pulls)) + 0.004)
 
 
-@pytest.mark.parametrize(("gain", "flux"), [(1.0, 3000.0), (300.0, 400.0)])
+@pytest.mark.parametrize(("gain", "flux"), [pytest.param(1.0, 3000.0, marks=pytest.mark.long), (300.0, 400.0)])
 def test_planet_flux_is_unbiased_and_its_error_true(gain: float, flux: float, hole: np.ndarray) -> None:
     """A planet through the real register, on a photon background: the pull of the flux has mean 0 and width 1."""
     rng = stream(5, "planet", int(gain))

@@ -26,7 +26,7 @@ from simulator import Observation, load_instrument, load_scene, observe
 SCENE = "paper_science"
 
 
-@pytest.mark.parametrize(("band", "n_seeds"), [("F520", 40), ("F850", 20)])
+@pytest.mark.parametrize(("band", "n_seeds"), [pytest.param("F520", 40, marks=pytest.mark.long), ("F850", 20)])
 def test_star_off_the_mask(band: str, n_seeds: int) -> None:
     """Unbiased, and scattered by its error, over many seeds with every effect on."""
     seen = observe_off_mask(SCENE, band, n_frames=4).unwrap()

@@ -53,7 +53,13 @@ def test_rate_is_that_of_sticks_thrown_on_a_disc():
 
 
 @pytest.mark.parametrize(
-    ("model", "band"), [("physical", "F520"), ("physical", "F1265"), ("paper", "F520"), ("template", "F662")]
+    ("model", "band"),
+    [
+        ("physical", "F520"),
+        ("physical", "F1265"),
+        pytest.param("paper", "F520", marks=pytest.mark.long),
+        ("template", "F662"),
+    ],
 )
 def test_clean_fraction_is_that_of_drawn_exposures(model, band):
     """Dense enough particles that half of the frames are lost; nothing depends on their number but the rate."""

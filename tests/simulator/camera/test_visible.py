@@ -35,7 +35,7 @@ def test_all_switches_off_is_plain_arithmetic(detector):
         assert camera.expected_adu(exposure) == pytest.approx(exact)
 
 
-@pytest.mark.parametrize("gain", [1.0, 20.0])
+@pytest.mark.parametrize("gain", [pytest.param(1.0, marks=pytest.mark.long), 20.0])
 def test_mean_of_frames_is_the_expected_map_with_every_effect_on(detector, gain):
     # What is common to a frame does not average over pixels: it has a test of its own.
     camera = VisibleCamera(detector.switched(on=("register_clock_charge",), off=("interference", "bias_drift")))

@@ -149,7 +149,7 @@ def wavefronts(monkeypatch):
     return drawn
 
 
-@pytest.mark.parametrize("cadence_s", [30.0, 7200.0])
+@pytest.mark.parametrize("cadence_s", [30.0, pytest.param(7200.0, marks=pytest.mark.long)])
 def test_the_wavefront_walks_with_the_square_root_of_time(wavefronts, cadence_s):
     """Brownian motion: <W(s) W(t)> = visit^2 + walk^2 min(s, t), in absolute nm^2, with t in hours."""
     visit, walk, n_visits = 0.3, 0.8, 300

@@ -135,7 +135,7 @@ def test_shipped_figures_of_the_whole_frame_bound_those_of_the_stamp():
         assert 0.8 < metrics.source_noise_fraction < 1
 
 
-@pytest.mark.parametrize("rms", [0.05, 0.5])
+@pytest.mark.parametrize("rms", [0.05, pytest.param(0.5, marks=pytest.mark.long)])
 def test_floor_equals_exact_frames_of_visit_pairs(rms):
     """Full propagation, pair by pair, against the tabulated first-order floor."""
     imager = build_imager(INSTRUMENT, "F662")
