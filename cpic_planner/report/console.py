@@ -60,15 +60,18 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
     title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
     print_table(console, title, cells, rows, legend=not full)
     tables.explain_symbols(console, [item.status for _, _, item in rows if item.status != "ok"])
+    bands = [band for target in plan.targets for band in target.bands]
     if not full:
         print_comparison(plan, console)
+        _print_invalid(bands, console)
         if left := _left_out_sentence(plan):
             print_note(console, left)
         return
     verdicts = (f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}" for target in plan.targets)
     print_plain(console, *verdicts)
     print_comparison(plan, console)
-    print_modelled([band for target in plan.targets for band in target.bands], console)
+    _print_invalid(bands, console)
+    print_modelled(bands, console)
     criterion = LIBRARIES[plan.reference_library].found
 
     print_note(
@@ -126,8 +129,13 @@ def print_comparison(result: results.ImagedResult, console: Console, *, measured
         print_plain(console, summary.calibration_sentence(result), bold=True)
 
 
+def _print_invalid(bands: Sequence[results.BandConfirmation], console: Console) -> None:
+    """Print where a tier is not good enough, and what to ask for."""
+    print_plain(console, *dict.fromkeys(f"{band.band}: {band.message}" for band in bands if band.status == "invalid"))
+
+
 def print_modelled(bands: Sequence[results.BandConfirmation], console: Console) -> None:
-    """Print how the images were drawn, what that is predicted to cost, and where a tier is not good enough.
+    """Print how the images were drawn, and what that is predicted to cost.
 
     Parameters
     ----------
@@ -135,7 +143,6 @@ def print_modelled(bands: Sequence[results.BandConfirmation], console: Console) 
         What was measured in each band.
     console : Console
     """
-    print_plain(console, *dict.fromkeys(f"{band.band}: {band.message}" for band in bands if band.status == "invalid"))
     made = summary.modelled_sentence(bands)
     if made:
         print_note(console, made)
@@ -185,6 +192,7 @@ def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool
     _print_positions(result.positions, console)
     print_plain(console, *map(albedo_text, result.albedos))
     print_comparison(result, console, measured=bool(rows))
+    _print_invalid(result.bands, console)
     if full:
         print_modelled(result.bands, console)
         print_note(console, _setup_text(result))

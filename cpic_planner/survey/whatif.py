@@ -69,8 +69,8 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
         counts=counts | {"n_steps": steps},
         times_s=plans_s + [(_PLAY_S * plays * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
         start_s=_START_S + _OPTICS_S * len(assumed),
-        memory_mb=650.0,
-        worker_mb=550.0,
+        memory_mb=750.0,
+        worker_mb=850.0,
         disk_mb=0.5 + 0.00035 * n * universes,
     )
 
