@@ -9,6 +9,7 @@ from simulator.config import Timing, load_instrument
 from simulator.imaging import psf_metrics, single_band_psf
 from simulator.imaging.drift import screen_model
 from simulator.signal import (
+    ProgrammeLaw,
     SpeckleLaw,
     drift_halo,
     error_light_share,
@@ -236,6 +237,12 @@ def test_independent_visits_are_the_sum_over_pairs(visits, gap_h, memory_h):
     number = np.arange(visits)
     together = np.exp(-np.abs(number[:, None] - number) * gap_h / memory_h)
     assert float(law.independent(visits, gap_h * 3600.0)) == pytest.approx(visits**2 / together.sum(), rel=1e-12)
+
+
+def test_visits_forget_each_other_where_no_memory_is_stated():
+    """However close they are."""
+    part = SpeckleLaw(*np.ones((3, 1)))
+    assert ProgrammeLaw(part, part, part).independent(16.0, 60.0) == 16.0
 
 
 @pytest.mark.parametrize("fraction", [0.1, 0.5, 1.0])
