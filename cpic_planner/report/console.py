@@ -73,7 +73,6 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
     _print_invalid(bands, console)
     print_modelled(bands, console)
     criterion = LIBRARIES[plan.reference_library].found
-
     print_note(
         console,
         "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
@@ -122,8 +121,7 @@ def detections_cell(item: results.BandConfirmation) -> str:
 
 def print_comparison(result: results.ImagedResult, console: Console, *, measured: bool = True) -> None:
     """Print what is altered in the images, and how prediction and images compare where planets were measured."""
-    altered = summary.overrides_sentence(result)
-    if altered:
+    if altered := summary.overrides_sentence(result):
         print_plain(console, altered, bold=True)
     if measured:
         print_plain(console, summary.calibration_sentence(result), bold=True)
@@ -143,8 +141,7 @@ def print_modelled(bands: Sequence[results.BandConfirmation], console: Console) 
         What was measured in each band.
     console : Console
     """
-    made = summary.modelled_sentence(bands)
-    if made:
+    if made := summary.modelled_sentence(bands):
         print_note(console, made)
 
 
