@@ -95,7 +95,7 @@ class Programme(CaseArrays):
 
     @property
     def by_mean(self) -> bool:
-        """Whether it is known without a look at them that modes change nothing."""
+        """Return whether it is known without a look at them that modes change nothing."""
         return self.speckle is _ONE and self.white is _ONE and self.throughput is _ONE
 
     def of_mean(self) -> "Programme":

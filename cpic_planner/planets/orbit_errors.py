@@ -105,7 +105,7 @@ def astrometric_error_arcsec(
 
 @dataclass(frozen=True, eq=False)
 class OrbitInformation:
-    """What positions say of orbits as Fisher matrices, which add; made by `orbit_information`.
+    """Fisher matrices of orbits, which add with further positions; made by `orbit_information`.
 
     Attributes
     ----------

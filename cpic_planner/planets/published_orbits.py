@@ -1,4 +1,4 @@
-"""What a published orbit says before a planet is imaged: the covariance of its elements."""
+"""Covariance of the elements of published orbits: what is known of a planet before it is imaged."""
 
 from dataclasses import dataclass
 

@@ -20,7 +20,7 @@ PLACES = ("separation_arcsec", "separation_au", "semi_major_axis_au")
 """What places a planet."""
 _LEVELS = ("snr", "sigma", "detect")
 OWN_STAR = "my star"
-"""What a star of one's own is called that is given no name."""
+"""Name of a star of one's own that is given none."""
 
 
 def _planets(given: Any) -> Any:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from cpic_planner.jobs import RunSettings
 
 EXCLUSIONS = ("rv", "stability", "known_giants")
-"""What can exclude planets: velocities of the star, its companion star, and its giant planets."""
+"""Facts that can exclude planets: velocities of the star, its companion star, and its giant planets."""
 
 
 class AlbedoParts(Parts):

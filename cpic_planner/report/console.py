@@ -85,7 +85,7 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
 
 
 def _left_out_sentence(plan: results.PlanResult) -> str:
-    """How many stars and rows there are no images of; empty for none."""
+    """Return how many stars and rows there are no images of; empty for none."""
     stars = 0 if plan.period is None else len(plan.period.left_out)
     rows = 0 if plan.schedule is None else len(plan.schedule.not_imaged)
     parts = [f"{counted(stars, 'star')} left out for visibility"] * bool(stars)

@@ -23,7 +23,7 @@ from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
 
 N_DRAWS, N_KNOWN = 2000, 1000
 """Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
-_PLANETS_BYTES, _PAIRS_BYTES = 40_000_000, 250_000_000  # of 30 stars and 10 years 190 MB
+_PLANETS_BYTES, _PAIRS_BYTES = 40_000_000, 250_000_000  # the default what-if has 190 MB of pairs
 _CHANCES_BYTES, _SHOWN_BYTES = 150_000_000, 100_000_000
 KNOWN_ALBEDO = MeasuredAlbedo(model="jupiter")
 
