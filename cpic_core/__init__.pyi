@@ -15,7 +15,7 @@ from cpic_core.files import (
     write_npz as write_npz,
     write_text as write_text,
 )
-from cpic_core.outcome import Outcome as Outcome, Reason as Reason, Status as Status
+from cpic_core.outcome import Outcome as Outcome, Outcomes as Outcomes, Reason as Reason, Status as Status
 from cpic_core.quantities import (
     ArrayLike as ArrayLike,
     BoolArray as BoolArray,

@@ -1,9 +1,12 @@
 """Typed answers: a value, or the named reason why there is none."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Generic, TypeVar
+
+import numpy as np
+import numpy.typing as npt
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -37,6 +40,7 @@ class Reason(StrEnum):
     TOO_MANY_FRAMES = "too_many_frames"
     NOT_ADDITIVE = "not_additive"
     NO_LIGHT = "no_planet_light"
+    NO_NOISE = "no_noise"
     SMALL_ROLL = "roll_too_small"
     TOO_BRIGHT_TO_COUNT = "too_bright_to_count"
     NOT_MEASURED = "not_measured_in_images"
@@ -140,3 +144,82 @@ class Outcome(Generic[T]):
             "message": self.message,
             "flags": list(self.flags),
         }
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """Typed answers of the same kind in an array; ``answers[index]`` is one of them.
+
+    Attributes
+    ----------
+    value : ndarray
+        The answers; ``nan`` where there is none.
+    status, reason : ndarray of str
+        Those of `Outcome`, element by element.
+    messages : mapping of str to str
+        One sentence for each reason that occurs.
+    unit : str
+        Unit of the values.
+    """
+
+    value: npt.NDArray[np.float64]
+    status: npt.NDArray[np.str_]
+    reason: npt.NDArray[np.str_]
+    messages: Mapping[str, str]
+    unit: str = ""
+
+    @classmethod
+    def of(
+        cls,
+        value: npt.NDArray[np.float64],
+        refused: Mapping[Reason, tuple[Status, npt.NDArray[np.bool_]]],
+        messages: Mapping[Reason, str],
+        unit: str = "",
+    ) -> "Outcomes | Outcome[float]":
+        """Answer with an array; a single number becomes an `Outcome`.
+
+        Parameters
+        ----------
+        value : ndarray
+            The answers; what stands where one is refused does not matter.
+        refused : mapping
+            For each reason its status, and where it holds; the first that holds is given.
+        messages : mapping of Reason to str
+            One sentence for each of these reasons.
+        unit : str, optional
+            Unit of the values.
+        """
+        where = [bad for _, bad in refused.values()]
+        status = np.select(where, [str(status) for status, _ in refused.values()], str(Status.OK))
+        reason = np.select(where, [str(reason) for reason in refused], str(Reason.NONE))
+        value = np.where(status == str(Status.OK), value, np.nan)
+        answers = cls(value, status, reason, {str(reason): messages[reason] for reason in refused}, unit)
+        return answers if value.ndim else answers[()]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the array."""
+        return self.value.shape
+
+    def __getitem__(self, index: tuple[int, ...] | int) -> Outcome[float]:
+        """Answer of one element."""
+        if self.status[index] == Status.OK:
+            return Outcome.ok(float(self.value[index]), unit=self.unit)
+        reason = Reason(str(self.reason[index]))
+        return Outcome.refuse(Status(str(self.status[index])), reason, self.messages[reason], unit=self.unit)
+
+    def unwrap(self) -> npt.NDArray[np.float64]:
+        """Return the values.
+
+        Raises
+        ------
+        NotOk
+            If an answer has none; the message names the first of these.
+        """
+        for index in zip(*np.nonzero(self.status != str(Status.OK)), strict=True):
+            place = tuple(map(int, index))
+            try:
+                self[place].unwrap()
+            except NotOk as error:
+                raise NotOk(f"element {list(place)}: {error}") from None
+        return self.value

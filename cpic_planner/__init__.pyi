@@ -18,6 +18,12 @@ from cpic_planner.api.runs import (
     simulate_products as simulate_products,
     star_visibility as star_visibility,
 )
+from cpic_planner.etc.from_rates import (
+    CONVENTIONS as CONVENTIONS,
+    RateConvention as RateConvention,
+    snr_for_rates as snr_for_rates,
+    time_for_rates as time_for_rates,
+)
 from cpic_planner.planets.population_config import load_population as load_population
 from cpic_planner.queries.shared import ReferencePlanet as ReferencePlanet, Strategy as Strategy
 from cpic_planner.survey.strategy_file import load_strategies as load_strategies
@@ -31,6 +37,7 @@ from simulator import (
     NotOk as NotOk,
     Observation as Observation,
     Outcome as Outcome,
+    Outcomes as Outcomes,
     Passbands as Passbands,
     Planet as Planet,
     Psf as Psf,

@@ -1,4 +1,10 @@
-from cpic_core.outcome import NotOk as NotOk, Outcome as Outcome, Reason as Reason, Status as Status
+from cpic_core.outcome import (
+    NotOk as NotOk,
+    Outcome as Outcome,
+    Outcomes as Outcomes,
+    Reason as Reason,
+    Status as Status,
+)
 from cpic_core.random_streams import stream as stream
 from simulator.config import (
     Instrument as Instrument,

@@ -60,6 +60,7 @@ _REASONS: dict[str, str] = {
     "too_few_resolution_elements": "fewer than three resolution elements: no threshold",
     "time_below_overheads": "time shorter than the overheads",
     "no_planet_light": "the planet sends no light",
+    "no_noise": "nothing makes noise: there is no ratio",
     "roll_too_small": "the roll moves the planet by less than its aperture",
     "too_bright_to_count": "too bright for photon counting",
     "not_measured_in_images": "images of this kind are not measured yet",
