@@ -26,6 +26,7 @@ def test_the_truth_is_recovered_from_many(m50, m90, ceiling):
     assert found.ceiling == pytest.approx(ceiling, abs=0.02)
 
 
+@pytest.mark.long
 def test_a_survey_of_seventy_recovers_the_limit_without_bias():
     fits = [fitted(*injected(70, 0.2, 0.32, 1.0, seed)) for seed in range(40)]
     logs = np.log([fit.m50_mjup / 0.2 for fit in fits])

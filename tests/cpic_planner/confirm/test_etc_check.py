@@ -47,7 +47,7 @@ def answer(tau_ceti):
         ("tau Cet", "F520", 0.6, {}, ReferencePlanet()),
         ("alpha Cen B", "F520", 0.65, {}, ReferencePlanet(radius_rjup=0.4)),
         ("eps Eri", "F520", 0.65, {"library": "roll"}, ReferencePlanet()),
-        ("eps Eri", "F850", 0.7, {"library": "idealised"}, None),
+        pytest.param("eps Eri", "F850", 0.7, {"library": "idealised"}, None, marks=pytest.mark.long),
     ],
 )
 def test_images_agree_with_the_closed_form(name, band, place, strategy, planet):

@@ -139,6 +139,7 @@ def no_page(monkeypatch):
     monkeypatch.setattr("cpic_planner.report.write.plan_html", lambda *given, **more: "")
 
 
+@pytest.mark.long
 def test_killed_half_way_and_started_again_gives_the_same_bytes(finished, stars, tmp_path, no_page):
     """Whole, it ran in one process; here two workers begin with half of the work, and one process goes on."""
     out = tmp_path / "again"

@@ -89,6 +89,7 @@ def test_other_reductions(oracles, regime):
     assert agrees(*compared(oracles, oracles.regimes.case_of(regime, 300.0), 13))
 
 
+@pytest.mark.long
 def test_the_shortcuts_of_the_oracle_are_exact(oracles):
     """Pixel by pixel, frame by frame and rounded by the converter: the same mean and scatter, particles included."""
     mc, rng = oracles.monte_carlo, np.random.default_rng(14)

@@ -160,7 +160,7 @@ def sky(parameters, days):
     return np.concatenate([east, north])
 
 
-@pytest.mark.parametrize("days", [(100.0, 500.0), (100.0, 300.0, 800.0)])
+@pytest.mark.parametrize("days", [(100.0, 500.0), pytest.param((100.0, 300.0, 800.0), marks=pytest.mark.long)])
 def test_errors_are_those_of_fits_to_velocities_and_images(table_of, days):
     """Orbits that the published numbers allow, imaged; fits in other elements to the positions and these numbers."""
     rng, n, distance, later, sigma = np.random.default_rng(5), 150, 3.2, 1000.0, 0.007

@@ -162,6 +162,7 @@ def test_result_holds_no_clock_host_or_path(whole):
         assert word not in text
 
 
+@pytest.mark.long
 def test_killed_half_way_and_started_again_gives_the_same_bytes(whole, tmp_path, capsys):
     """One process, then two; the same of a plan is the other way round."""
     out = tmp_path / "again"

@@ -122,6 +122,7 @@ def test_steps_are_told_and_the_result_is_kept(run, config):
     assert WhatIfResult.model_validate_json((folder / "whatif.json").read_text()) == result
 
 
+@pytest.mark.long
 def test_workers_and_a_break_change_nothing(small, tmp_path):
     config = small(universe={"universes": 40, "exclusions": ["rv"], "facts": True})
     for name, workers in (("alone", 1), ("two", 2)):

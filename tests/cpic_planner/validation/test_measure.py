@@ -71,6 +71,7 @@ def test_subjects_stand_where_the_scene_puts_them():
         )
 
 
+@pytest.mark.long
 def test_neighbours_do_not_count_as_background():
     visits, (first, second) = prepared()
     aperture = visits.geometry.aperture_radius_arcsec / visits.geometry.pixel_scale_arcsec

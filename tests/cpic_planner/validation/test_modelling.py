@@ -226,6 +226,7 @@ def test_the_record_is_plain_and_finite():
         assert len({row.key for row in record.effects}) == len(record.effects)
 
 
+@pytest.mark.long
 def test_whole_frames_and_sums_reduce_to_the_same_planet():
     """The reference beside standard on few frames: flux and noise of the same planet."""
     short = replace(made(), n_frames=4)

@@ -38,6 +38,7 @@ def test_matched_sum_is_a_sum_of_products():
     assert matched_sum(image, kernel)[1, 4, 5] == pytest.approx(float(np.sum(image[1, 3:6, 4:7] * kernel)))
 
 
+@pytest.mark.long
 def test_variances_are_those_of_propagated_visits(psf, maps):
     frames = np.array([visit_frames(psf, DRIFT, 1, 1.0, stream(9, "v", k), stream(9, "w", k))[0] for k in range(256)])
     hole = psf.metrics.hole

@@ -167,6 +167,7 @@ def measured(science: Observation, reference: Observation, number: int) -> tuple
     return flux, float(np.sum(weights * template))
 
 
+@pytest.mark.long
 def test_contrast_end_to_end() -> None:
     """Raw frames with every effect, particles included, to contrasts by both ways: unbiased, with the right error."""
     instrument = still()

@@ -43,6 +43,7 @@ def waited(done):
     raise AssertionError(done)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs /proc")
 def test_a_killed_server_takes_its_job_along_and_the_next_one_finishes_it(tmp_path):
     given = [("bands", "F662"), *ASKED.items()]

@@ -16,6 +16,7 @@ def document(browser):
     return browser.get("/openapi.json").json
 
 
+@pytest.mark.long
 def test_it_is_valid(document):
     assert list(OpenAPIV31SpecValidator(document).iter_errors()) == []
 

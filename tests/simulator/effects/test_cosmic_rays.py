@@ -111,6 +111,7 @@ def test_lengths_and_charges_of_the_events(cosmic, rng, model):
     assert abs(charge.mean() - expected) < 4.5 * charge.std() / np.sqrt(charge.size)
 
 
+@pytest.mark.long
 def test_rate_at_the_edge_is_that_of_the_middle(cosmic):
     # Charge per pixel is the same everywhere only if tracks enter from outside.
     config = cosmic("paper", paper={"tail_index": 8.0, "max_length_um": 5000.0})

@@ -196,6 +196,7 @@ def test_band_is_scored_in_its_own_width(refused, small):
     refused("aberrations", solve_dark_hole, small, flat_aberrations(128), MIRROR)
 
 
+@pytest.mark.long
 def test_amplitude_errors_alone_do_not_stall_the_search():
     """A flat mirror is a saddle for them: the first step must come from elsewhere."""
     instrument = load_instrument({"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0.003}})

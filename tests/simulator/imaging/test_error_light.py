@@ -47,6 +47,7 @@ class Hole:
         return light_variance(light, light, self.mean, self.apertures)
 
 
+@pytest.mark.long
 def test_the_variance_is_that_of_the_form_of_all_waves(monkeypatch):
     """``M = Re(F^H W F)`` of the fields of all waves, and ``2 tr M^2``; waves up to 1.5 cycles."""
     hole = Hole(pixel_nodes=2)

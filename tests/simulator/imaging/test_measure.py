@@ -229,6 +229,7 @@ def test_the_light_between_the_apertures_that_are_measured():
         np.testing.assert_allclose(found, light(y, x), rtol=5e-3)
 
 
+@pytest.mark.long
 def test_narrow_and_empty_holes(refused):
     def floor_of(outer):
         # past the configuration's own check, which leaves room for an aperture

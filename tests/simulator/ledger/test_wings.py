@@ -45,6 +45,7 @@ CASES = [
 ]
 
 
+@pytest.mark.long
 def test_charge_that_arrives_is_foreseen(make, calm):
     """Of tails and of bloomed columns, some arrive and some do not."""
     arrived = []

@@ -209,6 +209,7 @@ def exact_albedo(depth, single, deck, cells=300):
     return 2.0 * np.pi * total
 
 
+@pytest.mark.long
 def test_two_streams_stay_near_exact_transfer():
     cases = list(itertools.product([0.05, 0.3, 0.6, 1.0, 4.0, 20.0], [0.1, 0.6, 0.95, 0.9999], [0.0, 0.5, 0.95]))
     exact = np.array([exact_albedo(*case) for case in cases])

@@ -13,6 +13,7 @@ def inverted():
     return invert_methane(last_nm=805.0, turns=6)
 
 
+@pytest.mark.long
 def test_giant_planets_are_recovered(inverted):
     # Jupiter and the others stand within a few hundredths at every wavelength bin.
     for planet in inverted.measured:
