@@ -22,8 +22,8 @@ from simulator.config import content_hash
 
 _FEW = 10
 _REACH, _SPARE = 3.0, 1.5
-"""Stars to look among, over the star's own rank, and over the nominal rank of the last that comes before it. For each of
-the first 300 stars, by five scores and times, that gives the ranks among all 1077; 2 and 1.25 lose one rank in 200."""
+"""Stars to look among, over the star's own rank, and over the nominal rank of the last that comes before it. For each
+of the first 300 stars, by five scores and times, that gives the ranks among all 1077; 2 and 1.25 lose one in 200."""
 
 
 def explain_star(
