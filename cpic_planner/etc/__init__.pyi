@@ -95,6 +95,7 @@ from cpic_planner.etc.rates import (
     aperture_rates as aperture_rates,
     companion_saturates as companion_saturates,
 )
+from cpic_planner.etc.searches import whole_steps as whole_steps
 from cpic_planner.etc.together import (
     CameraCases as CameraCases,
     effective_of as effective_of,
