@@ -182,7 +182,6 @@ def star_table(values: Mapping[str, Sequence[object]], label: str) -> StarTable:
     return _immutable(columns, units, {column.name: column.description for column in COLUMNS} | _DESCRIPTIONS, label)
 
 
-@functools.cache
 def load_stars(*, updates: bool = True) -> StarTable:
     """Return the embedded catalogue, brightest star first. It is read once per process.
 
@@ -197,8 +196,13 @@ def load_stars(*, updates: bool = True) -> StarTable:
     StarTable
         All rows with V <= 7.5; ``table.select(table.column("v_mag") <= 7.0)`` is the ranked part.
     """
+    return _stars(updates)
+
+
+@functools.cache
+def _stars(updates: bool) -> StarTable:
     if updates:
-        return with_updates(load_stars(updates=False))
+        return with_updates(_stars(updates=False))
     about = json.loads((_DATA / "stars_columns.json").read_text(encoding="utf-8"))["columns"]
     with (_DATA / "stars.csv").open(encoding="utf-8", newline="") as stream:
         reader = csv.reader(stream)

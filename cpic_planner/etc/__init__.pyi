@@ -85,10 +85,19 @@ from cpic_planner.etc.planet import (
     reflected_contrast as reflected_contrast,
 )
 from cpic_planner.etc.programmes import Programmes as Programmes, Span as Span
-from cpic_planner.etc.questions import contrast_limit as contrast_limit, groups_of as groups_of
+from cpic_planner.etc.questions import (
+    contrast_limit as contrast_limit,
+    contrast_limits as contrast_limits,
+    groups_of as groups_of,
+)
 from cpic_planner.etc.rates import (
     ApertureRates as ApertureRates,
     aperture_rates as aperture_rates,
     companion_saturates as companion_saturates,
 )
-from cpic_planner.etc.together import effective_of as effective_of, effective_visits as effective_visits
+from cpic_planner.etc.searches import whole_steps as whole_steps
+from cpic_planner.etc.together import (
+    CameraCases as CameraCases,
+    effective_of as effective_of,
+    effective_visits as effective_visits,
+)

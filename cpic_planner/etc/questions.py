@@ -5,8 +5,8 @@ number is chosen for every case (`cpic_planner.etc.programmes`), and frames are 
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -188,25 +188,58 @@ def contrast_limit(
     objective: Objective = "significance" if snr is None else "snr"
     parts: dict[str, list[EtcAnswer]] = {}
     for group in groups_of(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
-        solved, contrast = _limit(group, span, exact)
-        limit = np.where(contrast < 1.0, contrast, math.inf)
-        parts |= _answers(solved, "contrast_limit", limit, span)
+        limit = _limit(group, span, exact)
+        value = np.where(limit.contrast < 1.0, limit.contrast, math.inf)
+        parts |= _answers(_at_limit(group, limit, exact), "contrast_limit", value, span)
     return _in_order(parts, model.named(bands), len(target), len(planets))
+
+
+def contrast_limits(
+    model: EtcModel,
+    target: Targets,
+    separation_arcsec: Mapping[str, FloatArray],
+    *,
+    time_s: float,
+    sigma: float | None = None,
+    snr: float | None = None,
+    exposure_s: float | None = None,
+    em_gain: float | None = None,
+) -> dict[str, FloatArray]:
+    """Return the values of `contrast_limit` alone, of bands at places of their own: NaN where there is none.
+
+    Parameters
+    ----------
+    model, target, time_s, sigma, snr, exposure_s, em_gain
+        As `contrast_limit`, one star.
+    separation_arcsec : mapping of str to ndarray
+        By band, as many in each.
+    """
+    bands, span = tuple(separation_arcsec), Span.of(model, time_s, None)
+    planets = {band: planets_of(place.tolist(), None, _START) for band, place in separation_arcsec.items()}
+    fixed, found = fixed_frames(model, bands, exposure_s, em_gain), dict[str, FloatArray]()
+    objective: Objective = "significance" if snr is None else "snr"
+    for group in groups_of(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
+        cases, limit = group.cases, _limit(group, span, exact=False)
+        defined = cases.usable & ((group.value is not None) | np.isfinite(cases.threshold))
+        value = np.where(defined & (limit.choice.n_frames >= 1) & (limit.contrast < 1.0), limit.contrast, np.nan)
+        found |= {one.band: value[i, 0] for i, one in enumerate(cases.bands)}
+    return found
 
 
 def groups_of(
     model: EtcModel,
     target: Targets,
     bands: Sequence[str] | None,
-    planets: Planets,
+    planets: Planets | Mapping[str, Planets],
     fixed: FixedFrames,
     objective: Objective,
     value: float | None,
 ) -> list[Group]:
-    """Cases of every camera."""
+    """Cases of every camera; planets of all bands, or as many of each."""
     if len(target) < 1:
         raise InputError("target", len(target), allowed="at least one star")
-    every = [band_cases(model, target, band, planets, fixed) for band in model.named(bands)]
+    own = planets if isinstance(planets, Mapping) else dict.fromkeys(model.named(bands), planets)
+    every = [band_cases(model, target, band, own[band], fixed) for band in model.named(bands)]
     alike = [[one for one in every if one.camera == camera] for camera in dict.fromkeys(one.camera for one in every)]
     groups = []
     for same in alike:
@@ -217,8 +250,23 @@ def groups_of(
     return groups
 
 
-def _limit(group: Group, span: Span, exact: bool) -> tuple[Found, FloatArray]:
-    """Return the contrasts at which the best frames in a time reach the level (``inf`` where none does), and those."""
+@dataclass(frozen=True)
+class _Limit:
+    """Contrasts at which the best frames in a time reach the level (``inf`` where none does), and those frames.
+
+    ``visit_s`` is the length of visits that pays, ``longest_s`` what the time allows.
+    """
+
+    contrast: FloatArray
+    visits: FloatArray
+    programme: Programme
+    choice: FrameChoice
+    visit_s: FloatArray
+    longest_s: FloatArray
+
+
+def _limit(group: Group, span: Span, exact: bool) -> _Limit:
+    """Return the limits of a group in a time."""
     assert span.time_s is not None
     visits = group.visits_in(span)
     programme, _, longest_s = group.spread(visits, span.time_s)
@@ -237,19 +285,25 @@ def _limit(group: Group, span: Span, exact: bool) -> tuple[Found, FloatArray]:
         contrast, choice = _limits(group, programme, visit_s, exact)
         if np.allclose(contrast, last, rtol=_STILL, atol=0.0):
             break
+    return _Limit(contrast, visits, programme, choice, visit_s, longest_s)
+
+
+def _at_limit(group: Group, limit: _Limit, exact: bool) -> Found:
+    """Programmes and frames of planets at the limit."""
+    programme, choice = limit.programme, limit.choice
     # Beyond contrast 1 there is no planet: refused below.
-    ratio = np.minimum(contrast, 1.0)
+    ratio = np.minimum(limit.contrast, 1.0)
     there, problem = replace(group, cases=group.cases.of_contrast(ratio)), group.problem(programme, ratio)
     level = group.level_of(programme, problem, choice)
-    stopped = (choice.n_frames > 0) & (choice.visit_s < longest_s * (1.0 - 1e-9))
+    stopped = (choice.n_frames > 0) & (choice.visit_s < limit.longest_s * (1.0 - 1e-9))
     if np.any(stopped) and not exact:
         # The same setting as the inverse question finds: where more time hardly pays, rounding moves its length.
         again = there.at_level(programme.visits)
-        use = stopped & (again.choice.n_frames > 0) & (again.choice.visit_s <= visit_s)
+        use = stopped & (again.choice.n_frames > 0) & (again.choice.visit_s <= limit.visit_s)
         choice, level = again.choice.where(use, choice), np.where(use, again.level, level)
-        if n_modes:
+        if group.model.strategy.n_modes:
             programme = again.programme.spread(use.shape).where(use, programme.spread(use.shape))
-    return Found(there, programme, problem, choice, level), contrast
+    return Found(there, programme, problem, choice, level)
 
 
 def _limits(group: Group, programme: Programme, visit_s: FloatArray, whole: bool) -> tuple[FloatArray, FrameChoice]:

@@ -34,6 +34,18 @@ def spread(array: Any, shape: tuple[int, ...]) -> Any:
     return array if getattr(array, "shape", None) == shape else np.broadcast_to(array, shape)
 
 
+def whole_steps(most: float, n: int) -> FloatArray:
+    """Return whole numbers from 1 to the most, evenly in the logarithm, each once: ``n`` of them or fewer.
+
+    Parameters
+    ----------
+    most : float
+    n : int
+    """
+    every = np.rint(np.geomspace(1.0, most, n))
+    return np.asarray(every[np.diff(every, prepend=0.0) > 0.0])  # `numpy.unique` would load masked arrays
+
+
 class CaseArrays:
     """Base of dataclasses whose arrays have one shape, a case each; what is no array is the same for all cases."""
 

@@ -17,7 +17,7 @@ from cpic_planner.etc.modes import MODES_LIMITED, modes_obstacle
 from cpic_planner.etc.motion import motion_factor, programme_days
 from cpic_planner.etc.noise import StackNoise, own_noise, snr_paper, stack_noise
 from cpic_planner.etc.programmes import Programmes, Span
-from cpic_planner.etc.searches import last_true, spread
+from cpic_planner.etc.searches import last_true, spread, whole_steps
 from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import MAX_VISITS
 from cpic_planner.results import DetectionMode, EtcAnswer, Question
@@ -33,7 +33,7 @@ _LONGEST_S = 1e12
 _ROUNDING = 1e-6
 _ENDLESS = 1e12
 _MOST_VISITS, _N_VISITS, _HALVINGS = 1e5, 64, 40
-_FEW_OR_MANY = np.unique(np.round(np.geomspace(1.0, _MOST_VISITS, _N_VISITS))).reshape(-1, 1, 1, 1)
+_FEW_OR_MANY = whole_steps(_MOST_VISITS, _N_VISITS).reshape(-1, 1, 1, 1)
 _SHARES = np.linspace(0.0, 1.0, _N_VISITS)[:, None, None, None]
 _UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "contrast_limit": "contrast"}
 

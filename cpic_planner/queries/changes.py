@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Any, Literal, Self, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias, cast
 
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
@@ -21,8 +21,10 @@ from cpic_core import InputError
 from cpic_planner.queries.base import Parts, advice, children, matching, put, sections
 from cpic_planner.queries.fields import asked, asked_changes
 from cpic_planner.queries.written_values import is_number, read_value, two_spellings, with_unit
-from cpic_planner.results import InstrumentValue
 from simulator.config import Drift, FrozenModel, Instrument, at, canonical_json, load_instrument, preset_names, unit_of
+
+if TYPE_CHECKING:
+    from cpic_planner.results import InstrumentValue
 
 ALIASES = {
     "throughput": "bands.*.t_opt",
@@ -317,7 +319,9 @@ def instrument_title(instrument: Instrument) -> str:
     return f"{instrument.name} ({instrument.content_hash})"
 
 
-def instrument_rows(instrument: Instrument, key: str = "", *, other: Instrument | None = None) -> list[InstrumentValue]:
+def instrument_rows(
+    instrument: Instrument, key: str = "", *, other: Instrument | None = None
+) -> "list[InstrumentValue]":
     """Return values of an instrument with their sources; with another one only what differs from it.
 
     Parameters
@@ -332,6 +336,8 @@ def instrument_rows(instrument: Instrument, key: str = "", *, other: Instrument 
     InputError
         For a key that the instrument does not have.
     """
+    from cpic_planner.results import InstrumentValue
+
     mine = dict(_plain_values(sections(instrument)))
     theirs = None if other is None else dict(_plain_values(sections(other)))
     every = dict.fromkeys((*mine, *(theirs or ())))

@@ -13,7 +13,7 @@ from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking.known_completeness import CountedPlanets
 from cpic_planner.ranking.optimiser import best_in_band
 from cpic_planner.ranking.order import RankSetting, rank_targets
-from cpic_planner.ranking.sensitivity import ASSUMPTIONS, N_TOP, near_top, under_others
+from cpic_planner.ranking.sensitivity import ASSUMPTIONS, under_others
 from cpic_planner.ranking.settings import OptimalSetting, detection_statuses, limits_of, setting_fields
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.results import BandStanding, Explanation, RankedTarget, RankResult
@@ -21,6 +21,9 @@ from cpic_planner.targets import Targets
 from simulator.config import content_hash
 
 _FEW = 10
+_REACH, _SPARE = 3.0, 1.5
+"""Stars to look among, over the star's own rank, and over the nominal rank of the last that comes before it. For each
+of the first 300 stars, by five scores and times, that gives the ranks among all 1077; 2 and 1.25 lose one in 200."""
 
 
 def explain_star(
@@ -87,22 +90,24 @@ def explain_star(
 
 
 def _other_ranks(setting: RankSetting, targets: Targets, rows: Sequence[RankedTarget], name: str) -> dict[str, int]:
-    """Rank of a star under every other assumption; one near the top is ranked among those near it only.
+    """Rank of a star under every other assumption, among the first stars of the nominal ranking.
 
-    One of the first few is looked for among fewer stars, and among more where it falls behind the first few.
+    They are enough where those that come before it are all well within them; else as many again are added.
     """
-    nominal = {row.name: row for row in rows}
-    standing = [nominal[str(star)] for star in targets.name]
-    rank = np.array([row.rank for row in standing])
-    margin = np.array([row.detection_margin for row in standing])
-    own, found, left = nominal[name].rank, dict[str, int](), list(ASSUMPTIONS)
-    for top in [top for top in (_FEW, N_TOP) if own <= top] or [len(rows)]:
-        near = targets.select(near_top(rank, margin, top))
-        index = [str(star) for star in near.name].index(name)
-        found |= {item.key: int(order.rank[index]) for item, order in under_others(setting, near, left)}
-        left = [item for item in left if found.get(item.key, 0) > top]
-        if not left:
-            break
+    nominal = {row.name: row.rank for row in rows}
+    rank = np.array([nominal[str(star)] for star in targets.name])
+    own, found, left = nominal[name], dict[str, int](), list(ASSUMPTIONS)
+    first = _REACH * max(own, _FEW)
+    while left:
+        near = rank <= first
+        chosen, places = targets.select(near), rank[near]
+        index, again = int(np.flatnonzero(places == own)[0]), []
+        for item, order in under_others(setting, chosen, left):
+            found[item.key] = int(order.rank[index])
+            before = places[order.rank <= order.rank[index]]
+            if first < len(rows) and _SPARE * before.max() > first:
+                again.append(item)
+        left, first = again, 2.0 * first
     return found
 
 

@@ -19,7 +19,7 @@ from cpic_planner.planets import OrbitSearch
 from cpic_planner.queries import MAX_VISITS
 from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_parts
 
-VISITS = np.unique(np.rint(np.geomspace(1.0, MAX_VISITS, 24)))
+VISITS = etc.whole_steps(MAX_VISITS, 24)
 """Numbers of visits that are looked at first."""
 _NEARBY = np.linspace(0.0, 1.0, 11)
 _SHORTER = np.geomspace(1.0, 0.01, 16)

@@ -39,8 +39,7 @@ def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
 @functools.lru_cache(maxsize=64)
 def _roomy(band: BandGeometry, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
     grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
-    enough = [np.count_nonzero(band.annulus(s, annulus_lambda_d)) for s in grid]
-    room = np.asarray(enough) >= MIN_BACKGROUND_APERTURES * band.aperture_pixels
+    room = band.annulus_pixels(grid, annulus_lambda_d) >= MIN_BACKGROUND_APERTURES * band.aperture_pixels
     usable: FloatArray = grid[(band.resolution_elements(grid) >= 3.0) & room]
     usable.flags.writeable = False
     return usable

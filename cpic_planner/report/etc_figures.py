@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +16,14 @@ import numpy as np
 
 from cpic_core import FloatArray, InputError, Status
 from cpic_planner.etc import (
+    CameraCases,
     EtcModel,
     FixedFrames,
     Objective,
     Programme,
     band_cases,
     best_in_visit,
-    contrast_limit,
+    contrast_limits,
     planets_of,
 )
 from cpic_planner.ranking import separation_grid
@@ -45,10 +46,12 @@ from simulator.detectors import noise_terms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 
-N_TIMES = 90
+N_TIMES, N_PLACES = 90, 25
+"""Points of a curve: straight lines between those of a limit miss at most 0.5 % of it."""
 TIME_SPAN = (1.0 / 300.0, 30.0)
 
 
@@ -116,47 +119,65 @@ def etc_curves(
     exposure_s, em_gain : float, optional
         What was fixed.
     """
-    settings: dict[str, Any] = {"snr": snr, "sigma": sigma, "exposure_s": exposure_s, "em_gain": em_gain}
+    fixed: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain}
     detects = any(answer.question != "signal_to_noise" for answer in answers)
     objective: Objective = "snr" if sigma is None and (snr is not None or not detects) else "significance"
     several = len(answers) > len({answer.band for answer in answers})
+    drawn = [answer for answer in answers if answer.band == best_band or not several]
+    times = _against_time(model, star, drawn, time_s, objective, FixedFrames(**fixed), several)
+    bands = dict.fromkeys(answer.band for answer in answers)
+    ends = {band: separation_grid(model, band)[[0, -1]] for band in bands}
+    grids = {band: np.geomspace(inner, outer, N_PLACES) for band, (inner, outer) in ends.items()}
+    found = contrast_limits(model, star, grids, time_s=time_s, snr=snr, sigma=sigma, **fixed)
+    planets = {
+        band: tuple((row.separation_arcsec, row.contrast) for row in answers if row.band == band and row.contrast)
+        for band in bands
+    }
+    limits = (SeparationCurve(band, grid, found[band], planets[band]) for band, grid in grids.items())
+    return EtcCurves(times, tuple(limits), time_s, level_text(snr, sigma))
 
-    def against_time(answer: EtcAnswer) -> TimeCurve | None:
-        """One line of SNR against time; none where the planet is outside the field or sends no light."""
-        if answer.contrast is None or not 0.0 < answer.contrast <= 1.0 or answer.status is Status.OUTSIDE_FIELD:
-            return None
-        centre = answer.time_s or time_s
-        grid = np.geomspace(TIME_SPAN[0] * centre, TIME_SPAN[1] * centre, N_TIMES)
-        visits = answer.visits or model.strategy.visits or 1
-        planets = planets_of([answer.separation_arcsec] * N_TIMES, None, answer.contrast)
-        cases = band_cases(model, star, answer.band, planets, FixedFrames(exposure_s, em_gain))
-        visit_time_s = grid[None, :] / visits
-        cases = replace(cases, programme=Programme.of(model.strategy, visits, visit_time_s))
+
+def _against_time(
+    model: EtcModel,
+    star: Targets,
+    answers: Sequence[EtcAnswer],
+    time_s: float,
+    objective: Objective,
+    fixed: FixedFrames,
+    several: bool,
+) -> tuple[TimeCurve, ...]:
+    """Lines of SNR against time; none of planets that are outside the field or send no light."""
+    shown = [
+        one
+        for one in answers
+        if one.contrast is not None and 0.0 < one.contrast <= 1.0 and one.status is not Status.OUTSIDE_FIELD
+    ]
+    centre = np.array([one.time_s or time_s for one in shown])
+    visits = np.array([one.visits or model.strategy.visits or 1 for one in shown])
+    grid = np.geomspace(TIME_SPAN[0] * centre, TIME_SPAN[1] * centre, N_TIMES, axis=-1)
+    planets = (planets_of([one.separation_arcsec] * N_TIMES, None, one.contrast) for one in shown)
+    every = [band_cases(model, star, one.band, them, fixed) for one, them in zip(shown, planets, strict=True)]
+    lines = np.full((2, *grid.shape), np.nan)
+    for camera in dict.fromkeys(cases.camera for cases in every):
+        mine = np.flatnonzero([cases.camera == camera for cases in every])
+        many, visit_time_s = visits[mine, None, None], (grid / visits[:, None])[mine, None]
+        alike = CameraCases.of([every[i] for i in mine])
+        cases = alike.in_programme(Programme.of(model.strategy, many, visit_time_s))
         choice = best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
         if model.strategy.n_modes:  # what they change follows the frames slowly
-            cases = replace(cases, programme=cases.programme_of(visits, visit_time_s, choice))
+            cases = alike.in_programme(alike.programme_of(many, visit_time_s, choice))
             choice = best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
         noise = cases.noise(choice)
+        found = np.where(choice.n_frames >= 1, (noise.snr, noise.significance), np.nan)
+        lines[:, mine] = found[:, :, 0]
+    curves = []
+    for i, one in enumerate(shown):
         point = None
-        if answer.time_s is not None and answer.snr is not None and answer.significance is not None:
-            point = (answer.time_s, answer.snr, answer.significance)
-        label = answer.band + (f", {answer.separation_arcsec:.3f}″" if several else "")
-        framed = choice.n_frames[0] >= 1
-        snrs, significances = (np.where(framed, line[0], np.nan) for line in (noise.snr, noise.significance))
-        return TimeCurve(label, grid, snrs, significances, float(cases.threshold[0]), point)
-
-    def against_separation(band: str) -> SeparationCurve:
-        grid = separation_grid(model, band)
-        places = grid.tolist()
-        limit_answers = contrast_limit(model, star, time_s=time_s, separation_arcsec=places, bands=[band], **settings)
-        planets = ((row.separation_arcsec, row.contrast) for row in answers if row.band == band and row.contrast)
-        limits = np.array([np.nan if one.value is None else one.value for one in limit_answers])
-        return SeparationCurve(band, grid, limits, tuple(planets))
-
-    drawn = [answer for answer in answers if answer.band == best_band or not several]
-    times = tuple(curve for curve in map(against_time, drawn) if curve is not None)
-    bands = dict.fromkeys(answer.band for answer in answers)
-    return EtcCurves(times, tuple(map(against_separation, bands)), time_s, level_text(snr, sigma))
+        if one.time_s is not None and one.snr is not None and one.significance is not None:
+            point = (one.time_s, one.snr, one.significance)
+        label = one.band + (f", {one.separation_arcsec:.3f}″" if several else "")
+        curves.append(TimeCurve(label, grid[i], lines[0, i], lines[1, i], float(every[i].threshold[0]), point))
+    return tuple(curves)
 
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
@@ -277,6 +298,19 @@ def _legend(axes: Axes, columns: int, handles: Sequence[Any] | None = None) -> i
     return math.ceil(len(legend.get_texts()) / columns)
 
 
+def _few_ticks(*axes: Axis) -> None:
+    """Mark 2 and 5 of each decade between numbers: every mark takes as long as a line of the figure."""
+    from matplotlib.ticker import LogLocator
+
+    for axis in axes:
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+
+
+def _title(axes: Axes, text: str) -> None:
+    """Write a title where it stands anyway: looking for words that are in its way costs a fifth of the drawing."""
+    axes.set_title(text, fontsize=10, y=1.0)
+
+
 def _line_looks(curves: Sequence[TimeCurve], looks: dict[str, tuple[str, str]]) -> list[tuple[str, str]]:
     """Colours and markers by band; by line where each is of another planet."""
     if all(curve.label in looks for curve in curves):
@@ -319,7 +353,8 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
     keys = [Line2D([], [], color="#444444", lw=lw, ls=ls, label=label) for label, (lw, ls) in lines.items()]
     plain_ticks(axes.yaxis, 1.0, 3.0)
     plain_ticks(axes.xaxis, 1.0)
-    axes.set_title("best visit of at most this time", fontsize=10)
+    _few_ticks(axes.xaxis, axes.yaxis)
+    _title(axes, "best visit of at most this time")
     if not curves.times:
         axes.text(0.5, 0.5, "no planet to be seen here", transform=axes.transAxes, ha="center")
         return 0
@@ -340,8 +375,9 @@ def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) ->
             shown.append(contrast)
     if shown:
         axes.set_ylim(min(shown) / 2.5, max(shown) * 3.0)
+    _few_ticks(axes.yaxis)
     title = f"limit for {curves.limit_level} in {duration_text(curves.limit_time_s)}; symbols: planet"
-    axes.set_title(title, fontsize=10)
+    _title(axes, title)
     return _legend(axes, 2)
 
 

@@ -24,7 +24,7 @@ M = TypeVar("M", bound=BaseModel)
 class FrozenModel(BaseModel):
     """Base of every configuration model: immutable, unknown keys refused, NaN and inf refused."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True, defer_build=True)
 
     @model_validator(mode="after")
     def _whole(self) -> Self:

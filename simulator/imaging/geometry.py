@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray
 from simulator.config import Instrument
 from simulator.imaging.sampling import centred_offsets
 
@@ -107,9 +107,26 @@ class BandGeometry:
         half_width_lambda_d : float
             Half width of the annulus, in lambda/D of the band.
         """
-        offset = centred_offsets(self.stamp_pixels) * self.pixel_scale_arcsec
-        distance = np.abs(np.hypot(offset[:, None], offset) - separation_arcsec)
+        distance = np.abs(self._separations() - separation_arcsec)
         return self.hole & (distance <= half_width_lambda_d * self.lambda_d_arcsec)
+
+    def annulus_pixels(self, separation_arcsec: FloatArray, half_width_lambda_d: float) -> IntArray:
+        """Return how many pixels `annulus` has at each of many separations.
+
+        Parameters
+        ----------
+        separation_arcsec : ndarray
+        half_width_lambda_d : float
+        """
+        width, inside = half_width_lambda_d * self.lambda_d_arcsec, np.sort(self._separations()[self.hole])
+        first = np.searchsorted(inside, separation_arcsec - width, side="left")
+        last = np.searchsorted(inside, separation_arcsec + width, side="right")
+        return np.asarray(last - first)
+
+    def _separations(self) -> FloatArray:
+        """Distance of every pixel from the star, arcsec."""
+        offset = centred_offsets(self.stamp_pixels) * self.pixel_scale_arcsec
+        return np.hypot(offset[:, None], offset)
 
     def resolution_elements(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Non-overlapping lambda/D-wide apertures on the arcs inside the quadrants, a real number (>= 0)."""

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from cpic_core import InputError
-from cpic_planner.etc import build_model, contrast_limit
+from cpic_planner.etc import build_model, contrast_limit, contrast_limits
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.targets import find_target, rank_sample
@@ -377,6 +377,22 @@ def test_order_of_answers():
         if (answer.target, answer.band, answer.separation_arcsec) == (str(stars.name[1]), "F662", 0.6)
     )
     assert alone.value == pytest.approx(same.value, rel=1e-12)
+
+
+@pytest.mark.parametrize("level", [{}, {"snr": 5.0}, {"sigma": 4.0}], ids=str)
+def test_limits_at_places_of_each_band_are_those_of_the_answers(level):
+    places = {"F520": np.array([0.1, 0.4, 0.7]), "F850": np.array([0.6, 0.5, 2.0])}
+    model = build_model(INSTRUMENT, None, Strategy())
+    found = contrast_limits(model, TAU_CET, places, time_s=7200.0, **level)
+    for band, where in places.items():
+        rows = contrast_limit(model, TAU_CET, time_s=7200.0, separation_arcsec=where.tolist(), bands=[band], **level)
+        told = [math.nan if row.value is None else row.value for row in rows]
+        assert np.isfinite(told).any()
+        assert np.isnan(told).any()
+        np.testing.assert_allclose(found[band], told, rtol=1e-9)
+    faint = find_target("HD 88230")[0]
+    short = contrast_limits(model, faint, {"F520": np.array([0.5])}, time_s=1.0, **level)
+    assert np.isnan(short["F520"]).all()
 
 
 def test_unlike_lengths_and_nobody_are_refused(refused):

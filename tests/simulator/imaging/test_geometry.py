@@ -45,6 +45,10 @@ def test_annuli_and_resolution_elements_are_those_of_a_count():
             square = inner <= abs(x) <= outer and inner <= abs(y) <= outer
             expected += square and abs(np.hypot(x, y) - 0.55) <= 1.5 * geometry.lambda_d_arcsec
     assert np.count_nonzero(geometry.annulus(0.55, 1.5)) == expected
+    places = np.geomspace(0.1, 1.2, 40)
+    counted = [np.count_nonzero(geometry.annulus(place, 1.5)) for place in places]
+    assert max(counted) > expected > min(counted) == 0
+    np.testing.assert_array_equal(geometry.annulus_pixels(places, 1.5), counted)
     angle = (np.arange(200_000) + 0.5) / 200_000 * 2 * np.pi
     x, y = np.abs(0.55 * np.cos(angle)), np.abs(0.55 * np.sin(angle))
     dark = (np.minimum(x, y) >= inner) & (np.maximum(x, y) <= outer)
