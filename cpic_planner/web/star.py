@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
 from catalogs import open_catalogue, velocity_limit
@@ -178,14 +178,15 @@ def star_answer(pairs: Pairs) -> StarAnswer:
 
 
 @functools.lru_cache(maxsize=32)
-def star_figure(pairs: Pairs, which: str, form: Literal["svg", "png"]) -> bytes:
+def star_figure(pairs: Pairs, which: str, form: answers.FigureForm) -> bytes:
     """Return a figure of a star; the last ones are kept.
 
     Parameters
     ----------
     pairs : sequence of (str, str)
     which : {"seasons", "planets"}
-    form : {"svg", "png"}
+    form : str
+        As of `cpic_planner.web.answers.drawn`.
 
     Raises
     ------
