@@ -88,7 +88,7 @@ def test_explanation_of_a_star(done, few):
 
 def test_filters_choose_rows_and_keep_the_rank_among_all(done, few, tmp_path):
     listed = tmp_path / "listed.txt"
-    listed.write_text("# two of them\nFar Star\n\nnear star  # the first\n")
+    listed.write_text("name\n# two of them\nFar Star\n\nnear star  # the first\n")
     whole = {row.name: row for row in ranking(done, few).targets}
     found = ranking(done, few, "--stars", str(listed), "--out", str(tmp_path / "two.csv"))
     assert [row.name for row in found.targets] == ["near star", "far star"]
@@ -175,7 +175,8 @@ def test_figures(done, few, tmp_path):
         (["--plot", "x.bmp"], ["--plot", "x.bmp", "svg"]),
         (["--library", "reference_star"], ["--reference-v-mag"]),
         (["--counting-sigma", "3"], ["--counting-sigma", "--mode photon_counting"]),
-        (["--exozodi", "-3"], ["exozodi_zodis", "-3"]),
+        (["--exozodi", "-3"], ["--exozodi = -3", "zodi"]),
+        (["--drift-nm", "-3"], ["--drift-nm = -3", "nm"]),
         (["--reference-ratio", "-1"], ["--reference-ratio", "above 0"]),
         (["--exclusions", "velocities"], ["--exclusions", "rv, stability, known_giants"]),
         (["--exclusions", "none", "--exclusions", "rv"], ["--exclusions", "none alone"]),
