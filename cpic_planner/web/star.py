@@ -167,7 +167,7 @@ def star_answer(pairs: Pairs) -> StarAnswer:
         explanation = None
         if any(row.name == name for row in rank.targets):
             stars = ready.stars.targets
-            explanation = explain_star(ready.model, stars, name, rank=rank, other_assumptions=False, **ready.asked)
+            explanation = explain_star(ready.model, stars, name, rank=rank, **ready.asked)
         drawn: dict[str, Any] = {"n_draws": question.n_draws, "seed": question.seed}
         choice = KnownChoice.at("snapshot", utc, question.albedo, question.instrument, **drawn)
         known = None
