@@ -171,6 +171,9 @@ class ExplainQuestion(queries.RankQuestion):
     """Why one star stands where it stands."""
 
     target: str = queries.asked(..., "Star name.", argument=True)
+    other_assumptions: bool = queries.asked(
+        False, "Rank the stars under other assumptions too, which takes as long as the ranking.", physics=False
+    )
 
 
 @takes(ExplainQuestion, first=("target",), without=queries.FILTERS)
@@ -190,7 +193,8 @@ def explain_rank(question: ExplainQuestion) -> results.Explanation:
 
     ready = prepared(question)
     name = str(find_target(question.target, catalog=ready.catalogue)[0].name[0])
-    return explain_star(ready.model, ready.stars.targets, name, **ready.asked)
+    asked = ready.asked | {"other_assumptions": question.other_assumptions}
+    return explain_star(ready.model, ready.stars.targets, name, **asked)
 
 
 @takes(queries.PlanQuestion, first=("out",), needs=("out",))

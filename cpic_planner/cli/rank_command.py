@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -28,7 +28,11 @@ def rank(
         str | None, typer.Option("--explain", help="Say why this star stands where it stands, instead of the table.")
     ] = None,
     sensitivity: Annotated[
-        bool, typer.Option("--sensitivity", help="Say how the order depends on assumptions, instead of the table.")
+        bool,
+        typer.Option(
+            "--sensitivity",
+            help="Say how the order depends on assumptions, instead of the table; of one star with --explain.",
+        ),
     ] = False,
     compare: Annotated[
         str | None,
@@ -52,7 +56,7 @@ def rank(
         ),
     ] = None,
 ) -> None:
-    """Rank the whole catalogue (analytic, a few seconds; --explain, --sensitivity and --compare rank more than once).
+    """Rank the whole catalogue (analytic, a few seconds; --sensitivity and --compare rank more than once).
 
     The ranking is by completeness per hour: which fraction of a population of planets one observation of the star
     detects, over its wall time. Planets do not count that radial velocities would have shown, that a companion star
@@ -85,6 +89,8 @@ def rank(
       cpic rank --population solar_system --planets 1000 --plot ranking.png
 
       cpic rank --explain "tau Cet"
+
+      cpic rank --explain "tau Cet" --sensitivity
 
       cpic rank --sensitivity
 
@@ -119,7 +125,8 @@ def rank(
     from cpic_planner.targets import find_target
 
     answers: dict[str, object] = {"--explain": explain, "--sensitivity": sensitivity, "--compare": compare}
-    refuse_together(answers, "two answers")
+    for name in ("--explain", "--sensitivity"):
+        refuse_together({name: answers[name], "--compare": compare}, "two answers")
     for name, value in answers.items():
         refuse_together({name: value, "--out": out}, "it holds no ranking")
         refuse_together({name: value, "--plot": plot}, "it has no figure")
@@ -143,7 +150,8 @@ def rank(
         if name not in set(ready.stars.targets.name.tolist()):
             hint = "it is in the catalogue, but a cut leaves it out"
             raise InputError("--explain", explain, allowed="a star of the sample that is ranked", hint=hint)
-        reasons = ranking.explain_star(ready.model, ready.stars.targets, name, **ready.asked)
+        asked: dict[str, Any] = ready.asked | {"other_assumptions": sensitivity}
+        reasons = ranking.explain_star(ready.model, ready.stars.targets, name, **asked)
         output.show(reasons, partial(report.print_explanation, reasons))
         return
     if sensitivity:

@@ -1,5 +1,6 @@
 from cpic_planner.queries.base import (
     Question as Question,
+    by_depth as by_depth,
     called as called,
     called_as as called_as,
     called_by_option as called_by_option,

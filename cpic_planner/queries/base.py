@@ -5,7 +5,7 @@ The base of every question, and the names by which its refusals call its fields.
 
 import contextlib
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -185,10 +185,15 @@ def called_as(names: Mapping[str, str]) -> Iterator[None]:
         _OPTIONS.reset(token)
 
 
+def by_depth(options: Iterable[Option]) -> list[Option]:
+    """Return options by how deep they lie; the one that is called as its group comes before the others of that."""
+    return sorted(options, key=lambda option: (len(option.path), option.path[-1] not in option.path[:-1]))
+
+
 def option_names(model: type[FrozenModel]) -> dict[str, str]:
     """Return the option of each field of a question, by its dotted key, by its last part, and by the option's word."""
     names: dict[str, str] = {}
-    options = sorted(options_of(model), key=lambda option: len(option.path))
+    options = by_depth(options_of(model))
     for option in options:
         for depth in range(1, len(option.path) + 1):
             names.setdefault(".".join(option.path[:depth]), option.flag)

@@ -395,5 +395,10 @@ class SkyParts(InstrumentParts):
     def made(self, base: Any) -> Instrument:
         """Return the instrument with what is changed of it."""
         made = super().made(base)
-        new = {"sky.exozodi_zodis": self.exozodi_zodis, "drift": self.drift_nm}
-        return changed(made, tuple(Change(key=key, value=value) for key, value in new.items() if value is not None))
+        for name, key in (("exozodi_zodis", ALIASES["exozodi"]), ("drift_nm", DRIFT)):
+            value = getattr(self, name)
+            try:
+                made = made if value is None else changed(made, (Change(key=key, value=value),))
+            except InputError as error:
+                raise InputError(name, value, unit=error.unit, allowed=error.allowed) from None
+        return made

@@ -159,7 +159,7 @@ _MOST_BYTES = 1_000_000
 def read_star_names(given: Any) -> tuple[str, ...]:
     """Return names of stars from what people write: names, several between commas, and files with one name a line.
 
-    What follows a ``#`` in a file is a comment; blank lines do not count.
+    What follows a ``#`` in a file is a comment; blank lines do not count, and neither does a heading ``name``.
 
     Parameters
     ----------
@@ -182,6 +182,7 @@ def read_star_names(given: Any) -> tuple[str, ...]:
         if "/" in text or text.lower().endswith(_LIST_ENDINGS) or Path(text).is_file():
             written = read_text(text, key="stars", allowed=_LIST_OF_STARS, max_bytes=_MOST_BYTES)
             lines = [line.partition("#")[0] for line in written.splitlines()]
+            lines = lines[bool(lines) and lines[0].strip().lower() == "name" :]
         else:
             lines = [text]
         names |= dict.fromkeys(" ".join(name.split()) for line in lines for name in line.split(",") if name.strip())

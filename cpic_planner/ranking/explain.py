@@ -36,7 +36,7 @@ def explain_star(
     bands: Sequence[str] | None = None,
     population: PopulationChoice | None = None,
     score: ScoreName = DEFAULT_SCORE,
-    other_assumptions: bool = True,
+    other_assumptions: bool = False,
     rank: RankResult | None = None,
 ) -> Explanation:
     """Explain the rank of one star.
@@ -48,8 +48,8 @@ def explain_star(
     name : str
         Its name in ``targets``.
     other_assumptions : bool
-        Rank the sample under other assumptions too (`cpic_planner.ranking.sensitivity`), which takes about a second
-        each.
+        Rank the sample under other assumptions too (`cpic_planner.ranking.sensitivity`), which takes as long as the
+        ranking.
     rank : RankResult, optional
         The ranking of these stars under the same settings, where it is at hand.
 
@@ -76,8 +76,9 @@ def explain_star(
     counts = CountedPlanets.of(setting.population, star)
     standings = [_standing(setting, star, band, counts) for band in setting.bands]
     ranks = _other_ranks(setting, targets, rows, name) if other_assumptions else {}
+    decides = {"kind": "explanation", "rank": rank.config_hash, "star": name, "others": bool(ranks)}
     return Explanation(
-        config_hash=content_hash({"kind": "explanation", "rank": rank.config_hash, "star": name}),
+        config_hash=content_hash(decides),
         n_ranked=len(rows),
         score_name=score,
         star=rows[place],

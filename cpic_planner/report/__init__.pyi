@@ -64,6 +64,7 @@ from cpic_planner.report.numbers import (
     pretty_name as pretty_name,
 )
 from cpic_planner.report.plan_stars import star_blocks as star_blocks
+from cpic_planner.report.plotted import Panel as Panel, panels_of as panels_of, values_blocks as values_blocks
 from cpic_planner.report.priorities import (
     TIERS as TIERS,
     ensemble_figure as ensemble_figure,

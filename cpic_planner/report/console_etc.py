@@ -86,10 +86,11 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
     errors = {item.answer: item.predicted_error or {} for item in result.fidelity.answers} if result.fidelity else {}
     own = {id(row): errors.get(number, {}).get("snr") for number, row in enumerate(result.answers)}
     known = any(row.known_planet is not None for row in result.answers)
+    given = any(row.question != "contrast_limit" for row in result.answers)  # else it is the answer
     cells = row_cells(
         EtcAnswer,
-        f"band value {'range ' * known}separation_arcsec/1 contrast/4 visits/2 frames/5 em_gain/9 time_s/7 snr/3 "
-        "significance/5 detection_probability/6 detection_probability_known_place/7 held/8 status",
+        f"band value {'range ' * known}separation_arcsec/1 {'contrast/4 ' * given}visits/2 frames/5 em_gain/9 time_s/7 "
+        "snr/3 significance/5 detection_probability/6 detection_probability_known_place/7 held/8 status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
         value=ANSWER,
         range=_RANGE,

@@ -183,8 +183,7 @@ def print_explanation(explanation: results.Explanation, console: Console) -> Non
     console : Console
     """
     star = explanation.star
-    head = f"{full_name(star.name, star.hip)}: rank {star.rank} of {count_text(explanation.n_ranked)}"
-    print_plain(console, f"{head} by {SCORES[explanation.score_name].title}", bold=True)
+    print_plain(console, full_name(star.name, star.hip), bold=True)
     print_plain(console, *explanation.sentences)
     console.print()
     _print_neighbours(explanation, console)

@@ -170,9 +170,9 @@ def decides_text(rank: results.RankResult, sensitivity: results.SensitivityResul
     said = [] if rank.ensemble is None else [rank.ensemble.statement]
     if sensitivity is not None:
         deciding = [row.text for row in sensitivity.rows if row.assumption in sensitivity.decides]
-        tried = f"{counted(len(sensitivity.rows), 'assumption')} that {'was' if len(sensitivity.rows) == 1 else 'were'}"
-        which = f"{len(deciding)} of {tried} changed, one at a time: {'; '.join(deciding)}"
-        said.append(f"{which}." if deciding else f"None of {tried} changed, one at a time.")
+        tried = f"{counted(len(sensitivity.rows), 'assumption')}, changed one at a time,"
+        some = f"{len(deciding)} of {tried} {'decides' if len(deciding) == 1 else 'decide'} the ranking"
+        said.append(f"{some}: {'; '.join(deciding)}." if deciding else f"None of {tried} decides the ranking.")
     return " ".join(said)
 
 

@@ -228,13 +228,17 @@ def _cells(columns: Sequence[Column[T]], item: T) -> Iterator[Cell]:
 
 @dataclass(frozen=True)
 class Figure(_Templated):
-    """A picture with its caption, after which ``more`` is said; the anchor is that of ``key``."""
+    """A picture with its caption, after which ``more`` is said; the anchor is that of ``key``.
+
+    ``panels`` are what it shows, as JSON, where the page itself holds that (`cpic_planner.report.plotted`).
+    """
 
     picture: Picture
     title: str = ""
     key: str = ""
     before: str = ""
     more: str = ""
+    panels: str = ""
 
 
 @dataclass(frozen=True)

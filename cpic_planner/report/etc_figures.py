@@ -328,14 +328,15 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
     lows, highs = [], []
     for curve, (colour, marker) in zip(curves.times, _line_looks(curves.times, looks), strict=True):
         hours = curve.time_s / 3600.0
-        axes.plot(hours, curve.snr, color=colour, lw=1.7)
-        axes.plot(hours, curve.significance, color=colour, lw=1.3, ls=(0, (4, 2)))
+        axes.plot(hours, curve.snr, color=colour, lw=1.7, label=f"_{curve.label}, SNR")
+        look: Look = {"lw": 1.3, "ls": (0, (4, 2)), "label": f"_{curve.label}, significance"}
+        axes.plot(hours, curve.significance, color=colour, **look)
         if np.isfinite(curve.threshold):
-            axes.axhline(curve.threshold, color=colour, lw=1.0, ls=":", zorder=1)
+            axes.axhline(curve.threshold, color=colour, lw=1.0, ls=":", zorder=1, label=f"_{curve.label}, threshold")
             highs.append(curve.threshold)
         if curve.point is not None:
             for value, face in ((curve.point[1], colour), (curve.point[2], "white")):
-                look: Look = {"marker": marker, "ms": 7, "mfc": face, "mec": colour, "mew": 1.3, "ls": "none"}
+                look = {"marker": marker, "ms": 7, "mfc": face, "mec": colour, "mew": 1.3, "ls": "none"}
                 axes.plot(curve.point[0] / 3600.0, value, zorder=5, **look)
         handles.append(Line2D([], [], color=colour, lw=1.7, marker=marker, ms=6, label=curve.label))
         for values in (curve.snr, curve.significance):

@@ -60,7 +60,8 @@ def _completeness(axes: Axes, rows: list[RankedTarget], looks: dict[str, tuple[s
     values = [100.0 * row.completeness for row in rows]
     errors = [100.0 * row.completeness_error for row in rows]
     colours = [looks[row.completeness_band][0] for row in rows]
-    axes.barh(range(len(rows)), values, xerr=errors, color=colours, height=0.7, error_kw={"lw": 0.9, "capsize": 1.5})
+    look: Look = {"height": 0.7, "error_kw": {"lw": 0.9, "capsize": 1.5}, "label": "_completeness (%)"}
+    axes.barh(range(len(rows)), values, xerr=errors, color=colours, **look)
     axes.set_yticks(range(len(rows)), [literal(f"{row.rank}  {pretty_name(row.name)}") for row in rows])
     axes.invert_yaxis()
     axes.grid(visible=True, axis="x")
@@ -82,7 +83,8 @@ def _margins(axes: Axes, rows: list[RankedTarget]) -> None:
         axes.set_xlim(min(0.5, 0.7 * min(margins)), max(2.0, 1.4 * max(margins)))
         drawing.plain_ticks(axes.xaxis, 1.0, 3.0)
         axes.legend(**_LEGEND)
-    axes.set_yticks(range(len(rows)), [""] * len(rows))
+    axes.set_yticks(range(len(rows)), [literal(pretty_name(row.name)) for row in rows])
+    axes.tick_params(axis="y", labelleft=False)
     axes.set(xlabel="margin (1: reference planet detected)", ylim=(len(rows) - 0.4, -0.6))
     axes.grid(visible=True)
 

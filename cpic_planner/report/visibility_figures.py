@@ -77,6 +77,8 @@ def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:
     doubted = "" if row.status == "confirmed" else f", {row.status}"
     label = literal(f"{row.planet.rpartition(' ')[2]}{doubted}{unknown}")
     axes.plot(days, track.separation_median_arcsec, color=colour, lw=1.6, label=label)
+    for end, edge in (("16", track.separation_low_arcsec), ("84", track.separation_high_arcsec)):
+        axes.plot(days, edge, color=colour, alpha=0.4, lw=0.5, label=f"_{label}, {end} % are below")
 
 
 def _ends(rows: list[KnownPlanetRow]) -> tuple[float, float]:

@@ -6,9 +6,10 @@ import base64
 import contextlib
 import functools
 import hashlib
+import json
 import threading
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
 
 from pydantic import BaseModel
 
@@ -32,6 +33,9 @@ MEDIA = {
     "markdown": "text/plain; charset=utf-8",
 }
 """Media type of each form of an answer beside the page."""
+FigureForm: TypeAlias = Literal["svg", "png", "values"]
+FIGURE_MEDIA: dict[FigureForm, str] = {"svg": "image/svg+xml", "png": "image/png", "values": "text/html; charset=utf-8"}
+"""Media type of each form of a figure; its values are a page of tables."""
 _PENCIL = threading.Lock()
 """Matplotlib's settings are those of the process: one figure is drawn at a time."""
 _RANKER = threading.Lock()
@@ -162,19 +166,20 @@ def form_text(form: str, result: BaseModel, tables: Callable[[Console], None]) -
 
 
 @functools.lru_cache(maxsize=64)
-def etc_figure(pairs: Pairs, form: Literal["svg", "png"]) -> bytes:
+def etc_figure(pairs: Pairs, form: FigureForm) -> bytes:
     """Return the figure of an answer of the calculator; the last ones are kept.
 
     Parameters
     ----------
     pairs : sequence of (str, str)
-    form : {"svg", "png"}
+    form : str
+        As of `drawn`.
     """
     return drawn(etc_answer(pairs).figure, form)
 
 
 @functools.lru_cache(maxsize=16)
-def rank_figure(pairs: Pairs, limit: int, form: Literal["svg", "png"]) -> bytes:
+def rank_figure(pairs: Pairs, limit: int, form: FigureForm) -> bytes:
     """Return the figure of a ranking; the last ones are kept.
 
     Parameters
@@ -182,23 +187,33 @@ def rank_figure(pairs: Pairs, limit: int, form: Literal["svg", "png"]) -> bytes:
     pairs : sequence of (str, str)
     limit : int
         Stars that are drawn.
-    form : {"svg", "png"}
+    form : str
+        As of `drawn`.
     """
     result = ranking(pairs)
     return drawn(lambda: report.rank_figure(result, limit), form)
 
 
-def drawn(figure: Callable[[], Figure], form: Literal["svg", "png"]) -> bytes:
+def drawn(figure: Callable[[], Figure], form: FigureForm) -> bytes:
     """Return a figure in a form, while no other is drawn.
 
     Parameters
     ----------
     figure : callable
-    form : {"svg", "png"}
+    form : {"svg", "png", "values"}
+        The last is the JSON of what it shows.
     """
     with _PENCIL, report.style():
-        picture = report.save(figure(), form, alt="", caption="")
-    return base64.b64decode(picture.uri.partition(",")[2])
+        made = figure()
+        return _panels(made).encode() if form == "values" else _image(made, form)
+
+
+def _panels(made: Figure) -> str:
+    return json.dumps(report.panels_of(made), separators=(",", ":"))
+
+
+def _image(made: Figure, form: Literal["svg", "png"]) -> bytes:
+    return base64.b64decode(report.save(made, form, alt="", caption="").uri.partition(",")[2])
 
 
 def fresh_ranking(pairs: Pairs, sent: Sent | None = None) -> RankResult:
@@ -213,14 +228,19 @@ def fresh_ranking(pairs: Pairs, sent: Sent | None = None) -> RankResult:
         return prepared(question).ranked()
 
 
-def picture_uri(figure: Callable[[], Figure]) -> str:
-    """Return the figure of an answer with files that were sent, for the page itself: it has no address.
+def figure_inside(figure: Callable[[], Figure], alt: str, caption: str) -> list[report.Block]:
+    """Return the figure of an answer with files that were sent, which has no address, and its values.
 
     Parameters
     ----------
     figure : callable
+    alt, caption : str
     """
-    return f"data:image/svg+xml;base64,{base64.b64encode(drawn(figure, 'svg')).decode()}"
+    with _PENCIL, report.style():
+        made = figure()
+        panels, picture = _panels(made), report.save(made, "svg", alt=alt, caption=caption)
+    values = report.Fold("Values of the figure", list(report.values_blocks(json.loads(panels))))
+    return [report.Figure(picture, panels=panels), values]
 
 
 def rows_of(given: Any) -> int:

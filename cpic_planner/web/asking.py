@@ -21,6 +21,7 @@ from cpic_planner.queries import (
     Question,
     RankQuestion,
     StarImagesQuestion,
+    by_depth,
     called_as,
     is_optical,
     long_key,
@@ -80,7 +81,7 @@ class Asking(Generic[Q]):
     def names(self) -> dict[str, str]:
         """The parameter by what refusals call a field."""
         found: dict[str, str] = {}
-        for option in sorted(self.options, key=lambda option: len(option.path)):
+        for option in by_depth(self.options):
             for depth in range(1, len(option.path) + 1):
                 found.setdefault(".".join(option.path[:depth]), parameter(option))
         found |= {name: parameter(option) for name, option in self.by_name.items()}

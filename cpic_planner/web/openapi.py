@@ -28,7 +28,12 @@ _VIEWS = {STAR.path: "star", COMPARE.path: "two_instruments"}
 """Result of each page that is no question of a command."""
 _TYPES = {int: "integer", float: "number", bool: "boolean"}
 _WITHIN = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum")
-_PNG, _SVG, _FORM = "image/png", "image/svg+xml", "application/x-www-form-urlencoded"
+_FORM = "application/x-www-form-urlencoded"
+_DRAWN: dict[answers.FigureForm, str] = {
+    "svg": "The figure of the answer.",
+    "png": "The figure of the answer, as pixels.",
+    "values": "What the figure of the answer shows, in tables.",
+}
 
 
 @functools.cache
@@ -50,8 +55,8 @@ def described() -> dict[str, Any]:
         content["application/json"] = {"schema": of[asking.command]}
         paths[asking.page] = _get(asking.model.__doc__, [*fields, *rows, form], content, of["problem"])
         paths[asking.page] |= _with_files(paths[asking.page]["get"])
-        for ending, media in (("svg", _SVG), ("png", _PNG)):
-            paths[f"{asking.page}.{ending}"] = _get("The figure of the answer.", [*fields, *rows], {media: {}}, None)
+        for ending, media in answers.FIGURE_MEDIA.items():
+            paths[f"{asking.page}.{ending}"] = _get(_DRAWN[ending], [*fields, *rows], {media: {}}, None)
     paths |= _views(of) | _jobs(of) | _runs(of)
     return {
         "openapi": "3.1.0",
@@ -92,8 +97,8 @@ def _views(of: dict[str, Any]) -> dict[str, Any]:
     star = [item for item in paths[STAR.path]["get"]["parameters"] if item is not _FORMS]
     which = {"name": "which", "in": "path", "required": True}
     which["schema"] = {"type": "string", "enum": list(FIGURES)}
-    for ending, media in (("svg", _SVG), ("png", _PNG)):
-        paths[f"{STAR.path}/{{which}}.{ending}"] = _get("A figure of the star.", star, {media: {}}, None)
+    for ending, media in answers.FIGURE_MEDIA.items():
+        paths[f"{STAR.path}/{{which}}.{ending}"] = _get(_DRAWN[ending], star, {media: {}}, None)
         paths[f"{STAR.path}/{{which}}.{ending}"]["parameters"] = [which]
     return paths
 

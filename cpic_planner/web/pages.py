@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 from collections.abc import Sequence
 from typing import Any
 from urllib.parse import urlencode
@@ -69,8 +70,10 @@ def etc_blocks(pairs: Pairs, sent: Sent | None = None) -> list[report.Block]:
     if any(row.budget for row in answer.result.answers):
         alt = f"SNR against wall time, contrast limit against separation, and noise budget of {answer.result.target}"
         caption = f"{alt}; asked: {question}."
-        address = ETC.address(pairs, ".svg") if sent is None else answers.picture_uri(answer.figure)
-        blocks.append(report.Figure(report.Picture(address, alt, caption)))
+        if sent is None:
+            blocks.append(report.Figure(report.Picture(ETC.address(pairs, ".svg"), alt, caption)))
+        else:
+            blocks += answers.figure_inside(answer.figure, alt, caption)
     if answer.question.catalog == "snapshot" and answer.question.v_mag is None:
         more = report.page_link(f"/star?{urlencode({'name': answer.result.target})}", "its page")
         blocks.append(report.Paragraph(["Seasons, known planets and priority of the star: ", more, "."]))
@@ -94,10 +97,11 @@ def rank_blocks(pairs: Pairs, limit: int, sent: Sent | None = None) -> list[repo
     blocks = blocks_of(functools.partial(report.print_rank, result, limit=limit, full=False))
     if result.targets:
         alt = f"Scores of the first {min(limit, len(result.targets), report.MOST_STARS)} stars"
-        address = RANK.address(pairs, ".svg", limit=str(limit))
-        if sent is not None:
-            address = answers.picture_uri(functools.partial(report.rank_figure, result, limit))
-        blocks.append(report.Figure(report.Picture(address, alt, f"{alt}.")))
+        if sent is None:
+            address = RANK.address(pairs, ".svg", limit=str(limit))
+            blocks.append(report.Figure(report.Picture(address, alt, f"{alt}.")))
+        else:
+            blocks += answers.figure_inside(functools.partial(report.rank_figure, result, limit), alt, f"{alt}.")
     command = f"{RANK.command_line(pairs)} --limit {limit}"
     return blocks + elsewhere(command, "", result.config_hash, result.catalogue)
 
@@ -122,6 +126,24 @@ def sources_of(asking: Asking[Any], pairs: Pairs, **more: str) -> list[tuple[str
     """Return links to an answer in other forms, as (name, address)."""
     found = [(_NAMES.get(form, form.upper()), asking.address(pairs, format=form, **more)) for form in answers.MEDIA]
     return [*found, ("PNG", asking.address(pairs, ".png", **more)), ("SVG", asking.address(pairs, ".svg", **more))]
+
+
+def values_page(title: str, figure: str, answer: str, panels: bytes) -> str:
+    """Return the page of what a figure shows, in tables.
+
+    Parameters
+    ----------
+    title : str
+    figure, answer : str
+        Addresses of the figure, as ``.svg``, and of the page that it is on.
+    panels : bytes
+        Its values, as `cpic_planner.web.answers.drawn` gives them.
+    """
+    picture = report.Picture(figure, "The figure whose values are in the tables below", "The values are as plotted.")
+    blocks: list[report.Block] = [report.Figure(picture, panels=panels.decode())]
+    blocks.append(report.Paragraph(report.page_link(answer, "Back to the answer")))
+    blocks += report.values_blocks(json.loads(panels))
+    return told_page(title, "What the figure shows, in tables.", "Values of the figure", blocks)
 
 
 def told_page(title: str, about: str, heading: str, blocks: Sequence[report.Block], **more: Any) -> str:

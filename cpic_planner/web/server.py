@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, Literal, cast
+from typing import Any, cast
 from urllib.parse import urlencode
 
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
@@ -61,7 +62,9 @@ class Site:
         found.append(Route("/favicon.ico", _no_icon))
         for asking in (ETC, RANK):
             found.append(Route(asking.page, partial(self._asked, asking)))
-            found += [Route(f"{asking.page}.{form}", partial(self._figure, asking, form)) for form in ("svg", "png")]
+            found += [
+                Route(f"{asking.page}.{form}", partial(self._figure, asking, form)) for form in answers.FIGURE_MEDIA
+            ]
             found.append(Route(asking.page, partial(self._posted, asking), methods=["POST"]))
             found.append(Route(f"{asking.page}/own", partial(_own_form, asking)))
         for view in VIEWS:
@@ -69,7 +72,7 @@ class Site:
             if view.takes_files:
                 found.append(Route(view.path, partial(self._viewed_with_files, view), methods=["POST"]))
                 found.append(Route(f"{view.path}/own", partial(_own_view, view)))
-        found += [Route(f"{star.PAGE}/{{which}}.{form}", partial(self._star, form)) for form in ("svg", "png")]
+        found += [Route(f"{star.PAGE}/{{which}}.{form}", partial(self._star, form)) for form in answers.FIGURE_MEDIA]
         return found
 
     async def _viewed(self, view: View, request: Request) -> Response:
@@ -96,7 +99,7 @@ class Site:
         except InputError as error:
             return _refused_view(view, given, error, form, sends=True)
 
-    async def _star(self, form: Literal["svg", "png"], request: Request) -> Response:
+    async def _star(self, form: answers.FigureForm, request: Request) -> Response:
         """Draw a figure of a star."""
         which = request.path_params["which"]
         if which not in star.FIGURES:
@@ -105,7 +108,7 @@ class Site:
             pairs = star.star_pairs(_parameters(request))
             tag = answers.tag_of(f"{which}.{form}", pairs)
             drawing = partial(self._workers.do, star.star_figure, pairs, which, form, key=tag)
-            return await _drawing(request, tag, form, drawing)
+            return await _drawing(request, tag, form, drawing, STAR.title)
         except InputError as error:
             return line(str(error), 400)
 
@@ -151,7 +154,7 @@ class Site:
         except InputError as error:
             return _refused(asking, given, error, form, sends=True)
 
-    async def _figure(self, asking: Asking[Any], form: Literal["svg", "png"], request: Request) -> Response:
+    async def _figure(self, asking: Asking[Any], form: answers.FigureForm, request: Request) -> Response:
         """Draw an answer, unless the asker has its figure already."""
         given = _parameters(request)
         try:
@@ -165,18 +168,27 @@ class Site:
             more: tuple[Any, ...] = (form,)
             if asking is RANK:
                 draw, more = answers.rank_figure, (limit, form)
-            return await _drawing(request, tag, form, partial(self._workers.do, draw, pairs, *more, key=tag))
+            drawing = partial(self._workers.do, draw, pairs, *more, key=tag)
+            return await _drawing(request, tag, form, drawing, _TITLE[asking.command])
         except InputError as error:
             return line(str(error), 400)
 
 
-async def _drawing(request: Request, tag: str, form: str, draw: Callable[[], Awaitable[bytes]]) -> Response:
-    """Send a figure, unless the asker has it already."""
-    headers = {"ETag": tag, "Cache-Control": "private, max-age=86400", "Content-Security-Policy": _SVG_POLICY}
+async def _drawing(
+    request: Request, tag: str, form: answers.FigureForm, draw: Callable[[], Awaitable[bytes]], title: str
+) -> Response:
+    """Send a figure or its values, unless the asker has them already."""
+    headers = {"ETag": tag, "Cache-Control": "private, max-age=86400"}
+    if form != "values":
+        headers["Content-Security-Policy"] = _SVG_POLICY
     if tag in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
-    kind = "image/svg+xml" if form == "svg" else "image/png"
-    return Response(await draw(), media_type=kind, headers=headers)
+    body = await draw()
+    if form == "values":
+        path, query = request.url.path.removesuffix(".values"), request.url.query
+        addresses = f"{path}.svg?{query}", f"/{path.split('/')[1]}?{query}"
+        body = (await run_in_threadpool(pages.values_page, title, *addresses, body)).encode()
+    return Response(body, media_type=answers.FIGURE_MEDIA[form], headers=headers)
 
 
 def _form_of_view(given: Sequence[tuple[str, str]]) -> tuple[str, list[tuple[str, str]]]:

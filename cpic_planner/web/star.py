@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
 from catalogs import open_catalogue, velocity_limit
@@ -167,7 +167,7 @@ def star_answer(pairs: Pairs) -> StarAnswer:
         explanation = None
         if any(row.name == name for row in rank.targets):
             stars = ready.stars.targets
-            explanation = explain_star(ready.model, stars, name, rank=rank, other_assumptions=False, **ready.asked)
+            explanation = explain_star(ready.model, stars, name, rank=rank, **ready.asked)
         drawn: dict[str, Any] = {"n_draws": question.n_draws, "seed": question.seed}
         choice = KnownChoice.at("snapshot", utc, question.albedo, question.instrument, **drawn)
         known = None
@@ -178,14 +178,15 @@ def star_answer(pairs: Pairs) -> StarAnswer:
 
 
 @functools.lru_cache(maxsize=32)
-def star_figure(pairs: Pairs, which: str, form: Literal["svg", "png"]) -> bytes:
+def star_figure(pairs: Pairs, which: str, form: answers.FigureForm) -> bytes:
     """Return a figure of a star; the last ones are kept.
 
     Parameters
     ----------
     pairs : sequence of (str, str)
     which : {"seasons", "planets"}
-    form : {"svg", "png"}
+    form : str
+        As of `cpic_planner.web.answers.drawn`.
 
     Raises
     ------

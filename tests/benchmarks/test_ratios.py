@@ -69,7 +69,7 @@ def test_a_cold_command_over_its_imports(clock):
 def test_an_explanation_over_the_ranking(clock):
     found = ratio(clock, run(*COMMAND, "rank", "--explain", "tau Cet"), run(*COMMAND, "rank"), 3)
     print(f"rank --explain: {found:.2f} times rank, asked {ASKED['explain']:g}")
-    assert found < 2.2
+    assert found < 1.3
 
 
 def test_a_figure_over_its_answer(clock):

@@ -6,6 +6,7 @@ import json
 import re
 
 import pytest
+from PIL import Image, ImageStat
 
 pytestmark = pytest.mark.browser
 STARS = "name,v_mag,sp_type,distance_pc\nBob,4.5,G8V,7\n"
@@ -14,6 +15,7 @@ PAGES = {
     "answer": "/etc?target=tau+Cet&snr=5",
     "planet": "/etc?target=eps+Eri+b&bands=F520",
     "refused": "/etc?target=tau+Cet&snr=five",
+    "values": "/star/seasons.values?name=eps+Eri",
     "files": "/etc/own",
     "priorities": "/priorities?sp_type=K&distance_max_pc=12&limit=12",
     "star": "/star?name=eps+Eri",
@@ -162,6 +164,54 @@ def test_downloads_are_what_the_links_say(context):
         address = page.get_by_role("link", name=name, exact=True).get_attribute("href")
         body = page.request.get(address).body()
         assert body.decode("latin-1").startswith(begins), name
+
+
+def point_at(page, across, up):
+    """Move the pointer to a place of the first figure, in shares of the drawing; what is told there."""
+    image = page.locator(".drawn img").first
+    image.scroll_into_view_if_needed()
+    box, pad = image.bounding_box(), image.evaluate("i => i.clientLeft + parseFloat(getComputedStyle(i).paddingLeft)")
+    x = box["x"] + pad + across * (box["width"] - 2 * pad)
+    page.mouse.move(x, box["y"] + pad + (1 - up) * (box["height"] - 2 * pad))
+    page.locator(".at-pointer").wait_for(state="visible")
+    return dict(line.rsplit(": ", 1) for line in page.locator(".at-pointer").inner_text().split("\n") if ": " in line)
+
+
+@pytest.mark.slice
+def test_figures_tell_their_values_at_the_pointer(context):
+    """In the middle of the axis of times: what stands in the table of the values next to that time."""
+    asked = "target=tau+Cet&snr=5&separation_arcsec=0.5&bands=F520"
+    page, tables = context(), context(script=False)
+    page.goto(f"/etc?{asked}")
+    page.wait_for_load_state("networkidle")
+    tables.goto(f"/etc?{asked}")
+    tables.click("text=Its values in tables")
+    assert tables.url.endswith(f"/etc.values?{asked}")
+    panels = json.loads(tables.get_attribute("[data-panels]", "data-panels"))
+    left, bottom, wide, high = panels[0]["box"]
+    told = point_at(page, left + 0.5 * wide, bottom + 0.5 * high)
+    hours = float(told["wall time allowed (h)"])
+    ends = panels[0]["x"]
+    assert hours == pytest.approx((ends["low"] * ends["high"]) ** 0.5, rel=0.03)
+    rows = [row.split("\t") for row in tables.locator(".answer tbody").first.inner_text().split("\n")]
+    times = {float(row[0]): row[1] for row in rows}
+    nearest = min(times, key=lambda time: abs(time / hours - 1.0))
+    assert float(told["F520, SNR"]) == pytest.approx(float(times[nearest]), rel=2e-3)
+    left, bottom, wide, high = panels[2]["box"]
+    shares = point_at(page, left + 0.5 * wide, bottom + 0.5 * high)
+    assert sum(map(float, shares.values())) == pytest.approx(100.0, abs=0.1)
+    page.mouse.move(5, 5)
+    page.locator(".at-pointer").wait_for(state="hidden")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_figures_follow_the_dark(context, scheme):
+    page = context(color_scheme=scheme)
+    page.goto("/star?name=eps+Eri")
+    page.wait_for_load_state("networkidle")
+    for image in page.locator(".drawn img").all():
+        shade = ImageStat.Stat(Image.open(io.BytesIO(image.screenshot())).convert("L")).mean[0]
+        assert (shade < 128) == (scheme == "dark")
 
 
 def test_an_answer_follows_the_question_where_it_is_asked_to(context):

@@ -1,5 +1,5 @@
 // What pages and reports do beyond what they are: numbers are checked while they are typed, tables sort, filter and copy,
-// an answer can follow the question, and a link to something folded opens it. Nothing here is needed to ask or to read.
+// an answer can follow the question, figures tell their values at the pointer, and a link to something folded opens it. Nothing here is needed to ask or to read.
 "use strict";
 
 const make = (tag, given, ...inside) => {
@@ -181,6 +181,54 @@ function follow(form) {
     if (box.checked && event.target !== box && !form.querySelector("[aria-invalid]")) waiting = setTimeout(ask, 500);
   });
 }
+
+// ---- the values of a figure at the pointer ----
+
+const shown = make("div", { className: "at-pointer", hidden: true }), read = new WeakMap();
+shown.setAttribute("aria-hidden", "true"); // the same values stand in tables
+
+async function fetched(drawn) {
+  const { panels, values } = drawn.dataset;
+  if (panels) return JSON.parse(panels);
+  const told = await fetch(values).catch(() => null);
+  const page = told && told.ok && new DOMParser().parseFromString(await told.text(), "text/html");
+  const found = page && page.querySelector("[data-panels]");
+  return found ? JSON.parse(found.dataset.panels) : [];
+}
+
+const along = ({ log, low, high }, share) => (log ? low * (high / low) ** share : low + share * (high - low));
+const spoken = (number, days) => (days ? new Date(Math.floor(number) * 864e5).toISOString().slice(0, 10) : String(Number(number.toPrecision(4))));
+
+function valuesAt(panel, across, up) {
+  const place = along(panel.x, across), row = Math.round(along(panel.y, up));
+  if (panel.rows.length) return [panel.rows[row], ...panel.bars.filter((bar) => bar.row === row).map((bar) => `${bar.name}: ${spoken(bar.high - bar.low)}`)];
+  const far = panel.x.log ? (x) => Math.abs(Math.log(x / place)) : (x) => Math.abs(x - place);
+  const found = panel.lines.flatMap(({ name, x, y }) => {
+    const nearest = x.reduce((best, one, number) => (far(one) < far(x[best]) ? number : best), 0), inside = place >= x[0] && place <= x[x.length - 1];
+    return inside && y[nearest] !== null ? [`${name}: ${spoken(y[nearest])}`] : [];
+  });
+  return [`${panel.x.label}: ${spoken(place, panel.x.days)}`, ...found, ...panel.levels.map(({ name, y }) => `${name}: ${spoken(y)}`)];
+}
+
+addEventListener("pointermove", async (event) => {
+  const drawn = event.target instanceof Element && event.target.closest(".drawn[data-values], .drawn[data-panels]");
+  if (!drawn) {
+    shown.hidden = true;
+    return;
+  }
+  if (!read.has(drawn)) read.set(drawn, fetched(drawn));
+  const panels = await read.get(drawn), image = drawn.querySelector("img"), edge = image.getBoundingClientRect();
+  const pad = image.clientLeft + parseFloat(getComputedStyle(image).paddingLeft);
+  const across = (event.clientX - edge.left - pad) / (edge.width - 2 * pad), up = 1 - (event.clientY - edge.top - pad) / (edge.height - 2 * pad);
+  const panel = panels.find(({ box: [left, bottom, wide, high] }) => across >= left && across <= left + wide && up >= bottom && up <= bottom + high);
+  const lines = panel ? valuesAt(panel, (across - panel.box[0]) / panel.box[2], (up - panel.box[1]) / panel.box[3]) : [];
+  shown.hidden = lines.length < 2;
+  shown.textContent = lines.join("\n");
+  if (shown.hidden) return;
+  if (!shown.isConnected) document.body.append(shown);
+  shown.style.left = `${Math.max(4, Math.min(event.clientX + 16, innerWidth - shown.offsetWidth - 8))}px`;
+  shown.style.top = `${Math.max(4, Math.min(event.clientY + 16, innerHeight - shown.offsetHeight - 8))}px`;
+});
 
 // ---- what is folded ----
 

@@ -56,7 +56,7 @@ def test_sensitivity_and_explanation_are_of_the_same_ranking():
     firm = cp.rank_sensitivity(**FEW)
     assert firm.top == min(50, len(ranking.targets))
     assert firm.n_ok == sum(row.status == "ok" for row in ranking.targets)
-    told = cp.explain_rank("alpha Cen B", **FEW)
+    told = cp.explain_rank("alpha Cen B", other_assumptions=True, **FEW)
     row = next(row for row in ranking.targets if row.name == "alf Cen B")
     assert told.star == row
     assert told.n_ranked == len(ranking.targets)

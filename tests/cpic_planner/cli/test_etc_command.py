@@ -205,7 +205,7 @@ def test_strategies_reach_the_calculator(done, star):
         (["--counting-sigma", "4"], ["--counting-sigma", "--mode photon_counting"]),
         (["--mode", "photon_counting", "--counting-sigma", "-1"], ["--counting-sigma", "-1"]),
         (["--mode", "photon_counting", "--band", "F940"], ["--mode", "photon_counting", "F940", "register"]),
-        (["--exozodi", "-1"], ["exozodi_zodis", "-1"]),
+        (["--exozodi", "-1"], ["--exozodi = -1", "zodi"]),
         (["--exozodi", "nan"], ["--exozodi", "finite"]),
         (["--plot", "x.gif"], ["--plot", "x.gif", "png"]),
         (["--plot", "no/such/folder/x.png"], ["--plot", "writable"]),

@@ -132,6 +132,12 @@ def test_every_setting_of_a_strategy_has_one_name(field):
     assert getattr(question.strategy, field) == value
 
 
+@pytest.mark.parametrize("name", ["etc", "rank", "plan", "known"])
+def test_what_is_wrong_in_the_file_of_an_instrument_is_said_of_that_option(name):
+    assert option_names(MODELS[name])["instrument"] == "--instrument"
+    assert option_names(MODELS[name])["instrument.changes"] == "--set"
+
+
 def test_every_field_of_a_strategy_is_an_option():
     flags = {option.path[0] for option in options_of(Strategy)}
     assert flags == set(Strategy.model_fields)

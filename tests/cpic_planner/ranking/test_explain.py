@@ -21,7 +21,7 @@ RANK = rank_targets(MODEL, STARS, **ASKED)
 @pytest.mark.parametrize("place", [0, 7, len(RANK.targets) - 1])
 def test_numbers_are_those_of_the_ranking(place):
     row = RANK.targets[place]
-    told = explain_star(MODEL, STARS, row.name, other_assumptions=False, **ASKED)
+    told = explain_star(MODEL, STARS, row.name, **ASKED)
     assert told.star == row
     assert told.better == (RANK.targets[place - 1] if place else None)
     assert told.worse == (RANK.targets[place + 1] if place + 1 < len(RANK.targets) else None)
@@ -40,7 +40,7 @@ def test_numbers_are_those_of_the_ranking(place):
 
 def test_budgets_and_reasons_of_each_band():
     for row in RANK.targets[:4]:
-        told = explain_star(MODEL, STARS, row.name, other_assumptions=False, **ASKED)
+        told = explain_star(MODEL, STARS, row.name, **ASKED)
         for band in told.bands:
             total = sum(band.budget.values())
             quiet = total - band.budget["planet"] - band.budget["background_mean"]
@@ -53,7 +53,7 @@ def test_budgets_and_reasons_of_each_band():
 
 def test_sentences_are_true():
     row = RANK.targets[1]
-    told = explain_star(MODEL, STARS, row.name, other_assumptions=False, **ASKED)
+    told = explain_star(MODEL, STARS, row.name, **ASKED)
     band = next(item for item in told.bands if item.band == row.band)
     words = told.sentences
     assert words[0] == f"Rank 2 of {len(RANK.targets)} by completeness per hour: {row.score:.3g}."
@@ -69,14 +69,14 @@ def test_sentences_are_true():
     assert band.dominant.replace("_", " ") in words[3]
     assert f"{band.budget[band.dominant] / sum(band.budget.values()):.0%} of the variance" in words[3]
     assert f"by {max(band.remedies.values()):.2f}" in words[4]
-    last = explain_star(MODEL, STARS, RANK.targets[-1].name, other_assumptions=False, **ASKED)
+    last = explain_star(MODEL, STARS, RANK.targets[-1].name, **ASKED)
     assert "is not detected" in last.sentences[2]
     assert f"Observed in {row.visits} visits of {row.visit_time_s / 3600:.2g} h" in told.sentences[-1]
 
 
 def test_ranks_under_other_assumptions_are_those_of_the_sensitivity():
     best = {row.assumption: row.best for row in sensitivity(MODEL, STARS, **ASKED).rows}
-    told = explain_star(MODEL, STARS, RANK.targets[0].name, **ASKED)
+    told = explain_star(MODEL, STARS, RANK.targets[0].name, other_assumptions=True, **ASKED)
     assert set(told.ranks) == {item.key for item in ASSUMPTIONS}
     for key, rank in told.ranks.items():
         assert (rank == 1) == (best[key] == told.star.name)
@@ -85,7 +85,7 @@ def test_ranks_under_other_assumptions_are_those_of_the_sensitivity():
 
 
 def test_a_star_without_any_frame():
-    told = explain_star(MODEL, STARS, str(STARS.name[0]), other_assumptions=False, **ASKED | {"time_s": 1.0})
+    told = explain_star(MODEL, STARS, str(STARS.name[0]), **ASKED | {"time_s": 1.0})
     assert told.star.reason == "time_below_overheads"
     assert all(band.n_frames is None and band.budget == {} and band.dominant == "" for band in told.bands)
     assert "cannot be observed" in told.sentences[2]
@@ -94,14 +94,14 @@ def test_a_star_without_any_frame():
 @pytest.mark.parametrize("strategy", [{"mode": "photon_counting"}, {"library": "roll"}], ids=str)
 def test_other_strategies_are_explained(strategy):
     model = build_model(load_instrument(), ["F520"], Strategy(**strategy))
-    told = explain_star(model, STARS, str(STARS.name[0]), other_assumptions=False, **ASKED)
+    told = explain_star(model, STARS, str(STARS.name[0]), **ASKED)
     assert told.bands[0].dominant in told.bands[0].budget
 
 
 def test_strangers_are_refused(refused):
-    refused("star = nobody", explain_star, MODEL, STARS, "nobody", other_assumptions=False, **ASKED)
+    refused("star = nobody", explain_star, MODEL, STARS, "nobody", **ASKED)
     with pytest.raises(InputError, match="band = F850"):
-        explain_star(MODEL, STARS, str(STARS.name[0]), bands=["F850"], other_assumptions=False, **ASKED)
+        explain_star(MODEL, STARS, str(STARS.name[0]), bands=["F850"], **ASKED)
 
 
 @pytest.mark.parametrize("place", [*(pytest.param(place, marks=pytest.mark.long) for place in (0, 9)), 5])
@@ -110,4 +110,4 @@ def test_one_of_the_first_few_ranks_as_among_all_stars(place):
     setting, index = RankSetting.of(MODEL, **ASKED), STARS.name.tolist().index(name)
     among_all = {item.key: int(order.rank[index]) for item, order in under_others(setting, STARS)}
     assert max(among_all.values()) > 10 or place < 9  # the last of them falls behind the first few
-    assert explain_star(MODEL, STARS, name, **ASKED).ranks == among_all
+    assert explain_star(MODEL, STARS, name, other_assumptions=True, **ASKED).ranks == among_all

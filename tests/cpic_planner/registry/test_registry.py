@@ -150,7 +150,7 @@ def test_a_score_is_one_entry(refused):
         assert f"Score: {BRIGHTNESS.meaning}." in words
         first = result.targets[0]
         assert f" {first.score:.3f} ".replace("-", "−") in words
-        told = explain_star(model, FEW, first.name, other_assumptions=False, **asked)
+        told = explain_star(model, FEW, first.name, **asked)
         assert told.sentences[0].startswith(f"Rank 1 of {len(FEW)} by planet brightness: ")
         assert Explanation.model_validate_json(told.model_dump_json()) == told
         assert "by planet brightness" in printed(print_explanation, told)

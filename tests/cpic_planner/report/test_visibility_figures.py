@@ -34,11 +34,17 @@ def test_tracks_and_edges(answers):
     result = answers("ups And")
     (axes,) = known_figure(result).axes
     tracks = [line for line in axes.lines if len(line.get_xdata()) > 2]
-    assert [line.get_label() for line in tracks] == ["b", "c", "d"]
-    counted = [row for row in result.planets if row.counted]  # e is a candidate
-    for line, row in zip(tracks, counted, strict=True):
-        np.testing.assert_array_equal(line.get_ydata(), row.track.separation_median_arcsec)
-        np.testing.assert_allclose(line.get_xdata(), np.array(row.track.mjd) - UNIX_MJD)
+    own = ["", ", 16 % are below", ", 84 % are below"]
+    assert [line.get_label().lstrip("_") for line in tracks] == [f"{planet}{end}" for planet in "bcd" for end in own]
+    counted = [row.track for row in result.planets if row.counted]  # e is a candidate
+    drawn = [
+        values
+        for track in counted
+        for values in (track.separation_median_arcsec, track.separation_low_arcsec, track.separation_high_arcsec)
+    ]
+    for number, (line, values) in enumerate(zip(tracks, drawn, strict=True)):
+        np.testing.assert_array_equal(line.get_ydata(), values)
+        np.testing.assert_allclose(line.get_xdata(), np.array(counted[number // 3].mjd) - UNIX_MJD)
     edges = {round(float(line.get_ydata()[0]), 9) for line in axes.lines if len(line.get_xdata()) == 2}
     for hole in result.holes:
         assert {round(hole.inner_arcsec, 9), round(hole.outer_arcsec, 9)} <= edges

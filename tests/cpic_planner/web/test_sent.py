@@ -65,6 +65,8 @@ def test_a_page_has_the_figure_in_itself_and_says_what_was_sent(send):
     assert told.status == 200
     assert hashlib.sha256(STARS).hexdigest() in told.text
     assert 'src="data:image/svg+xml;base64,' in told.text
+    assert "Values of the figure" in told.text
+    assert "/etc.values" not in told.text
     assert "img-src 'self' data:" in told.headers["content-security-policy"]
     assert told.headers["cache-control"] == "no-store"
     assert 'enctype="multipart/form-data"' in told.text

@@ -1,8 +1,11 @@
+import html
 import json
+import math
 import re
 from concurrent.futures import ThreadPoolExecutor
 from shlex import split
 
+import numpy as np
 import pytest
 
 from cpic_planner.cli.main import main
@@ -75,6 +78,27 @@ def test_a_figure_has_an_address_of_its_own_and_is_not_sent_twice(ask):
     assert ask("/etc.svg?target=tau+Cet&snr=6&bands=F520", if_none_match=tag).status == 200
     drawn = ask("/etc.png?target=tau+Cet&snr=5&bands=F520", if_none_match=tag)
     assert (drawn.status, drawn.body[:4]) == (200, b"\x89PNG")
+
+
+def test_the_values_of_a_figure_are_a_page_of_tables(ask):
+    asked = "target=tau+Cet&snr=5&separation_arcsec=0.5&bands=F520"
+    page, told = ask(f"/etc?{asked}"), ask(f"/etc.values?{asked}")
+    assert f'href="/etc.values?{asked}"'.replace("&", "&amp;") in page.text
+    assert (told.status, told.headers["content-type"]) == (200, "text/html; charset=utf-8")
+    assert "script-src 'self'" in told.headers["content-security-policy"]
+    assert f'src="/etc.svg?{asked}"'.replace("&", "&amp;") in told.text
+    assert f'href="/etc?{asked}"'.replace("&", "&amp;") in told.text
+    (answer,) = ask(f"/etc?{asked}&format=json").json["answers"]
+    panels = json.loads(html.unescape(re.search(r'data-panels="([^"]*)"', told.text)[1]))
+    times, _, budget = panels
+    assert times["levels"] == [{"name": "F520, threshold", "y": pytest.approx(answer["threshold"], rel=1e-4)}]
+    snr = next(line for line in times["lines"] if line["name"] == "F520, SNR")
+    good = [(x, y) for x, y in zip(snr["x"], snr["y"], strict=True) if y is not None]
+    found = np.interp(math.log(answer["time_s"] / 3600.0), *np.array([(math.log(x), y) for x, y in good]).T)
+    assert found == pytest.approx(5.0, rel=0.02)
+    assert sum(bar["high"] - bar["low"] for bar in budget["bars"]) == pytest.approx(100.0, abs=0.01)
+    assert ask(f"/etc.values?{asked}", if_none_match=told.headers["etag"]).status == 304
+    assert ask("/etc.values?target=Nobody").status == 400
 
 
 def test_a_question_of_a_form_gets_the_address_without_what_was_left_empty(ask):

@@ -40,6 +40,9 @@ def test_figures_have_addresses_of_their_own(ask):
         told = ask(address)
         assert (told.status, told.headers["content-type"]) == (200, "image/svg+xml")
         assert ask(address, if_none_match=told.headers["etag"]).status == 304
+        values = ask(address.replace(".svg", ".values"))
+        assert values.status == 200
+        assert values.text.count("<tr") > 300
     assert ask("/star/planets.svg?name=del+Pav").status == 400
     assert ask("/star/other.svg?name=eps+Eri").status == 404
 
