@@ -1,6 +1,8 @@
 """Whole-file writing: a reader sees the old content or the new, never a part.
 
 Named arrays in npz files with the same bytes for the same content; never pickle.
+
+Cells of tables that a spreadsheet may open: a text is never a formula there.
 """
 
 import contextlib
@@ -8,6 +10,7 @@ import errno
 import io
 import json
 import os
+import re
 import stat
 import tempfile
 import zipfile
@@ -256,3 +259,35 @@ def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
         raise
     except NPZ_ERRORS as error:
         raise InputError("file", str(path), allowed=_WANTED, hint=str(error)) from None
+
+
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+
+
+def guarded(text: str) -> str:
+    """Return a cell as it stands in a file that a spreadsheet may open: behind an apostrophe if it could be a formula.
+
+    Formulas begin with =, +, - or @; some programs skip a tab or a carriage return before. Numbers stay as they are.
+
+    Parameters
+    ----------
+    text : str
+
+    Examples
+    --------
+    >>> from cpic_core import guarded, unguarded
+    >>> guarded("=1+1"), guarded("-1.5"), guarded("tau Cet"), unguarded(guarded("'@x"))
+    ("'=1+1", '-1.5', 'tau Cet', "'@x")
+    """
+    return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text
+
+
+def unguarded(text: str) -> str:
+    """Return the text of a cell that `guarded` wrote; others are unchanged.
+
+    Parameters
+    ----------
+    text : str
+    """
+    return text[1:] if text.startswith("'") and _FORMULA.match(text) else text

@@ -1,4 +1,4 @@
-"""What the check of a tree finds in its parameters: every change, and what disagrees with the headers, whoever wrote it."""
+"""What the check of a tree finds in its parameters: every change, and what disagrees with the headers."""
 
 import hashlib
 import json
