@@ -55,11 +55,18 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined:
         plain = "" if value is None else int(value) if isinstance(value, bool) else _plain(value, joined)
         return guarded(plain) if isinstance(plain, str) else plain
 
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
+    buffer = _Lines()
+    writer = csv.writer(buffer, lineterminator="\r\n")
     writer.writerow(names)
     writer.writerows([cell(row.get(name)) for name in names] for row in rows)
     return buffer.getvalue()
+
+
+class _Lines(io.StringIO):
+    """Lines that end as ours do; written as if they did otherwise, so that a carriage return in a cell is quoted."""
+
+    def write(self, text: str, /) -> int:
+        return super().write(f"{text.removesuffix(chr(13) + chr(10))}\n")
 
 
 def rows_from_csv(row: type[R], text: str, *, joined: str = ";") -> list[R]:
@@ -70,7 +77,7 @@ def rows_from_csv(row: type[R], text: str, *, joined: str = ";") -> list[R]:
     row : type
         Kind of the rows.
     text : str
-        With a heading of names; lines that begin with # are comments.
+        With a heading of names; lines that begin with # in front of it are comments.
     joined : str
         What stands between the items of a list.
 
@@ -79,12 +86,13 @@ def rows_from_csv(row: type[R], text: str, *, joined: str = ";") -> list[R]:
     InputError
         For a column that is missing, or a cell that is none of its column.
     """
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    while text.startswith("#"):
+        text = text.partition("\n")[2]
     return [
         validate(
             row, {name: _read(row, name, cell, joined) for name, cell in cells.items() if name in row.model_fields}
         )
-        for cells in csv.DictReader(lines, restkey="")
+        for cells in csv.DictReader(io.StringIO(text, newline=""), restkey="")
     ]
 
 

@@ -7,7 +7,19 @@ import sys
 import numpy as np
 import pytest
 
-from cpic_core import LockHeld, dump_json, exclusive_lock, read_npz, whole_file, write_bytes, write_npz
+from hypothesis import given, strategies as st
+
+from cpic_core import (
+    LockHeld,
+    dump_json,
+    exclusive_lock,
+    guarded,
+    read_npz,
+    unguarded,
+    whole_file,
+    write_bytes,
+    write_npz,
+)
 from cpic_core.files import write_json
 
 
@@ -111,3 +123,13 @@ def test_damaged_files_are_refused_in_one_line(refused, tmp_path, damage):
             body[len(body) // 2] ^= 0xFF
         path.write_bytes(bytes(body))
     refused("npz file of plain arrays", read_npz, path)
+
+
+@given(st.text("'=+-@\t\r1.e x", max_size=8))
+def test_a_guarded_cell_is_no_formula_and_reads_back(text):
+    cell = guarded(text)
+    assert unguarded(cell) == text
+    assert unguarded(text) == text or text.startswith("'")
+    if cell.startswith(("=", "+", "-", "@", "\t", "\r")):
+        assert cell == text
+        float(cell)  # a number stays as it is
