@@ -1,5 +1,7 @@
 """Every spelling of a designation has one key."""
 
+import time
+
 import pytest
 from hypothesis import given, strategies as st
 
@@ -61,3 +63,17 @@ def test_tables_are_complete() -> None:
 def test_any_text_has_a_stable_key(text: str) -> None:
     key = designation_key(text)
     assert designation_key(key) == key or key[:1] == " "
+
+
+@pytest.mark.parametrize(
+    "text", ["hd" + "0" * 40_000 + "x", "alf " + "0" * 40_000 + "x cen", "e" + "\u0301\u0323" * 40_000]
+)
+def test_a_name_of_any_length_takes_no_time(text: str) -> None:
+    """Forty thousand zeros took a minute of processor, the square of their number."""
+    began = time.process_time()
+    assert designation_key(75 * text) == (75 * text).lower()
+    assert time.process_time() - began < 5.0
+
+
+def test_long_texts_are_one_name_in_any_case() -> None:
+    assert designation_key("A  Name " * 100) == designation_key("a name\n" * 100)

@@ -6,7 +6,6 @@ import sys
 
 import numpy as np
 import pytest
-
 from hypothesis import given, strategies as st
 
 from cpic_core import (

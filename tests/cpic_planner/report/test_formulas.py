@@ -144,6 +144,6 @@ def test_apostrophes_of_other_formats_are_theirs():
     """Only tables of text are opened in spreadsheets as they are."""
     text = (
         '<?xml version="1.0"?><VOTABLE version="1.3"><RESOURCE><TABLE><FIELD name="name" datatype="char" '
-        "arraysize=\"*\"/><DATA><TABLEDATA><TR><TD>'=x</TD></TR></TABLEDATA></DATA></TABLE></RESOURCE></VOTABLE>"
+        'arraysize="*"/><DATA><TABLEDATA><TR><TD>\'=x</TD></TR></TABLEDATA></DATA></TABLE></RESOURCE></VOTABLE>'
     )
     assert parse_table(TableBytes("x.vot", text.encode(), "")).columns[0].cells == ["'=x"]
