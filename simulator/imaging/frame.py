@@ -128,7 +128,7 @@ def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] 
     def image_of(found: Mapping[str, NDArray[Any]]) -> FloatArray:
         return found["image"].astype(np.float64).reshape(window.shape)
 
-    image = compute_once(f"wide-{psf.band}-{key}", computed, image_of)
+    image = compute_once(f"wide-{key}", computed, image_of)
     side = psf.on_axis.shape[0]
     if any(star_arcsec):
         _fill_core(image, psf, window, star_arcsec, side)
@@ -157,7 +157,7 @@ def star_column_light(
         return np.zeros(window.columns.size)
     place = [*window.shape, *window.centre, *star_arcsec, *np.flatnonzero(np.diff(rows)).tolist()]
     key = content_hash({"optics": metrics_key(psf.instrument, psf.band), "columns": place})
-    name = f"columns-{psf.band}-{key}"
+    name = f"columns-{key}"
 
     def computed() -> dict[str, NDArray[Any]]:
         return {"light": _wide(psf, window, star_arcsec)[rows].sum(axis=0)}

@@ -164,8 +164,13 @@ def _below(place: Path) -> tuple[list[Path], list[Finding]]:
 
     Folders are not entered through links, which may lead anywhere and back.
     """
-    files, found = [], []
-    for base, folders, names in os.walk(place):
+    files: list[Path] = []
+    found: list[Finding] = []
+
+    def closed(error: OSError) -> None:
+        found.append(Finding(Path(error.filename), None, "", f"cannot be looked into: {error.strerror}"))
+
+    for base, folders, names in os.walk(place, onerror=closed):
         folders.sort()
         files += [Path(base, name) for name in names]
         for folder in (Path(base, name) for name in folders):

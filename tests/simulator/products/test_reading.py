@@ -96,3 +96,17 @@ def test_what_is_no_file_in_a_tree_is_named_and_folders_are_not_entered_through_
         "Truth/61834/pipe": "error is no regular file: it is not opened",
     }
     assert "this is a device" in said["SCI/61834/link.fits"]
+
+
+def test_a_folder_that_cannot_be_looked_into_is_no_good_folder(tree, good, monkeypatch):
+    scandir = os.scandir
+
+    def closed(path):
+        if str(path).endswith("Params"):
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", closed)
+    assert [str(item) for item in check_level0(tree)] == [
+        f"error: {tree / 'Params'}: cannot be looked into: Permission denied"
+    ]
