@@ -57,6 +57,7 @@ _COMPONENT = re.compile(r"[A-Ea-e]{1,3}")
 _LETTER_INDEX = re.compile(r"([^\W\d]+)\.?[\s-]*0*(\d{0,2})")
 _NUMBER = re.compile(r"0*(\d{1,3})")
 _VARIABLE = re.compile(r"v\s*0*(\d{3,4})|([a-z]{2})", re.IGNORECASE)
+_LONGEST = 200
 _LEAD = re.compile(r"(?:\*\*|\*|V\*|NAME)\s+", re.IGNORECASE)
 
 
@@ -108,8 +109,11 @@ def designation_key(text: str) -> str:
     Returns
     -------
     str
-        Canonical key; ``""`` for blank text. Names of unknown form come back in lower case with single spaces.
+        Canonical key; ``""`` for blank text. Names of unknown form come back in lower case with single spaces, and so
+        do texts of more than 200 characters, which name no star.
     """
+    if len(text) > _LONGEST:  # folding its accents and trying its forms would take the square of its length
+        return " ".join(text.split()).lower()
     name = _plain(text)
     lead = _LEAD.match(name)
     if lead:

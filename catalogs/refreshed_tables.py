@@ -8,13 +8,13 @@ under another name for a person to look at, and is never ``latest``.
 import io
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from cpic_core import InputError
+from cpic_core import InputError, guarded, unguarded
 
 Kind = Literal["simbad", "archive"]
 """Where a table is from: stars from SIMBAD, planets from the NASA Exoplanet Archive."""
@@ -122,6 +122,7 @@ def ecsv_of(table: Any, meta: Mapping[str, Any]) -> str:
     meta : mapping
         Plain values for the header.
     """
+    _each_text(table, guarded)
     table.meta |= dict(meta)
     text = io.StringIO()
     table.write(text, format="ascii.ecsv", delimiter=",")
@@ -159,4 +160,18 @@ def parse_ecsv(text: str, name: str, format_key: str, version: int) -> Any:
     if table.meta.get(format_key) != version:
         found = str(table.meta.get(format_key))
         raise InputError(f"{name} {format_key}", found, allowed=str(version), hint=DAMAGED)
+    _each_text(table, unguarded)
     return table
+
+
+def _each_text(table: Any, change: Callable[[str], str]) -> None:
+    """Change the texts of an astropy table: they are `cpic_core.guarded` in files."""
+    for name in table.colnames:
+        column = table[name]
+        cells = column.tolist()
+        changed = [change(cell) if isinstance(cell, str) else cell for cell in cells]
+        if changed != cells:
+            new = type(column)(changed, unit=column.unit, description=column.description)
+            if hasattr(column, "mask"):
+                new.mask = column.mask
+            table[name] = new

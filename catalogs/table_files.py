@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import InputError, read_file
+from cpic_core import InputError, read_file, unguarded
 
 _MAX_BYTES = 1_000_000_000
 _FORMATS = "CSV, ECSV, VOTable or FITS"
@@ -140,7 +140,7 @@ def _csv(name: str, text: str) -> RawTable:
         if len(row) < width or any(map(str.strip, row[width:])):
             allowed = f"{width} cells, as in the heading"
             raise InputError(f"{name} row {number}", f"{len(row)} cells", allowed=allowed, hint="a stray separator?")
-    cells = [[_cell(row[i]) for row in filled] for i in range(width)]
+    cells: list[list[str | None]] = [[_unguarded(_cell(row[i])) for row in filled] for i in range(width)]
     notes: tuple[str, ...] = ()
     if mark == ";" and (commas := [text for text, column in zip(headings, cells, strict=True) if _has_commas(column)]):
         cells = [[_pointed(cell) for cell in column] if _has_commas(column) else column for column in cells]
@@ -168,10 +168,16 @@ def _cell(text: str) -> str | None:
     return None if plain.lower() in _MISSING else plain
 
 
+def _unguarded(cell: Any) -> Any:
+    return unguarded(cell) if isinstance(cell, str) else cell
+
+
 def _astropy(file: TableBytes, kind: str) -> RawTable:
     try:
         table, notes = astropy_table(file, kind)
         columns = [raw_column(file.name, name, table[name]) for name in table.colnames]
+        if kind == "ecsv":
+            columns = [RawColumn(item.heading, item.unit, list(map(_unguarded, item.cells))) for item in columns]
     except InputError:
         raise
     except Exception as error:

@@ -1,15 +1,19 @@
-from cpic_core.errors import InputError as InputError
-from cpic_core.files import (
-    NPZ_ERRORS as NPZ_ERRORS,
-    LockHeld as LockHeld,
+from cpic_core.cache import (
     cache_dir as cache_dir,
     cache_info as cache_info,
     clear_cache as clear_cache,
     compute_once as compute_once,
+)
+from cpic_core.errors import InputError as InputError
+from cpic_core.files import (
+    NPZ_ERRORS as NPZ_ERRORS,
+    LockHeld as LockHeld,
     dump_json as dump_json,
     exclusive_lock as exclusive_lock,
+    guarded as guarded,
     open_npz as open_npz,
     read_npz as read_npz,
+    unguarded as unguarded,
     whole_file as whole_file,
     write_bytes as write_bytes,
     write_npz as write_npz,

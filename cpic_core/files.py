@@ -2,24 +2,20 @@
 
 Named arrays in npz files with the same bytes for the same content; never pickle.
 
-Disk cache of computed arrays, keyed by content; a damaged entry is dropped and rebuilt.
-
-The folder is ``$CPIC_CACHE_DIR`` or the user's cache folder (platformdirs). Deleting it is always safe.
+Cells of tables that a spreadsheet may open: a text is never a formula there.
 """
 
 import contextlib
 import errno
-import hashlib
 import io
 import json
-import logging
 import os
+import re
 import stat
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -230,16 +226,22 @@ def open_npz(path: str | Path) -> Iterator[Any]:
         One of `NPZ_ERRORS`, here or when an array is read; also for an archive of anything but arrays, or whose arrays
         would take more than 4 GB.
     """
-    with open_file(path, key="file", allowed=_WANTED, max_bytes=MAX_BYTES) as file:
-        with zipfile.ZipFile(file) as archive:
-            entries = archive.infolist()
-        if not all(entry.filename.endswith(".npy") for entry in entries):
-            raise ValueError("it holds other files than arrays")
-        if sum(entry.file_size for entry in entries) > MAX_BYTES:
-            raise ValueError(f"its arrays take more than {MAX_BYTES} bytes")
-        file.seek(0)
-        with np.load(file, allow_pickle=False) as arrays:
-            yield arrays
+    with open_file(path, key="file", allowed=_WANTED, max_bytes=MAX_BYTES) as file, npz_in(file) as arrays:
+        yield arrays
+
+
+@contextlib.contextmanager
+def npz_in(file: IO[bytes]) -> Iterator[Any]:
+    """Arrays of an open npz file; errors are those of `open_npz`."""
+    with zipfile.ZipFile(file) as archive:
+        entries = archive.infolist()
+    if not all(entry.filename.endswith(".npy") for entry in entries):
+        raise ValueError("it holds other files than arrays")
+    if sum(entry.file_size for entry in entries) > MAX_BYTES:
+        raise ValueError(f"its arrays take more than {MAX_BYTES} bytes")
+    file.seek(0)
+    with np.load(file, allow_pickle=False) as arrays:
+        yield arrays
 
 
 def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
@@ -259,112 +261,33 @@ def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
         raise InputError("file", str(path), allowed=_WANTED, hint=str(error)) from None
 
 
-_LOG = logging.getLogger(__name__)
-_MAGIC = b"cpic-cache-1\n"
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 
 
-def cache_dir() -> Path:
-    """Folder of the cache (not created here)."""
-    chosen = os.environ.get("CPIC_CACHE_DIR")
-    if chosen:
-        return Path(chosen)
-    from platformdirs import user_cache_path
+def guarded(text: str) -> str:
+    """Return a cell as it stands in a file that a spreadsheet may open: behind an apostrophe if it could be a formula.
 
-    return user_cache_path("cpic-planner", appauthor=False)
-
-
-def _entry(key: str) -> Path:
-    if not key or not all(char.isalnum() or char in "-_." for char in key):
-        raise ValueError(f"cache key {key!r} must be letters, digits, '-', '_' or '.'")
-    return cache_dir() / f"{key}.bin"
-
-
-def get_arrays(key: str) -> dict[str, np.ndarray] | None:
-    """Arrays stored under ``key``, or ``None``; a damaged entry is removed and counts as absent."""
-    path = _entry(key)
-    try:
-        data = path.read_bytes()
-    except OSError:
-        return None
-    digest, payload = data[len(_MAGIC) : len(_MAGIC) + 32], data[len(_MAGIC) + 32 :]
-    if not data.startswith(_MAGIC) or hashlib.sha256(payload).digest() != digest:
-        _LOG.warning("cache entry %s is damaged: rebuilding it", path.name)
-        path.unlink(missing_ok=True)
-        return None
-    with np.load(io.BytesIO(payload), allow_pickle=False) as stored:
-        return {name: stored[name] for name in stored.files}
-
-
-def put_arrays(key: str, arrays: Mapping[str, np.ndarray]) -> None:
-    """Store arrays whole; an unwritable cache folder is a warning, not a failure.
+    Formulas begin with =, +, - or @; some programs skip a tab or a carriage return before. Numbers stay as they are.
 
     Parameters
     ----------
-    key : str
-        Content key of the entry.
-    arrays : mapping of str to ndarray
-        Arrays by name.
+    text : str
+
+    Examples
+    --------
+    >>> from cpic_core import guarded, unguarded
+    >>> guarded("=1+1"), guarded("-1.5"), guarded("tau Cet"), unguarded(guarded("'@x"))
+    ("'=1+1", '-1.5', 'tau Cet', "'@x")
     """
-    buffer = io.BytesIO()
-    np.savez(buffer, **dict(arrays))  # type: ignore[arg-type]
-    payload = buffer.getvalue()
-    path = _entry(key)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(path, _MAGIC + hashlib.sha256(payload).digest() + payload)
-    except OSError as error:
-        _LOG.warning("cache folder %s is not writable (%s): going on without it", path.parent, error.strerror)
+    return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text
 
 
-def compute_once(key: str, compute: Callable[[], Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Cached arrays of ``key``, computed by one process while others of this machine wait for it.
-
-    The lock belongs to the operating system, so a killed process leaves nobody waiting.
+def unguarded(text: str) -> str:
+    """Return the text of a cell that `guarded` wrote; others are unchanged.
 
     Parameters
     ----------
-    key : str
-        Content key of the entry.
-    compute : callable
-        Makes the arrays where there are none yet.
+    text : str
     """
-    found = get_arrays(key)
-    if found is not None:
-        return found
-    with contextlib.ExitStack() as stack:
-        try:
-            cache_dir().mkdir(parents=True, exist_ok=True)
-            stack.enter_context(exclusive_lock(_entry(key).with_suffix(".lock")))
-        except OSError as error:
-            _LOG.warning("cache folder %s cannot be locked (%s): going on without", cache_dir(), error.strerror)
-        found = get_arrays(key)
-        if found is None:
-            found = {name: np.asarray(array) for name, array in compute().items()}
-            put_arrays(key, found)
-    return found
-
-
-@dataclass(frozen=True)
-class CacheInfo:
-    """What the cache holds."""
-
-    folder: Path
-    n_entries: int
-    size_bytes: int
-
-
-def cache_info() -> CacheInfo:
-    """Folder, number of entries and size."""
-    folder = cache_dir()
-    files = list(folder.glob("*.bin")) if folder.is_dir() else []
-    return CacheInfo(folder, len(files), sum(path.stat().st_size for path in files))
-
-
-def clear_cache() -> CacheInfo:
-    """Remove every entry; returns what was there."""
-    info = cache_info()
-    if info.folder.is_dir():
-        for pattern in ("*.bin", "*.lock", ".*.part"):
-            for path in info.folder.glob(pattern):
-                path.unlink(missing_ok=True)
-    return info
+    return text[1:] if text.startswith("'") and _FORMULA.match(text) else text

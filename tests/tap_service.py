@@ -281,12 +281,12 @@ class TapService:
         handler.close_connection = True
 
     def redirect(self, handler, mode):
-        """Send the client elsewhere: to `mode`'s last word, or round and round, slowly where it says so."""
+        """Send the client elsewhere: to `mode`'s last word, or round and round, slowly where it says so; 303 or 307."""
         *_, where = mode.split()
         if where == "slowly":
             time.sleep(0.4)
         turning = where in ("redirect", "slowly")
-        handler.send_response(303)
+        handler.send_response(307 if "307" in mode else 303)
         handler.send_header("Location", f"/next/{len(self.paths)}" if turning else where)
         handler.send_header("Content-Length", "0")
         handler.end_headers()

@@ -6,6 +6,7 @@
 """
 
 import sys
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +19,10 @@ from cpic_planner.cli.options import JsonOption, Output, help_alone, print_json
 from cpic_planner.cli.progress import heard
 
 app = typer.Typer(
-    help="What the disk cache holds, and how to empty it. Emptying it is always safe.", invoke_without_command=True
+    help="What the disk cache holds, and how to empty it. Emptying it is always safe. The environment variables "
+    "CPIC_CACHE_DIR and CPIC_CACHE_MAX_MB say where it is and how large it may become (2000 MB without the second); "
+    "what was not used for longest is removed first.",
+    invoke_without_command=True,
 )
 app.callback(invoke_without_command=True)(help_alone)
 
@@ -26,13 +30,13 @@ app.callback(invoke_without_command=True)(help_alone)
 @app.command("info")
 @heard
 def info(as_json: JsonOption = False) -> None:
-    """Show folder, entries and size (example: cpic cache info)."""
+    """Show folder, entries, size and its limit (example: cpic cache info)."""
     cache = cache_info()
-    size = f"{cache.n_entries} entries, {cache.size_bytes / 1e6:.1f} MB"
     if as_json:
-        print_json({"folder": str(cache.folder), "n_entries": cache.n_entries, "size_bytes": cache.size_bytes})
-    else:
-        typer.echo(f"{cache.folder}: {size} (CPIC_CACHE_DIR moves it)")
+        print_json(asdict(cache) | {"folder": str(cache.folder)})
+        return
+    size = f"{cache.n_entries} entries, {cache.size_bytes / 1e6:.1f} of at most {cache.limit_bytes / 1e6:g} MB"
+    typer.echo(f"{cache.folder}: {size} (CPIC_CACHE_DIR moves it, CPIC_CACHE_MAX_MB limits it)")
 
 
 @app.command("clear")

@@ -10,6 +10,7 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
+from cpic_core import guarded, unguarded
 from cpic_planner.results.base import Column, Result, columns_of
 from simulator.config import validate
 
@@ -41,7 +42,7 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined:
     names : sequence of str
         Columns, in order.
     rows : iterable of mapping
-        Cells by name. Missing and null ones are empty, yes and no are 1 and 0.
+        Cells by name. Missing and null ones are empty, yes and no are 1 and 0; texts are `cpic_core.guarded`.
     joined : str
         What stands between the items of a list.
     digits : int
@@ -51,13 +52,21 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined:
     def cell(value: Any) -> Any:
         if isinstance(value, float) and digits:
             return f"{value:.{digits}g}"
-        return "" if value is None else int(value) if isinstance(value, bool) else _plain(value, joined)
+        plain = "" if value is None else int(value) if isinstance(value, bool) else _plain(value, joined)
+        return guarded(plain) if isinstance(plain, str) else plain
 
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
+    buffer = _Lines()
+    writer = csv.writer(buffer, lineterminator="\r\n")
     writer.writerow(names)
     writer.writerows([cell(row.get(name)) for name in names] for row in rows)
     return buffer.getvalue()
+
+
+class _Lines(io.StringIO):
+    """Lines that end as ours do; written as if they did otherwise, so that a carriage return in a cell is quoted."""
+
+    def write(self, text: str, /) -> int:
+        return super().write(f"{text.removesuffix(chr(13) + chr(10))}\n")
 
 
 def rows_from_csv(row: type[R], text: str, *, joined: str = ";") -> list[R]:
@@ -68,7 +77,7 @@ def rows_from_csv(row: type[R], text: str, *, joined: str = ";") -> list[R]:
     row : type
         Kind of the rows.
     text : str
-        With a heading of names; lines that begin with # are comments.
+        With a heading of names; lines that begin with # in front of it are comments.
     joined : str
         What stands between the items of a list.
 
@@ -77,19 +86,20 @@ def rows_from_csv(row: type[R], text: str, *, joined: str = ";") -> list[R]:
     InputError
         For a column that is missing, or a cell that is none of its column.
     """
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    while text.startswith("#"):
+        text = text.partition("\n")[2]
     return [
         validate(
             row, {name: _read(row, name, cell, joined) for name, cell in cells.items() if name in row.model_fields}
         )
-        for cells in csv.DictReader(lines, restkey="")
+        for cells in csv.DictReader(io.StringIO(text, newline=""), restkey="")
     ]
 
 
 def _read(row: type[Result], name: str, cell: str | None, joined: str) -> Any:
-    kind = row.model_fields[name].annotation
+    kind, cell = row.model_fields[name].annotation, unguarded(cell or "")
     if get_origin(kind) in (list, tuple):
-        return [item for item in (cell or "").split(joined) if item]
+        return [item for item in cell.split(joined) if item]
     return None if not cell and type(None) in get_args(kind) else cell
 
 
@@ -121,7 +131,8 @@ def ecsv_text(row: type[Result], rows: Sequence[Result], meta: Mapping[str, Any]
 
     Notes
     -----
-    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked.
+    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked, and texts that
+    begin like a formula keep the apostrophe of `cpic_core.guarded`.
     """
     import numpy as np
     from astropy.table import Column as PlainColumn, MaskedColumn, Table
@@ -130,6 +141,8 @@ def ecsv_text(row: type[Result], rows: Sequence[Result], meta: Mapping[str, Any]
     for column in columns_of(row):
         about = {"name": column.name, "unit": column.unit or None, "description": column.description or None}
         cells, missing = _filled(column, rows, joined)
+        if column.dtype == "string":
+            cells = list(map(guarded, cells))
         values = np.array(cells, dtype=str if column.dtype == "string" else column.dtype)
         masked = any(missing)
         table[column.name] = MaskedColumn(values, mask=missing, **about) if masked else PlainColumn(values, **about)

@@ -23,7 +23,7 @@ from simulator.products import (
     write_level0,
 )
 
-RESULT_VERSION = 1
+RESULT_VERSION = 2
 """Raised when the same configuration gives other frames, so that old folders are not continued."""
 
 
@@ -264,7 +264,8 @@ def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) 
     whole = root.resolve()
     free = shutil.disk_usage(next(place for place in (whole, *whole.parents) if place.is_dir())).free
     if needed > free:
-        allowed, hint = f"a disk with {needed / 1e9:.2f} GB to spare", f"{free / 1e9:.2f} GB are free there"
+        allowed = f"a disk with {needed / 1e6:,.1f} MB to spare"
+        hint = f"{free / 1e6:,.1f} MB are free there, {(needed - free) / 1e6:,.1f} MB too few"
         raise InputError("--out", str(root), allowed=allowed, hint=hint)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from cpic_core import announce, compute_once
+from cpic_core import FloatArray, announce, compute_once
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.queries import Change, Strategy, changed
 from cpic_planner.survey.strategy import Assumptions, SurveyStrategy
@@ -114,8 +114,11 @@ def mirror_noise_nm(instrument: Instrument, band: str, contrast: float) -> float
     with the drift partly cancel; an error of the mirror leaves nearly the same field at all wavelengths of a band.
     """
     key = content_hash({"optics": metrics_key(instrument, band), "contrast": repr(contrast)})
-    found = compute_once(f"mirror-noise-{key}", lambda: {"noise_nm": np.asarray(_solved(instrument, band, contrast))})
-    noise = float(found["noise_nm"])
+
+    def computed() -> dict[str, FloatArray]:
+        return {"noise_nm": np.asarray(_solved(instrument, band, contrast))}
+
+    noise = compute_once(f"mirror-noise-{key}", computed, lambda found: float(found["noise_nm"]))
     return None if math.isnan(noise) else noise
 
 

@@ -2,6 +2,7 @@
 
 import functools
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
@@ -168,7 +169,11 @@ class _KeyedPsf:
 @functools.lru_cache(maxsize=16)
 def _unit_maps(keyed: _KeyedPsf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
     """Maps of an offset of 1 nm, from the cache or measured."""
-    return compute_once(f"speckles-{keyed.key}", lambda: _measured(keyed.psf, slope, n_visits, name))
+
+    def maps_of(found: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        return {item: found[item] for item in ("linear", "square", "nominal", "stray", "tails")}
+
+    return compute_once(f"speckles-{keyed.key}", lambda: _measured(keyed.psf, slope, n_visits, name), maps_of)
 
 
 def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:

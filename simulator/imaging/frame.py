@@ -7,7 +7,7 @@ kernel on a grid of 4 x 4 cells a pixel (`simulator.imaging.paper_scene`).
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
@@ -121,8 +121,14 @@ def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] 
         return np.zeros(window.shape)
     place = [*window.shape, *window.centre, *star_arcsec]
     key = content_hash({"optics": metrics_key(psf.instrument, psf.band), "place": place})
-    wide = compute_once(f"wide-{psf.band}-{key}", lambda: {"image": _wide(psf, window, star_arcsec).astype(np.float32)})
-    image = wide["image"].astype(np.float64)
+
+    def computed() -> dict[str, NDArray[Any]]:
+        return {"image": _wide(psf, window, star_arcsec).astype(np.float32)}
+
+    def image_of(found: Mapping[str, NDArray[Any]]) -> FloatArray:
+        return found["image"].astype(np.float64).reshape(window.shape)
+
+    image = compute_once(f"wide-{key}", computed, image_of)
     side = psf.on_axis.shape[0]
     if any(star_arcsec):
         _fill_core(image, psf, window, star_arcsec, side)
@@ -151,8 +157,12 @@ def star_column_light(
         return np.zeros(window.columns.size)
     place = [*window.shape, *window.centre, *star_arcsec, *np.flatnonzero(np.diff(rows)).tolist()]
     key = content_hash({"optics": metrics_key(psf.instrument, psf.band), "columns": place})
-    name = f"columns-{psf.band}-{key}"
-    return compute_once(name, lambda: {"light": _wide(psf, window, star_arcsec)[rows].sum(axis=0)})["light"]
+    name = f"columns-{key}"
+
+    def computed() -> dict[str, NDArray[Any]]:
+        return {"light": _wide(psf, window, star_arcsec)[rows].sum(axis=0)}
+
+    return compute_once(name, computed, lambda found: found["light"].reshape(window.columns.shape))
 
 
 def _wide(psf: Psf, window: Window, star_arcsec: tuple[float, float]) -> FloatArray:

@@ -135,12 +135,12 @@ def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirr
     key = hole_key(instrument, solver)
     path = _shipped("hole", key, solver.band)
     if path is not None:
-        arrays = read_npz(path)
+        state = from_arrays(read_npz(path), solver)
     else:
-        arrays = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, static, mirror)))
+        found = functools.partial(from_arrays, solver=solver)
+        state = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, static, mirror)), found)
     from simulator.imaging.dark_hole import UnreachedHole
 
-    state = from_arrays(arrays, solver)
     if isinstance(state, UnreachedHole):
         _warn(key, state.reason)
     return state
@@ -185,7 +185,7 @@ def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
     }
 
 
-def from_arrays(arrays: dict[str, NDArray[Any]], solver: Imager) -> HoleResult:
+def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> HoleResult:
     """Inverse of `to_arrays`.
 
     Parameters
@@ -281,7 +281,11 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
     path = _shipped("metrics", key, band)
     if path is not None:
         return _shipped_metrics(path)
-    return PsfMetrics.from_arrays(unpacked(compute_once(f"metrics-{key}", lambda: measure(instrument, band))))
+
+    def metrics_of(arrays: Mapping[str, NDArray[Any]]) -> PsfMetrics:
+        return PsfMetrics.from_arrays(unpacked(arrays))
+
+    return compute_once(f"metrics-{key}", lambda: measure(instrument, band), metrics_of)
 
 
 def measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:

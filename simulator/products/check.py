@@ -12,12 +12,14 @@ from typing import Any
 from cpic_core import InputError, read_text
 from simulator.products.check_file import FileFacts, check_file
 from simulator.products.check_headers import TIME_TOLERANCE_S
+from simulator.products.check_params import MAX_BYTES, check_params
 from simulator.products.keywords import load_keywords
 from simulator.products.reading import Finding, Header, Report, check_sums, is_real, open_units, plain_header
 from simulator.products.sequence import SCIENCE_KINDS
-from simulator.products.write import CONFIGURATION_FILE, PARAMS_FILES
+from simulator.products.write import PARAMS_FILES
 
 _SAME = ("CAMERA", "OBSID", "OBSTYPE", "NFRAME", "DATE-OBS", "DATE-END", "EXPTIME", "CONFHASH", "SCENHASH", "SEED")
+_OF_THE_TRUTH = ("FILENAME", "L0FILE")
 _MAPS = ("EXPECTED_ADU", "EXPECTED_E")
 
 
@@ -40,9 +42,10 @@ def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
     table = load_keywords()
     headers = [plain_header(report, units, number) for number in range(len(units))]
     header = headers[0]
-    for key in _SAME:
+    others = [keyword.name for keyword in table if keyword.name not in (*_SAME, *_OF_THE_TRUTH)]
+    for key in (*_SAME, *others):
         mine, other = table.value(header, key), table.value(facts.primary, key)
-        if mine != other:
+        if mine != other and (key in _SAME or mine is not None):
             report.error(f"is {mine!r}, that of {facts.path.name} is {other!r}", key, 0)
     if header.get("L0FILE") != facts.path.name:
         report.error(f"is {header.get('L0FILE')!r}, not {facts.path.name!r}", "L0FILE", 0)
@@ -52,9 +55,14 @@ def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
     for name in (*_MAPS, "FRAMES"):
         if name not in names:
             report.error(f"has no {name}")
-        elif name in _MAPS and facts.shape is not None and units[names.index(name)].shape != facts.shape:
-            number = names.index(name)
+            continue
+        number = names.index(name)
+        if name in _MAPS and facts.shape is not None and units[number].shape != facts.shape:
             report.error(f"has shape {units[number].shape}, the images have {facts.shape}", "NAXIS1", number)
+        for keyword in table:
+            mine, other = headers[number].get(keyword.name), facts.image.get(keyword.name)
+            if keyword.name != "BUNIT" and None not in (mine, other) and mine != other:
+                report.error(f"is {mine!r}, that of image 1 is {other!r}", keyword.name, number)
     masks = [number for number, name in enumerate(names) if name == "MASK"]
     if len(masks) != len(facts.datasums):
         report.error(f"has {len(masks)} masks for {len(facts.datasums)} images")
@@ -76,14 +84,14 @@ def _check_mask(report: Report, header: Header, number: int, count: int, facts: 
 
 def _check_frames(report: Report, unit: Any, number: int, facts: FileFacts) -> None:
     """Check that the rows belong to the images: each carries the sum of the image's data."""
+    if unit.header.get("NAXIS2") != len(facts.datasums):  # before any of them is read
+        report.error(f"has {unit.header.get('NAXIS2')} rows for {len(facts.datasums)} images", "NAXIS2", number)
+        return
     names = [] if unit.data is None else unit.columns.names
     if "datasum" not in names:
         report.error("has no column datasum", hdu=number)
         return
     sums = [str(value) for value in unit.data["datasum"].tolist()]
-    if len(sums) != len(facts.datasums):
-        report.error(f"has {len(sums)} rows for {len(facts.datasums)} images", "NAXIS2", number)
-        return
     wrong = [row for row, pair in enumerate(zip(sums, facts.datasums, strict=True), start=1) if pair[0] != pair[1]]
     if wrong:
         rows = ", ".join(str(row) for row in wrong[:5]) + (", ..." if len(wrong) > 5 else "")
@@ -95,16 +103,18 @@ PROGRAMME_FILE = "programme.json"
 _OF_VISIT = {"VISIT": "visit", "NVISITS": "n_visits", "VISWIN": "window", "ROLE": "role", "OBSID": "obsid"}
 _OF_VISIT |= {"NFRAME": "n_frames", "EXPSTART": "begin_mjd"}
 _BRANCHES = ("SCI", "CAL")
-_MAX_BYTES = 100_000_000  # of a configuration
 
 
 def check_level0(path: str | Path) -> list[Finding]:
     """Check a Level-0 file, or every file of a tree, against the specification.
 
     Of a file: name, structure, keywords, their types and spellings, times against each other and the name, world
-    coordinates, settings of the camera, pixel values against the converter, checksums; and, where the file stands in a
-    tree, its folder, its truth and its configuration. Of a tree, moreover: numbers that are used twice, folders of
-    parameters, truth without a file, files that do not belong, and visits that are not as their programme lists them.
+    coordinates, settings of the camera, keywords of all images against each other, pixel values against the converter,
+    checksums; and, where the file stands in a tree, its folder, its truth, and all files of its parameters. Of a tree,
+    moreover: numbers that are used twice, parameters and truth without a file, files that do not belong or are no
+    regular files, and visits that are not as their programme lists them.
+
+    Only regular files are opened, and none that is larger than any product; they are read piece by piece.
 
     Parameters
     ----------
@@ -126,13 +136,15 @@ def check_level0(path: str | Path) -> list[Finding]:
         facts, findings = _check_one(place)
         return findings
     if not place.is_dir():
-        raise InputError("path", str(place), allowed="a file or a folder that exists")
-    files = sorted(_files_below(place))
-    findings = []
+        kind = "neither: a pipe, a socket or a device" if place.exists() else ""
+        raise InputError("path", str(place), allowed="a regular file or a folder that exists", hint=kind)
+    files, findings = _below(place)
     known: list[FileFacts] = []
     for file in files:
         if file.suffix == ".part":
             findings.append(Finding(file, None, "", "is what an interrupted run left", "warning"))
+        elif not file.is_file() and file.suffix != ".fits":
+            findings.append(Finding(file, None, "", "is no regular file: it is not opened"))
         elif _branch(file) == "Truth" or file.name.endswith("_TRUTH.fits"):
             findings += _orphan(file)
         elif file.suffix == ".fits":
@@ -144,11 +156,41 @@ def check_level0(path: str | Path) -> list[Finding]:
     if not known:
         findings.append(Finding(place, None, "", "has no Level-0 file"))
     listed = [item for file in files if file.name == PROGRAMME_FILE for item in _check_programme(file, known)]
-    return findings + _used_twice(known) + listed
+    return findings + _used_twice(known) + _unclaimed(files, known) + listed
 
 
-def _files_below(folder: Path) -> list[Path]:
-    return [Path(base, name) for base, _, names in os.walk(folder) for name in names]
+def _below(place: Path) -> tuple[list[Path], list[Finding]]:
+    """Everything below a folder that is no folder, in order; and folders that are not looked into, or look like files.
+
+    Folders are not entered through links, which may lead anywhere and back.
+    """
+    files: list[Path] = []
+    found: list[Finding] = []
+
+    def closed(error: OSError) -> None:
+        found.append(Finding(Path(error.filename), None, "", f"cannot be looked into: {error.strerror}"))
+
+    for base, folders, names in os.walk(place, onerror=closed):
+        folders.sort()
+        files += [Path(base, name) for name in names]
+        for folder in (Path(base, name) for name in folders):
+            if folder.is_symlink():
+                found.append(Finding(folder, None, "", "is a link to a folder: it is not followed", "warning"))
+            elif folder.suffix == ".fits":
+                found.append(Finding(folder, None, "", "is a folder, and has the name of a file"))
+    return sorted(files), found
+
+
+def _unclaimed(files: list[Path], known: list[FileFacts]) -> list[Finding]:
+    """Folders of parameters whose Level-0 file is not there."""
+    claimed = {facts.name.params for facts in known if facts.name is not None}
+    folders = sorted({file.parent for file in files if file.parent.parent.parent.name == "Params"})
+    text = "has the parameters of a Level-0 file that is not there"
+    return [
+        Finding(folder, None, "", text, "warning")
+        for folder in folders
+        if Path(*folder.parts[-3:]) not in claimed and any((folder / name).exists() for name in PARAMS_FILES)
+    ]
 
 
 def _branch(file: Path) -> str:
@@ -182,38 +224,15 @@ def _check_place(file: Path, facts: FileFacts) -> list[Finding]:
         found += check_truth(truth, facts)
     elif (root / "Truth").is_dir():  # a tree may go without, as a whole
         found.append(Finding(file, None, "", f"has no truth: {truth.relative_to(root)}", "warning"))
-    params = root / facts.name.params
-    missing = [name for name in PARAMS_FILES if not (params / name).is_file()]
-    if missing:
-        found.append(Finding(file, None, "", f"has no {', '.join(missing)} in {facts.name.params}", "warning"))
-    if CONFIGURATION_FILE not in missing:
-        found += _check_configuration(file, params / CONFIGURATION_FILE, facts)
-    return found
-
-
-def _check_configuration(file: Path, path: Path, facts: FileFacts) -> list[Finding]:
-    """Check that a file is what its configuration describes."""
-    try:
-        tree: Any = json.loads(read_text(path, key="file", allowed="a readable file", max_bytes=_MAX_BYTES))
-        shape, number = tuple(tree["sequence"]["shape"]), str(tree["configuration_hash"])
-    except (OSError, ValueError, LookupError, TypeError) as error:
-        return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
-    found = []
-    if facts.shape is not None and shape != facts.shape:
-        there, said = (" x ".join(map(str, reversed(size))) for size in (facts.shape, shape))
-        found.append(Finding(file, 1, "NAXIS1", f"has {there} pixels, {path.name} says {said}"))
-    stated = load_keywords().value(facts.primary, "CONFHASH")
-    if stated is not None and stated != number:
-        found.append(Finding(file, 0, "CONFHASH", f"is {stated!r}, that of {path.name} is {number!r}"))
-    return found
+    return found + check_params(file, root / facts.name.params, facts)
 
 
 def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
     """Check that the visits of a programme are there, and say of themselves what its list says."""
     try:
-        tree: Any = json.loads(read_text(path, key="file", allowed="a readable file", max_bytes=_MAX_BYTES))
+        tree: Any = json.loads(read_text(path, key="file", allowed="a readable file", max_bytes=MAX_BYTES))
         rows = [{"file": str(row["file"])} | {key: row[key] for key in _OF_VISIT.values()} for row in tree["sequences"]]
-    except (OSError, ValueError, LookupError, TypeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
         return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
     headers = {facts.path.resolve(): facts.primary for facts in known}
     table, found = load_keywords(), []
@@ -234,8 +253,8 @@ def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
 def _orphan(file: Path) -> list[Finding]:
     """Truth whose Level-0 file is missing; where it is there, the two are checked together."""
     name = f"{file.name.removesuffix('_TRUTH.fits')}.fits"
-    root = file.resolve().parents[2]
-    if any((root / branch / file.resolve().parent.name / name).is_file() for branch in _BRANCHES):
+    folder = file.parent.resolve()
+    if any((folder.parent.parent / branch / folder.name / name).is_file() for branch in _BRANCHES):
         return []
     return [Finding(file, None, "", "is the truth of a Level-0 file that is not there", "warning")]
 

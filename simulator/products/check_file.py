@@ -20,11 +20,18 @@ _SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
 
 @dataclass
 class FileFacts:
-    """What a check learned of a Level-0 file that others need: the tree and the truth."""
+    """What a check learned of a Level-0 file that others need: parameters, truth and tree.
+
+    ``primary`` and ``image`` are the headers of the primary unit and of the first image; ``begins`` and ``end`` are the
+    begin of each exposure and the end of the last, MJD, None where a header does not say.
+    """
 
     path: Path
     name: ProductName | None
     primary: Mapping[str, Any] = field(default_factory=dict)
+    image: Mapping[str, Any] = field(default_factory=dict)
+    begins: list[float | None] = field(default_factory=list)
+    end: float | None = None
     shape: tuple[int, ...] | None = None
     datasums: list[str] = field(default_factory=list)
     readable: bool = False
@@ -65,16 +72,22 @@ def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
     check_headers.check_spellings(report, primary, 0, profile)
     earlier: float | None = None
     for number in range(1, len(units)):
+        if report.full:
+            break
         header = headers[number]
         check_headers.check_keywords(report, header, number, kind=kind, coordinates=coordinates)
         check_headers.check_spellings(report, header, number, profile)
         check_headers.check_settings(report, header, headers[1], number)
+        check_headers.check_shared(report, header, headers[1], primary, number)
         _check_image(report, units, header, number, facts)
         earlier = _check_frame_times(report, header, primary, number, len(units) - 1, earlier)
         if kind in SCIENCE_KINDS or "CTYPE1" in header:
             check_headers.check_world(report, header, primary, number)
         check_sums(report, units, number, header)
         facts.datasums.append(str(header.get("DATASUM", "")))
+        facts.image = headers[1]
+        begin, facts.end = (value if is_real(value := header.get(key)) else None for key in ("EXPBEG", "EXPEND"))
+        facts.begins.append(begin)
 
 
 def _check_image(report: Report, units: Any, header: Header, number: int, facts: FileFacts) -> None:

@@ -20,6 +20,11 @@ _LEAST = {"GAIN": (0.0, False), "FULLWELL": (0.0, False), "PIXSCALE": (0.0, Fals
 _LEAST |= {"EMGAIN": (1.0, True), "RDNOISE": (0.0, True), "EXPTIME": (0.0, True)}
 # What does not change during a sequence.
 _SETTINGS = ("GAIN", "EMGAIN", "RDNOISE", "ADCBITS", "FULLWELL", "FILTER", "DETNAM")
+# What is each image's own, what may be measured for each, and what is compared with the primary header elsewhere.
+_OF_ITS_OWN = ("FRAMEID", "EXPBEG", "EXPEND", "NSAT", "NREGSAT", "NCLIP", "NCR", "NNEGRATE")
+_MEASURED = ("CCDTEMP", "BIASLEV", "EMVOLT", *(f"CRPIX{axis}" for axis in (1, 2)), *(f"CRVAL{axis}" for axis in (1, 2)))
+_MEASURED += ("CD1_1", "CD1_2", "CD2_1", "CD2_2")
+_ELSEWHERE = ("EXPTIME", "NFRAME", "CAMERA")
 
 
 def check_keywords(report: Report, header: Header, hdu: int, *, kind: str, coordinates: bool) -> None:
@@ -110,6 +115,39 @@ def check_settings(report: Report, header: Header, first: Header, hdu: int) -> N
         value, other = table.value(header, key), table.value(first, key)
         if None not in (value, other) and value != other:
             report.error(f"is {value!r}, image 1 has {other!r}", key, hdu)
+
+
+def check_shared(report: Report, header: Header, first: Header, primary: Header, hdu: int) -> None:
+    """Check that an image says of the sequence what the first image and the primary header say of it.
+
+    Every keyword of the table that an image has is compared, but for those that are its own, and those that
+    `check_settings` compares.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    first, primary : mapping
+        Those of the first image and of the primary unit.
+    hdu : int
+        Number of the unit in the file; the primary one is 0.
+    """
+    table = load_keywords()
+    for keyword in table:
+        if keyword.hdu == "primary" or keyword.name in _OF_ITS_OWN:
+            continue
+        found, other = table.find(header, keyword.name), table.find(first, keyword.name)
+        if keyword.name not in _SETTINGS and (found, other) != (None, None):
+            if found is None or other is None:
+                where = ("image 1 has it", "image 1 lacks it")[found is not None]
+                report.warning(f"is {'missing' if found is None else 'there'}, {where}", keyword.name, hdu)
+            elif found[1] != other[1]:
+                say = report.warning if keyword.name in _MEASURED else report.error
+                say(f"is {found[1]!r}, image 1 has {other[1]!r}", found[0], hdu)
+        said = table.value(primary, keyword.name) if keyword.hdu == "both" and keyword.name not in _ELSEWHERE else None
+        if hdu == 1 and None not in (found, said) and found[1] != said:  # type: ignore[index]
+            report.error(f"is {found[1]!r}, the primary header says {said!r}", found[0], hdu)  # type: ignore[index]
 
 
 def check_primary(report: Report, header: Header, name: ProductName | None, n_images: int) -> None:

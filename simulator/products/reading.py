@@ -5,6 +5,7 @@ Open FITS files for a check: every complaint is a finding, and no byte is taken 
 
 import contextlib
 import math
+import os
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -68,7 +69,7 @@ class Report:
         hdu : int, optional
             Number of the unit in the file; the primary one is 0.
         """
-        self.findings.append(Finding(self.path, hdu, keyword, message))
+        self._note(Finding(self.path, hdu, keyword, message))
 
     def warning(self, message: str, keyword: str = "", hdu: int | None = None) -> None:
         """Note something unusual.
@@ -82,10 +83,25 @@ class Report:
         hdu : int, optional
             Number of the unit in the file; the primary one is 0.
         """
-        self.findings.append(Finding(self.path, hdu, keyword, message, "warning"))
+        self._note(Finding(self.path, hdu, keyword, message, "warning"))
+
+    @property
+    def full(self) -> bool:
+        """Whether so much is wrong that the rest is not listed."""
+        return len(self.findings) > _MOST_FINDINGS
+
+    def _note(self, finding: Finding) -> None:
+        if len(self.findings) == _MOST_FINDINGS:
+            finding = Finding(self.path, None, "", f"has more than {_MOST_FINDINGS} faults: the rest is not listed")
+        if not self.full:
+            self.findings.append(finding)
 
 
 _BLOCK = 2880
+_PIECE_BYTES = 1 << 22
+# More than any product has: a file, a header, a unit, units of a file; and findings that say enough about one.
+_MOST_BYTES, _MOST_OF_HEADER, _MOST_OF_UNIT = 200_000_000_000, 4_000_000, 200_000_000
+_MOST_UNITS, _MOST_FINDINGS = 50_000, 1000
 # What astropy raises over files that lie about themselves.
 _DAMAGE = (OSError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError)
 
@@ -113,7 +129,7 @@ def open_units(report: Report, *, raw: bool = False) -> Iterator[Any]:
             file = stack.enter_context(_file_of(report))
             units = _opened(report, file, raw=raw)
         except InputError as error:
-            report.error(f"is not readable as FITS: {error.hint}")
+            report.error(f"is not readable as FITS: {error.hint or f'only {error.allowed} is read'}")
         try:
             yield units
         except (*_DAMAGE, fits.VerifyError) as error:
@@ -128,7 +144,7 @@ def open_units(report: Report, *, raw: bool = False) -> Iterator[Any]:
 
 
 def _file_of(report: Report) -> contextlib.AbstractContextManager[BufferedReader]:
-    return open_file(report.path, key="file", allowed="a readable file", max_bytes=2**63)
+    return open_file(report.path, key="file", allowed="a readable file", max_bytes=_MOST_BYTES)
 
 
 def _opened(report: Report, file: BufferedReader, *, raw: bool) -> Any:
@@ -138,8 +154,9 @@ def _opened(report: Report, file: BufferedReader, *, raw: bool) -> Any:
     units = None
     try:
         size = report.path.stat().st_size
+        _refuse_endless(file, 0)
         units = fits.open(file, memmap=True, do_not_scale_image_data=True, disable_image_compression=raw)
-        last = units[len(units) - 1].fileinfo()
+        last = _last(units, file)
     except (*_DAMAGE, fits.VerifyError) as error:
         report.error(f"is not readable as FITS: {_first_line(error)}")
         if units is not None:
@@ -151,6 +168,40 @@ def _opened(report: Report, file: BufferedReader, *, raw: bool) -> Any:
     elif size > end:
         report.error(f"has {size - end} bytes behind its last unit")
     return units
+
+
+def _last(units: Any, file: BufferedReader) -> dict[str, Any]:
+    """Return where the last unit lies.
+
+    Raises
+    ------
+    ValueError
+        If there are more than any product has, or one is larger than any of a product.
+    """
+    for number in range(_MOST_UNITS):
+        place: dict[str, Any] = units[number].fileinfo()
+        if place["datSpan"] > _MOST_OF_UNIT:
+            raise ValueError(f"unit {number} has {place['datSpan']} bytes, no unit of a product has {_MOST_OF_UNIT}")
+        _refuse_endless(file, place["datLoc"] + place["datSpan"])
+        try:
+            units[number + 1]
+        except IndexError:
+            return place
+    raise ValueError(f"it has more than {_MOST_UNITS} units")
+
+
+def _refuse_endless(file: BufferedReader, start: int) -> None:
+    """Refuse a header that does not end: astropy would read on to the end of the file.
+
+    Raises
+    ------
+    ValueError
+    """
+    for place in range(start, start + _MOST_OF_HEADER, _BLOCK):
+        block = os.pread(file.fileno(), _BLOCK, place)
+        if len(block) < _BLOCK or any(block[card : card + 80].rstrip() == b"END" for card in range(0, _BLOCK, 80)):
+            return
+    raise ValueError(f"it has a header of more than {_MOST_OF_HEADER} bytes")
 
 
 def _first_line(error: Exception) -> str:
@@ -205,10 +256,12 @@ def check_sums(report: Report, units: Any, number: int, header: Header) -> None:
     with _file_of(report) as file:
         file.seek(place["hdrLoc"])
         head = file.read(place["datLoc"] - place["hdrLoc"])
-        data = file.read(place["datSpan"])
-    if len(data) != place["datSpan"]:
-        return  # truncated, which is a finding already
-    data_sum = ones_sum(data)
+        data_sum, left = 0, place["datSpan"]
+        while left:
+            piece = file.read(min(left, _PIECE_BYTES))
+            if len(piece) != min(left, _PIECE_BYTES):
+                return  # truncated, which is a finding already
+            data_sum, left = ones_sum(piece, data_sum), left - len(piece)
     stated = whole_number(header["DATASUM"])
     if stated != data_sum:
         report.error(f"is {header['DATASUM']}, the data sum to {data_sum}", "DATASUM", number)

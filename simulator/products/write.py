@@ -5,6 +5,7 @@ Write a sequence as Level-0 products: the file, its truth, and its folder of par
 
 import contextlib
 import csv
+import hashlib
 import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
@@ -25,6 +26,7 @@ from simulator.products.units import append_image, append_primary, header_cards
 
 CONFIGURATION_FILE = "configuration.json"
 PARAMS_FILES = (CONFIGURATION_FILE, "keywords.yaml", "attitude.csv", "temperature.csv")
+SUM_KEYWORD = "PARMSUM"
 SCHEMA_VERSION = 1
 
 
@@ -33,23 +35,22 @@ def log_times(times: SequenceTimes) -> tuple[str, ...]:
     return (*times.begin_utc, times.stop_utc)
 
 
-def write_params(
-    folder: Path,
+def params_of(
     sequence: FrameSequence,
     name: ProductName,
     times: SequenceTimes,
     sky: Ephemeris,
     primary: Mapping[str, Value],
-) -> None:
-    """Write the four files of one observation; each is whole or not there.
+) -> dict[str, str]:
+    """Return the texts of the four files of one observation by their names.
 
     ``configuration.json`` holds instrument and scene as `simulator.load_instrument` and `simulator.load_scene` read
-    them, the settings of the sequence, and the effect ledger. The logs have one row for the begin of every exposure and
-    one for the end of the last; all that they say is modelled.
+    them, the settings of the sequence, the effect ledger, and the sums of the other files; its own sum stands in the
+    primary header. The logs have one row for the begin of every exposure and one for the end of the last; all that they
+    say is modelled.
 
     Parameters
     ----------
-    folder : Path
     sequence : FrameSequence
     name : ProductName
     times : SequenceTimes
@@ -57,14 +58,20 @@ def write_params(
     primary : mapping of str to Value
         Keywords and values of the primary header.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / CONFIGURATION_FILE, dump_json(_configuration(sequence, name, times, primary)))
-    write_text(folder / "keywords.yaml", KEYWORD_FILE.read_text(encoding="utf-8"))
-    utc = log_times(times)
-    write_text(folder / "attitude.csv", _attitude(sequence, utc, sky))
-    camera = camera_of(sequence)
+    utc, camera = log_times(times), camera_of(sequence)
     warmth = [camera.temperature_k if isinstance(camera, Detector) else ""] * len(utc)
-    write_text(folder / "temperature.csv", _table(("utc", "detector_k"), zip(utc, warmth, strict=True)))
+    others = {
+        "keywords.yaml": KEYWORD_FILE.read_text(encoding="utf-8"),
+        "attitude.csv": _attitude(sequence, utc, sky),
+        "temperature.csv": _table(("utc", "detector_k"), zip(utc, warmth, strict=True)),
+    }
+    sums = {file: sum_of(text.encode()) for file, text in others.items()}
+    return {CONFIGURATION_FILE: dump_json(_configuration(sequence, name, times, primary) | {"files": sums})} | others
+
+
+def sum_of(content: bytes) -> str:
+    """Return the sha256 of a file of parameters; the primary header has its first 16 digits."""
+    return hashlib.sha256(content).hexdigest()
 
 
 def _configuration(
@@ -177,6 +184,8 @@ def write_level0(
     refuse_taken(root, name, overwrite=overwrite)
     sky = ephemeris(observation.instrument.mission.orbit, log_times(times), star_deg(observation))
     primary, shared = sequence_values(observation, name, times, sky)
+    params = params_of(observation, name, times, sky, primary)
+    primary[SUM_KEYWORD] = sum_of(params[CONFIGURATION_FILE].encode())[:16]
     header = [*header_cards(primary, table, profile), *ledger_cards(observation)]
 
     folders = [(root / place).parent for place in (name.file, name.truth, name.params)]
@@ -202,7 +211,9 @@ def write_level0(
             if not overwrite and (root / name.file).exists():
                 raise _exists(root / name.file)  # by another process: its truth and parameters stay
             # Before the truth gets its name: without parameters there is no product.
-            write_params(root / name.params, observation, name, times, sky, primary)
+            (root / name.params).mkdir(parents=True, exist_ok=True)
+            for file_name, text in params.items():
+                write_text(root / name.params / file_name, text)
         if not truth:
             # What an earlier file of this name left would be the truth of other frames.
             (root / name.truth).unlink(missing_ok=True)

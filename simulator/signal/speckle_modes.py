@@ -370,8 +370,7 @@ class _Stored(SpeckleModes):
             return dict(zip(names, _made(wanted, *place)._computed(r, node, most), strict=True))
 
         key = content_hash({"optics": wanted.key, "place": place, "node": (r, node, most), "schema": _SCHEMA})
-        held = compute_once(f"modes-{key}", drawn)
-        return np.stack([held[name] for name in names])
+        return compute_once(f"modes-{key}", drawn, lambda held: np.stack([held[name] for name in names]))
 
 
 @functools.lru_cache(maxsize=64)

@@ -57,12 +57,11 @@ def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     InputError
         If the band has no optical model.
     """
-    found = _visits(wanted)
-    return found["linear"], found["square"]
+    return _visits(wanted)
 
 
 @functools.lru_cache(maxsize=4)
-def _visits(wanted: OpticalBand) -> dict[str, FloatArray]:
+def _visits(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     """Change of the hole's pixels by 1 nm in each visit: the part linear in the error, and its light."""
 
     def measured() -> dict[str, FloatArray]:
@@ -77,7 +76,7 @@ def _visits(wanted: OpticalBand) -> dict[str, FloatArray]:
         inside = hole[np.ix_(rows, columns)]
         return {"linear": linear[:, inside].astype(np.float32), "square": square[:, inside].astype(np.float32)}
 
-    return compute_once(f"visits-{wanted.key}", measured)
+    return compute_once(f"visits-{wanted.key}", measured, lambda found: (found["linear"], found["square"]))
 
 
 class Stamps(NamedTuple):

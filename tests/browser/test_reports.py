@@ -11,7 +11,7 @@ from cpic_planner.report.drawing import new_figure, save, style
 from cpic_planner.report.write import page_html
 
 pytestmark = [pytest.mark.browser, pytest.mark.slice]
-ROWS = [(f"star {number}", (7 * number) % 11) for number in range(1, 11)]
+ROWS = [(f"star {number}", (7 * number) % 11) for number in range(1, 10)] + [("=1+1 star 10", 4)]
 
 
 @pytest.fixture(scope="module")
@@ -64,12 +64,13 @@ def test_tables_sort_filter_and_copy(window, report):
     page.click("thead th:nth-child(2) button")
     assert [int(text) for text in column(page, 2)] == sorted((value for _, value in ROWS), reverse=True)
     page.fill("input[placeholder='Filter rows']", "STAR 1")
-    assert set(column(page, 1)) == {"star 1", "star 10"}
+    assert set(column(page, 1)) == {"star 1", "=1+1 star 10"}
     page.evaluate("navigator.clipboard.writeText = (text) => { window.copied = text; return Promise.resolve(); }")
     page.click("button:has-text('Copy as CSV')")
     rows = list(csv.reader(io.StringIO(page.evaluate("window.copied"))))
     assert rows[0] == ["Star", "Places count"]
-    wanted = {(name, str(value)) for name, value in ROWS if name in ("star 1", "star 10")}
+    assert ["'=1+1 star 10", "4"] in rows, "a spreadsheet shall not take it for a formula"
+    wanted = {("star 1", str(dict(ROWS)["star 1"])), ("'=1+1 star 10", "4")}
     assert {tuple(row) for row in rows[1:]} == wanted
     page.click("button:has-text('Copy as LaTeX')")
     assert page.evaluate("window.copied").startswith("\\begin{tabular}{ll}")

@@ -61,3 +61,16 @@ def test_tables_are_complete() -> None:
 def test_any_text_has_a_stable_key(text: str) -> None:
     key = designation_key(text)
     assert designation_key(key) == key or key[:1] == " "
+
+
+@pytest.mark.parametrize(
+    "text", ["hd" + "0" * 40_000 + "x", "alf " + "0" * 40_000 + "x cen", "e" + "\u0301\u0323" * 40_000]
+)
+def test_a_text_that_is_too_long_for_a_name_is_not_parsed(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    """Forty thousand zeros or accents took a minute of processor, the square of their number."""
+    monkeypatch.setattr("catalogs.nomenclature._plain", lambda text: pytest.fail("parsed"))
+    assert designation_key(75 * text) == (75 * text).lower()
+
+
+def test_long_texts_are_one_name_in_any_case() -> None:
+    assert designation_key("A  Name " * 100) == designation_key("a name\n" * 100)

@@ -59,6 +59,16 @@ def test_digits_in_the_file_are_those_of_the_snapshot(text):
             np.testing.assert_array_equal(values, np.round(values, column.decimals), err_msg=column.name)
 
 
+def test_a_name_that_could_be_a_formula_is_guarded_and_reads_back(made):
+    """What a service calls a star is not ours: it may go into a spreadsheet."""
+    names = made.table.column("name").tolist()
+    wrong = [f"=cmd|'/C calc'!{row}" for row in range(len(names))]
+    table = replace(made.table, columns=dict(made.table.columns) | {"name": np.array(wrong)})
+    text = ecsv_text(replace(made, table=table), {})
+    assert text.count("'=cmd|") == len(names)
+    assert parse_refreshed(text, "x.ecsv")[0].column("name").tolist() == wrong
+
+
 def test_is_an_ecsv_file_that_says_where_it_comes_from(made, text, tmp_path):
     (tmp_path / "t.ecsv").write_text(text)
     table = Table.read(tmp_path / "t.ecsv", format="ascii.ecsv")

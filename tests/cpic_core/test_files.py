@@ -1,9 +1,97 @@
-"""Arrays in npz files: the same bytes for the same content, and a plain refusal of what is damaged."""
+"""Whole files, locks, and arrays in npz files: the same bytes for the same content, and a plain refusal of damage."""
+
+import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+from hypothesis import given, strategies as st
 
-from cpic_core import read_npz, write_npz
+from cpic_core import (
+    LockHeld,
+    dump_json,
+    exclusive_lock,
+    guarded,
+    read_npz,
+    unguarded,
+    whole_file,
+    write_bytes,
+    write_npz,
+)
+from cpic_core.files import write_json
+
+
+def test_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch):
+    path = tmp_path / "a.txt"
+    write_bytes(path, b"old")
+
+    def fail(*args):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", fail)
+    with pytest.raises(OSError, match="No space"):
+        write_bytes(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_whole_file_appears_at_the_end_and_replaces_only_when_asked(tmp_path):
+    path = tmp_path / "a.bin"
+    with whole_file(path, overwrite=False) as file:
+        file.write(b"new")
+        assert not path.exists()
+    assert path.read_bytes() == b"new"
+    with pytest.raises(FileExistsError), whole_file(path, overwrite=False):
+        pytest.fail("opened")
+    with whole_file(path) as file:
+        file.write(b"newer")
+    assert path.read_bytes() == b"newer"
+    with pytest.raises(TypeError), whole_file(path) as file:
+        file.write("text is no bytes")
+    assert path.read_bytes() == b"newer"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_whole_file_keeps_what_another_process_wrote_meanwhile(tmp_path, monkeypatch, links):
+    if not links:
+        monkeypatch.setattr("pathlib.Path.hardlink_to", lambda *_: (_ for _ in ()).throw(OSError(95, "no links")))
+    path, other = tmp_path / "a.bin", tmp_path / "b.bin"
+    with pytest.raises(FileExistsError) as refused, whole_file(path, overwrite=False):
+        path.write_bytes(b"theirs")
+    assert refused.value.filename == str(path)
+    assert path.read_bytes() == b"theirs"
+    with whole_file(other, overwrite=False) as file:
+        file.write(b"mine")
+    assert other.read_bytes() == b"mine"
+    assert sorted(tmp_path.iterdir()) == [path, other]
+
+
+def test_json_refuses_nan_and_keeps_doubles(tmp_path):
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        dump_json({"a": float("nan")})
+    value = 0.1 + 0.2
+    assert json.loads(write_json(tmp_path / "x.json", {"a": value}).read_text())["a"] == value
+
+
+def test_lock_is_refused_while_held_and_free_after_the_holder_is_killed(tmp_path):
+    path = tmp_path / "lock"
+    code = (
+        "import time\nfrom cpic_core.files import exclusive_lock\n"
+        f"with exclusive_lock({str(path)!r}) as f:\n"
+        "    f.write('held'); f.flush(); print('in', flush=True); time.sleep(60)"
+    )
+    holder = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert holder.stdout.readline().strip() == "in"
+    with pytest.raises(LockHeld, match="held"), exclusive_lock(path, wait=False):
+        pass
+    holder.kill()
+    holder.wait()
+    holder.stdout.close()
+    with exclusive_lock(path, wait=False):
+        pass
+
 
 ARRAYS = {"b": np.arange(6.0).reshape(2, 3), "a": np.array([1, 2], dtype=np.int16)}
 
@@ -34,3 +122,13 @@ def test_damaged_files_are_refused_in_one_line(refused, tmp_path, damage):
             body[len(body) // 2] ^= 0xFF
         path.write_bytes(bytes(body))
     refused("npz file of plain arrays", read_npz, path)
+
+
+@given(st.text("'=+-@\t\r1.e x", max_size=8))
+def test_a_guarded_cell_is_no_formula_and_reads_back(text):
+    cell = guarded(text)
+    assert unguarded(cell) == text
+    assert unguarded(text) == text or text.startswith("'")
+    if cell.startswith(("=", "+", "-", "@", "\t", "\r")):
+        assert cell == text
+        float(cell)  # a number stays as it is

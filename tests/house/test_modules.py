@@ -24,6 +24,8 @@ ROOT = Path(__file__).resolve().parents[2]
 # document, and stars that are selected from a kept ranking (`ranking.selection`), 408 before the decision of a plan and
 # its pages of stars (`report.decision`, `report.plan_stars`), 410 before results of pages (`results.shown`), 411 before
 # times from rates that others worked out (`etc.from_rates`) and values of figures (`report.plotted`).
+# the disk cache stood apart from whole files (`cpic_core.cache`), 412 before the parameters of products were
+# checked (`simulator.products.check_params`).
 MOST_MODULES, MOST_LINES, MOST_SKIPS = 413, 400, 20
 
 

@@ -99,7 +99,9 @@ function cells(table) {
   }));
 }
 
-const asCsv = (rows) => rows.map((row) => row.map((text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text)).join(",")).join("\n") + "\n";
+// A spreadsheet takes a text that begins so for a formula, unless an apostrophe stands before it.
+const guarded = (text) => (/^'*[=+\-@\t\r]/.test(text) && !/^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(text) ? `'${text}` : text);
+const asCsv = (rows) => rows.map((row) => row.map(guarded).map((text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text)).join(",")).join("\n") + "\n";
 const tex = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "″": "$''$", "×": "$\\times$", "±": "$\\pm$", "−": "$-$", "✓": "", "·": "", "○": "", "□": "", "→": "", "–": "--", "☉": "$_\\odot$" };
 const asLatex = ([head, ...rows]) => {
   const line = (row) => row.map((text) => text.replace(/[\\~^″×±−✓·○□→–☉]/g, (sign) => tex[sign]).replace(/[&%#_{}](?![^$]*\$)/g, "\\$&").trim()).join(" & ") + " \\\\\n";

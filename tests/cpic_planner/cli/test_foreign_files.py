@@ -1,6 +1,7 @@
 """Every option that names a file, given somebody else's: one line that quotes nothing of it."""
 
 import os
+import socket
 
 import pytest
 
@@ -83,6 +84,26 @@ def test_the_password_file_itself():
         exposure_time("tau Cet", snr=5, separation_arcsec=0.5, instrument="/etc/passwd")
     assert "root" not in str(refused.value)
     assert "a YAML mapping of kind instrument" in str(refused.value)
+
+
+@pytest.mark.parametrize("place", ["http", "file"])
+def test_a_catalogue_that_refers_elsewhere_is_refused_and_nothing_is_opened(here, capsys, place):
+    """A server once heard of the planner: GET /leak?host=planner. A pipe would hold its reader for ever."""
+    os.mkfifo(here / "pipe")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.setblocking(False)
+        port = server.getsockname()[1]
+        address = f"http://127.0.0.1:{port}/leak?host=planner" if place == "http" else f"file://{here}/pipe"
+        (here / "e.vot").write_text(
+            f'<VOTABLE><RESOURCE><TABLE><FIELD name="v_mag" datatype="double"/><DATA><BINARY><STREAM href="{address}"/>'
+            "</BINARY></DATA></TABLE></RESOURCE></VOTABLE>"
+        )
+        status, err = refusal(capsys, ["rank", "--catalog", "{}"], "e.vot")
+        with pytest.raises(BlockingIOError):
+            server.accept()
+    assert status == 2
+    assert err.count("\n") == 1
+    assert "references are not followed" in err
 
 
 @pytest.mark.parametrize("name", ["x.fits", "link.fits"])

@@ -130,6 +130,16 @@ def test_what_a_service_does_wrong_is_one_line_and_old_tables_stay(call, archive
     assert (out == "") is not bool(aside)
 
 
+def test_one_star_is_no_catalogue(call, simbad, data_folder):
+    """It once became the latest table, with exit status 0."""
+    (simbad.tables["basic"],) = ([row for row in simbad.tables["basic"] if row["main_id"] == "* tau Cet"],)
+    status, out, err = call(*REFRESH, "--url", simbad.url)
+    (written,) = data_folder.iterdir()
+    assert (status, written.name[:17]) == (1, "set_aside_simbad_"), out
+    assert "is the service whole?" in err
+    assert call("rank", "--catalog", "latest")[0] == 2
+
+
 def test_a_table_of_stars_that_lost_most_of_the_snapshot_is_set_aside(call, simbad, data_folder):
     status, out, err = call(*REFRESH, "--url", simbad.url)
     (written,) = data_folder.iterdir()

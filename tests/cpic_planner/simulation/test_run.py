@@ -4,12 +4,14 @@ import hashlib
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -264,5 +266,18 @@ def test_progress_counts_every_frame(tmp_path):
 
 def test_a_disk_without_room_is_refused_before_anything_is_written(refused, tmp_path):
     large = made_of(*[{"kind": "BIAS", "frames": 1_000_000}] * 40, instrument="cpic_default")
-    refused("GB to spare", simulate, large, tmp_path / "o")
+    refused("MB to spare", simulate, large, tmp_path / "o")
     assert not (tmp_path / "o").exists()
+
+
+def test_what_a_disk_lacks_is_said_however_little_it_is(refused, tmp_path, monkeypatch):
+    """It was once refused 0.01 GB with 0.01 GB free."""
+    room = SimpleNamespace(free=0)
+    monkeypatch.setattr("shutil.disk_usage", lambda place: room)
+    asked = made_of({"kind": "BIAS", "frames": 25})
+    for free in (0, 1_000_000):
+        room.free = free
+        text = refused("MB are free there", simulate, asked, tmp_path / "o")
+        needed_mb, free_mb, lacking_mb = (float(word.replace(",", "")) for word in re.findall(r"([\d.,]+) MB", text))
+        assert needed_mb > free_mb == free / 1e6
+        assert lacking_mb == pytest.approx(needed_mb - free_mb, abs=0.11)

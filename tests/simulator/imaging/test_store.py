@@ -150,6 +150,25 @@ def test_other_instruments_are_measured_once_and_kept(tmp_path, monkeypatch):
     np.testing.assert_array_equal(first.raw_contrast, second.raw_contrast)
 
 
+def test_metrics_of_two_instruments_that_were_swapped_answer_neither(tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
+
+    def measure(instrument, band):
+        share = instrument.coronagraph.mask_half_width_arcsec
+        return psf_metrics(INSTRUMENT, band).to_arrays() | {"apodizer_energy": np.asarray(share)}
+
+    monkeypatch.setattr(store, "measure", measure)
+    widths = (0.134, 0.135)
+    both = [load_instrument({"coronagraph": {"mask_half_width_arcsec": width}}) for width in widths]
+    assert [psf_metrics(item, "F850").apodizer_energy for item in both] == list(widths)
+    one, two = (tmp_path / f"metrics-{metrics_key(item, 'F850')}.bin" for item in both)
+    kept = one.read_bytes()
+    one.write_bytes(two.read_bytes())
+    two.write_bytes(kept)
+    assert [psf_metrics(item, "F850").apodizer_energy for item in both] == list(widths)
+    assert len(caplog.records) == 2
+
+
 def test_key_is_of_the_surface_and_not_of_its_file(tmp_path):
     def key(name, heights):
         path = tmp_path / name
