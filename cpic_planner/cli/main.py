@@ -112,10 +112,10 @@ def main(arguments: list[str] | None = None) -> int:
     return _status(status)
 
 
-INTERRUPTED = (
-    "interrupted; no file is left half written, and a run with an --out continues when it is started again with the "
-    "same --out"
+_CONTINUES = (
+    "no file is left half written, and a run with an --out continues when it is started again with the same --out"
 )
+INTERRUPTED = f"interrupted; {_CONTINUES}"
 
 
 def _status(code: object) -> int:
@@ -134,6 +134,9 @@ def _failed(error: Exception) -> int:
         return error_line(f"{message()} (see {where} --help)" if message() else f"see {where} --help", 2)
     if logging.getLogger("cpic_planner").isEnabledFor(logging.DEBUG):
         raise error
+    if isinstance(error, OSError) and error.strerror:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        return error_line(f"{where}{error.strerror}; {_CONTINUES} (cpic -vv shows where)", 1)
     return error_line(f"{type(error).__name__}: {error} (cpic -vv shows where)", 1)
 
 
