@@ -135,7 +135,10 @@ class WrittenFiles:
         known = self._contents[name]
         if not stat.S_ISREG(about.st_mode) or about.st_size not in {size for size, _ in known}:
             return "changed"
-        return "ours" if (about.st_size, digest_of(path)) in known else "changed"
+        try:
+            return "ours" if (about.st_size, digest_of(path)) in known else "changed"
+        except InputError:  # it cannot be read: nobody can say that it is ours
+            return "changed"
 
     def names(self) -> list[str]:
         """Names of the listed files that stand in the folder, as they were written or not."""

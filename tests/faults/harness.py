@@ -43,7 +43,7 @@ QUESTIONS = {
     "tiny": "tiny",  # a job of the tests, by the main program of cpic
     "simulate": "simulate x.yaml",
     "confirm": "confirm paper_science --band F520 --fidelity quick --no-audit --realisations 2",
-    "plan": "plan --top 2 --time-s 1000 --band F520 --realisations 2 --planets 100 --fidelity quick --catalog stars.csv",
+    "plan": "plan --catalog stars.csv --top 2 --time-s 1000 --band F520 --realisations 2 --planets 99 --fidelity quick",
     "whatif": "whatif w.yaml --images 0",
 }
 SECRET = "precious\n"
@@ -85,7 +85,8 @@ class Server:
         self._scratch.mkdir(exist_ok=True)
         self._scratch.chmod(0o777)
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-        self._process = subprocess.Popen([sys.executable, HERE / "server.py"], **pipes)
+        alone = {"OMP_NUM_THREADS": "1", "JE_ARROW_MALLOC_CONF": "background_thread:false"}  # no thread before a fork
+        self._process = subprocess.Popen([sys.executable, HERE / "server.py"], env=os.environ | alone, **pipes)
 
     def close(self):
         self._process.stdin.close()

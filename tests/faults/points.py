@@ -1,8 +1,9 @@
 """Faults in a process of its own: at a numbered step of writing files below a folder, or in its clocks.
 
-A step is a call that changes what a file system holds, as the kernel would see it: open for writing, write, sync, rename,
-link, remove, folder made or removed, cut, mode. They are caught where Python makes them (audit events, ``os.write``,
-``os.fsync``, the files that ``os.fdopen`` returns), whoever asks for them. What is random in names is written as ``*``.
+A step is a call that changes what a file system holds, as the kernel would see it: open for writing, write, sync,
+rename, link, remove, folder made or removed, cut, mode. They are caught where Python makes them (audit events,
+``os.write``, ``os.fsync``, the files that ``os.fdopen`` returns), whoever asks for them. What is random in names is
+written as ``*``.
 """
 
 import datetime as real
@@ -14,7 +15,6 @@ import re
 import signal
 import sys
 import time
-from pathlib import Path
 
 GROWS = ("open", "write", "mkdir", "link")  # what a full disk refuses
 _RANDOM = [(re.compile(r"\.cpic-[0-9a-f]{8}"), ".cpic-*"), (re.compile(r"\.\w{8}\.part"), ".*.part")]
@@ -116,7 +116,7 @@ class Steps:
 
     def _os_fdopen(self, handle, mode="r", buffering=-1, encoding=None, *rest):
         if "+" not in mode:
-            return io.open(handle, mode, buffering, encoding, *rest)
+            return open(handle, mode, buffering, encoding, *rest)
         file = io.BufferedRandom(_Raw(self, handle, mode.replace("b", "")))
         return file if "b" in mode else io.TextIOWrapper(file, encoding)
 
@@ -172,11 +172,28 @@ def become(version, proof):
     note(proof, {"version": version})
 
 
-def nobody(uid, proof):
-    """Go on as a user without a name, a home or rights; says whether it has none on its own files."""
-    if os.geteuid() == 0:
-        os.setgroups([])
-        os.setgid(uid)
-        os.setuid(uid)
-    Path(proof)
-    note(proof, {"uid": os.geteuid()})
+def lose_home(proof):
+    """Let the user have no entry among the users: with HOME unset, there is no home."""
+    import pwd
+
+    asked = 0
+
+    def unknown(uid):
+        nonlocal asked
+        asked += 1
+        note(proof, {"asked": asked})
+        raise KeyError(f"getpwuid(): uid not found: {uid}")
+
+    pwd.getpwuid = unknown
+
+
+def lose(root, name, proof):
+    """Let a file below a folder be unreadable: EIO whenever it is opened."""
+    place = f"{os.path.realpath(root)}/{name}"
+
+    def heard(event, args):
+        if event == "open" and isinstance(args[0], str) and os.path.abspath(args[0]) == place:
+            note(proof, {"read": name})
+            raise OSError(errno.EIO, os.strerror(errno.EIO), name)
+
+    sys.addaudithook(heard)

@@ -1,7 +1,7 @@
 """A process that has imported the command line, and forks a process of its own for each command: ``python server.py``.
 
-A request is a line of JSON on stdin, the answer one on stdout. So a command costs what it works, not what it imports, and
-each begins as fresh as the first. Nothing here runs threads: what a fork copies is whole.
+A request is a line of JSON on stdin, the answer one on stdout. So a command costs what it works, not what it imports,
+and each begins as fresh as the first. Nothing here runs threads: what a fork copies is whole.
 """
 
 import contextlib
@@ -35,7 +35,7 @@ def run(request):
             handle = os.open(place, flags, 0o666)
             os.dup2(handle, number)
             os.close(handle)
-            stream = open(number, mode, encoding="utf-8", closefd=False)
+            stream = open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115 - to the end
         setattr(sys, name, stream)
         setattr(sys, f"__{name}__", stream)
     proof, fault = request["proof"], request.get("fault") or {}
@@ -44,10 +44,12 @@ def run(request):
         points.jump(fault["shift_s"], at, proof)
     elif kind == "version":
         points.become(fault["version"], proof)
-    elif kind == "nobody":
-        points.nobody(fault["uid"], proof)
+    elif kind == "homeless":
+        points.lose_home(proof)
+    elif kind == "unreadable":
+        points.lose(request["root"], fault["name"], proof)
     steps = None
-    if request.get("root"):
+    if request.get("root") and kind != "unreadable":
         steps = points.Steps(request["root"], kind, at, proof)
         steps.install()
     module = importlib.import_module("cpic_planner.cli.main")  # the package offers the function of this name
@@ -58,6 +60,8 @@ def run(request):
         points.note(proof, steps.names)
     if request.get("learn"):
         points.note(request["learn"], sorted(sys.modules))
+    if request["argv"][0] == "tiny":
+        os._exit(status)  # which saves the end of the interpreter
     return status
 
 
@@ -97,8 +101,6 @@ def main():
         if request.get("learn"):
             with open(request["learn"]) as file:
                 for name in json.load(file):
-                    if name.startswith("pyarrow"):  # brings a thread with it
-                        continue
                     with contextlib.suppress(ImportError):
                         importlib.import_module(name)
         answers.write(f"{json.dumps(answer)}\n")

@@ -1,5 +1,7 @@
 """A job that takes no time: all that the loop of long work writes, and nothing else."""
 
+import sys
+
 from pydantic import BaseModel
 
 from cpic_planner.jobs import Job, Runner, Task, run
@@ -16,16 +18,16 @@ def square(number):
 
 def job():
     def work(runner: Runner):
-        found = runner.finish(square, [Task(f"square {i}", (i,)) for i in range(3)])
+        found = runner.finish(square, [Task("square 7", (7,))])
         return Total(config_hash=runner.digest, total=sum(body["square"] for body in found.values()))
 
     def write(folder, result, bodies):
-        folder.write("squares.csv", "".join(f"{key},{body['square']}\n" for key, body in bodies.items()))
-        folder.write("pages/square.txt", f"{result.total}\n")
+        folder.write("pages/square.txt", f"{result.total}\n" * 20_000)
 
-    return Job("squares", 1, lambda: {}, work, write=write, products=("squares.csv", "pages/square.txt"))
+    return Job("squares", 1, dict, work, write=write, products=("pages/square.txt",))
 
 
 def app(args, **_):
     """Stands for the commands of ``cpic``: its main program handles what this raises."""
+    sys.modules["cpic_planner.jobs.job"].versions = dict  # which take half of the time
     run(job(), args[args.index("--out") + 1], force="--force" in args)
