@@ -72,10 +72,8 @@ def load_kernels(name: str) -> Any:
         if "no locator available" not in str(error):
             raise
         # Neither the folder of the package nor the user's home can be written: compiled for this run alone.
-        from numba import config
-
         os.environ["NUMBA_CACHE_DIR"] = private_folder()
-        config.reload_config()
+        importlib.import_module("numba.core.config").reload_config()
         module = importlib.import_module(name)
     source = Path(str(module.__file__))
     chosen = os.environ.get("NUMBA_CACHE_DIR")

@@ -66,6 +66,7 @@ class Done:
     status: int
     signal: int
     cpu_s: float
+    memory_mb: float
     out: str
     err: str
     proof: object
@@ -104,7 +105,7 @@ class Server:
             Files of stdin, stdout and stderr; None for one that is closed.
         **more
             ``root``, below which steps are counted; ``fault``, a mapping of its ``kind``, ``at`` and what it needs;
-            ``environment``; ``kill_after_s``, processor time.
+            ``environment``; ``kill_after_s``, processor time; ``most_files`` that it may have open.
         """
         places = {name: self._scratch / name for name in ("out", "err", "proof")}
         for path in places.values():

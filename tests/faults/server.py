@@ -10,6 +10,7 @@ import importlib
 import json
 import os
 import random
+import resource
 import sys
 import time
 
@@ -21,6 +22,8 @@ _TICK_S = 1 / os.sysconf("SC_CLK_TCK")
 def run(request):
     """Run one command in this process; returns its exit status."""
     os.chdir(request["cwd"])
+    if request.get("most_files"):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (request["most_files"],) * 2)
     for key, value in request.get("environment", {}).items():
         os.environ.pop(key, None)
         if value is not None:
@@ -82,7 +85,8 @@ def watched(child, request):
     else:
         _, code, used = os.wait4(child, 0)
     status, signal = (os.WEXITSTATUS(code), 0) if os.WIFEXITED(code) else (-1, os.WTERMSIG(code))
-    return {"status": status, "signal": signal, "cpu_s": used.ru_utime + used.ru_stime}
+    spent = {"cpu_s": used.ru_utime + used.ru_stime, "memory_mb": used.ru_maxrss / 1000}
+    return {"status": status, "signal": signal} | spent
 
 
 def main():

@@ -1,5 +1,6 @@
 """Streams that are closed or full, no home, folders that cannot be written: answers and exit codes as documented."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -54,13 +55,12 @@ def test_a_user_without_a_home_loses_only_what_is_kept_there(harness, server, wh
     assert not list(tmp_path.rglob("~*"))
 
 
-@pytest.mark.parametrize("argv", [["simulate", "--kind", "BIAS", "--out", "run"], ["simulate", "--kind", "BIAS"]])
-def test_a_folder_that_cannot_be_written_is_refused(server, tmp_path, argv):
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     """Root may write everywhere, so that it gives up that right."""
     place = tmp_path / "place"
     place.mkdir()
     place.chmod(0o555)
-    command = [sys.executable, "-m", "cpic_planner.cli.main", *argv, "-q"]
+    command = [sys.executable, "-m", "cpic_planner.cli.main", "simulate", "--kind", "BIAS", "-q"]
     if os.geteuid() == 0:
         if shutil.which("setpriv") is None:
             pytest.skip("root cannot give up its rights without setpriv")
@@ -70,3 +70,17 @@ def test_a_folder_that_cannot_be_written_is_refused(server, tmp_path, argv):
     assert done.stderr.count("\n") == 1
     assert "a writable folder (Permission denied)" in done.stderr
     assert list(place.iterdir()) == []
+
+
+def test_frames_take_no_further_file_and_no_further_memory(server, harness, whole, tmp_path):
+    """At most 16 open files for 2 frames and for 80, and less than half of the memory that 78 more would take."""
+    whole("simulate")  # what follows imports nothing
+    rows, columns, memory_mb = 206, 236, {}
+    camera = {"n_rows": rows, "n_columns": columns, "star_row": 100, "star_column": 100}
+    for frames in (2, 80):
+        asked = {"instrument": {"detector": camera}, "defaults": {}, "sequences": [{"kind": "BIAS", "frames": frames}]}
+        (tmp_path / "x.yaml").write_text(json.dumps(harness.SIMULATION | asked))
+        done = server.run(["simulate", "x.yaml", "--out", f"run{frames}", "-q"], tmp_path, most_files=16)
+        assert done.status == 0, done
+        memory_mb[frames] = done.memory_mb
+    assert memory_mb[80] - memory_mb[2] < 0.5 * 78 * rows * columns * 2 / 1e6
