@@ -73,7 +73,7 @@ def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[IO[bytes
     except BaseException as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
-        if isinstance(error, OSError) and error.filename is None:  # of a write: says at least which disk is full
+        if isinstance(error, OSError) and error.errno and error.filename is None:  # of a write: says which disk is full
             error.filename = str(path)
         raise
 
