@@ -13,7 +13,7 @@ SEED ?= 1
 MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test test-long browser lint mutants hostile load bench bench-baseline data reports readme wheel clean check-python
+.PHONY: help plan test test-long browser lint mutants hostile kills flat load bench bench-baseline data reports readme wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -59,6 +59,12 @@ mutants: $(VENV)/installed  ## change the code in one place at a time; fails whe
 
 hostile: $(VENV)/installed  ## send 600 hostile requests to cpic serve; fails where one is not refused in one line (SEED)
 	$(BIN)/python tests/cpic_planner/web/hostile.py --seed $(SEED)
+
+kills: $(VENV)/installed  ## kill plan, simulate, whatif and confirm 50 times each; fails where bytes or foreign files change
+	$(BIN)/python tests/faults/kills.py
+
+flat: $(VENV)/installed  ## run 1000 frames (7 GB) and 5000 universes; fails where open files or memory grow with them
+	$(BIN)/python tests/faults/flat.py
 
 load: $(VENV)/installed  ## ask cpic serve 20 000 times, 20 users at once; fails below 80 answers or 50 pages a second
 	$(BIN)/python tests/benchmarks/load.py

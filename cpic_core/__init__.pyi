@@ -47,6 +47,7 @@ from cpic_core.runtime import (
     load_kernels as load_kernels,
     load_quietly as load_quietly,
     numeric_context as numeric_context,
+    private_folder as private_folder,
     untold as untold,
 )
 from cpic_core.special_functions import special as special

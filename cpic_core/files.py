@@ -66,9 +66,11 @@ def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[IO[bytes
             temporary.replace(path)
         else:
             _link_or_rename(temporary, path)
-    except BaseException:
+    except BaseException as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
+        if isinstance(error, OSError) and error.errno and error.filename is None:  # of a write: says which disk is full
+            error.filename = str(path)
         raise
 
 

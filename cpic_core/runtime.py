@@ -10,12 +10,15 @@ Announcements of work that takes a while: to a logger, silent unless somebody li
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import functools
 import importlib
 import logging
 import os
+import shutil
 import sys
+import tempfile
 import threading
 import warnings
 from collections.abc import Iterator
@@ -63,7 +66,15 @@ def load_kernels(name: str) -> Any:
     -------
     module
     """
-    module = importlib.import_module(name)
+    try:
+        module = importlib.import_module(name)
+    except RuntimeError as error:
+        if "no locator available" not in str(error):
+            raise
+        # Neither the folder of the package nor the user's home can be written: compiled for this run alone.
+        os.environ["NUMBA_CACHE_DIR"] = private_folder()
+        importlib.import_module("numba.core.config").reload_config()
+        module = importlib.import_module(name)
     source = Path(str(module.__file__))
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     folder, pattern = (Path(chosen), "**/") if chosen else (source.parent, "__pycache__/")
@@ -71,6 +82,14 @@ def load_kernels(name: str) -> Any:
     if next(kept, None) is None:
         announce(f"compiling {name.rpartition('.')[2]} for this machine, once: about 10 s on a free processor")
     return module
+
+
+@functools.cache
+def private_folder() -> str:
+    """Return a temporary folder that this user alone can read; it is removed when the process ends."""
+    folder = tempfile.mkdtemp(prefix="cpic-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 _LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "BLIS_NUM", "VECLIB_MAXIMUM", "NUMEXPR_NUM")

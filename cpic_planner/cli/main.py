@@ -5,11 +5,12 @@ import logging
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cpic_core import InputError, numeric_context
+from cpic_core import InputError, numeric_context, private_folder
 from cpic_planner.cli import (
     catalog_command,
     etc_command,
@@ -92,6 +93,13 @@ app.command("schema")(heard(upkeep_command.schema))
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status and never shows a traceback unless asked by ``-vv``."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:  # closed: what would go there is not wanted
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - to the end of the process
+    try:
+        Path.home()
+    except RuntimeError:  # no name, no home: astropy, matplotlib and the cache ask for one
+        os.environ["HOME"] = private_folder()
     try:
         with numeric_context():
             status = app(args=arguments, standalone_mode=False, prog_name="cpic")
@@ -103,19 +111,17 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return error_line(INTERRUPTED, 130)
     except BrokenPipeError:
-        # The reader of our output went away: that ends the work, quietly, and keeps the interpreter from
-        # complaining about it at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()  # its reader went away: that ends the work, quietly
         return 0
     except Exception as error:
         return _failed(error)
     return _status(status)
 
 
-INTERRUPTED = (
-    "interrupted; no file is left half written, and a run with an --out continues when it is started again with the "
-    "same --out"
+_CONTINUES = (
+    "no file is left half written, and a run with an --out continues when it is started again with the same --out"
 )
+INTERRUPTED = f"interrupted; {_CONTINUES}"
 
 
 def _status(code: object) -> int:
@@ -134,7 +140,20 @@ def _failed(error: Exception) -> int:
         return error_line(f"{message()} (see {where} --help)" if message() else f"see {where} --help", 2)
     if logging.getLogger("cpic_planner").isEnabledFor(logging.DEBUG):
         raise error
+    if isinstance(error, OSError) and error.strerror:
+        try:
+            where = f"{error.filename}: " if error.filename is not None else ""
+            sys.stdout.flush()
+        except OSError:
+            where = "stdout: "
+            _drop_output()
+        return error_line(f"{where}{error.strerror}; {_CONTINUES} (cpic -vv shows where)", 1)
     return error_line(f"{type(error).__name__}: {error} (cpic -vv shows where)", 1)
+
+
+def _drop_output() -> None:
+    """Keep the interpreter from complaining, at its end, about output that cannot be written."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ Options of commands that are no part of a question, and paragraphs that several 
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import inspect
 import sys
@@ -20,7 +19,7 @@ from pydantic import BaseModel
 
 from cpic_core import InputError, dump_json, write_text
 from cpic_planner import report
-from cpic_planner.cli.progress import is_quiet, progress, rest
+from cpic_planner.cli.progress import is_quiet, progress, rest, write_line
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 
 if TYPE_CHECKING:
@@ -38,9 +37,7 @@ R = TypeVar("R", bound=BaseModel)
 
 def error_line(text: str, status: int) -> int:
     """Write one line to stderr and hand back the exit status."""
-    with contextlib.suppress(BrokenPipeError):
-        sys.stderr.write(f"cpic: {' '.join(text.split())}\n")
-        sys.stderr.flush()
+    write_line(f"cpic: {' '.join(text.split())}")
     return status
 
 
@@ -52,8 +49,8 @@ def help_alone(context: typer.Context) -> None:
 
 def note(*texts: str) -> None:
     """Write remarks to stderr, a line each, unless quiet."""
-    if not is_quiet():
-        sys.stderr.writelines(f"cpic: {text}\n" for text in texts)
+    for text in () if is_quiet() else texts:
+        write_line(f"cpic: {text}")
 
 
 def print_json(result: BaseModel | Mapping[str, Any]) -> None:

@@ -10,6 +10,7 @@ import contextlib
 import functools
 import inspect
 import logging
+import os
 import sys
 import threading
 import time
@@ -277,7 +278,7 @@ def watch(title: str) -> Iterator[Reporter]:
     title : str
         What is worked on where nothing else is said.
     """
-    reporter = Reporter(Bar() if sys.stderr.isatty() else Lines(_write_line), title)
+    reporter = Reporter(Bar() if sys.stderr.isatty() else Lines(write_line), title)
     stop, announcements = threading.Event(), logging.getLogger(LOGGER)
 
     def run() -> None:
@@ -302,10 +303,13 @@ def watch(title: str) -> Iterator[Reporter]:
         announcements.level, announcements.propagate = before
 
 
-def _write_line(text: str) -> None:
-    with contextlib.suppress(OSError, ValueError):
+def write_line(text: str) -> None:
+    """Write a line to stderr; where it cannot be written, this and what follows is lost, and nothing else."""
+    try:
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
+    except (OSError, ValueError):
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - to the end of the process, which writes what is left there
 
 
 @contextlib.contextmanager

@@ -14,6 +14,7 @@ is taken over. A part that fails its checksum is done again. Files that no list 
 """
 
 import contextlib
+import errno
 import hashlib
 import json
 import logging
@@ -31,6 +32,7 @@ _LOG = logging.getLogger(__name__)
 _MAX_PART_BYTES = 4_000_000_000
 _LOCK = "run.lock"
 _LOCK_TEXT = "in use by pid "
+_NO_LOCK = (errno.ELOOP, errno.EINVAL, errno.EISDIR, errno.ENXIO, errno.EACCES, errno.EPERM)
 _ANY_PART = "parts/-"  # is of no part: asks whether parts may be a folder of ours
 _OLD_LIST = "manifest.json"  # of versions that kept no list of their files
 
@@ -236,7 +238,9 @@ def _locked(folder: Path) -> Iterator[None]:
         except LockHeld as held:
             text = held.text if held.text.startswith(_LOCK_TEXT) else "another run holds it"
             raise refused(folder, "a folder that no other run is using", text) from None
-        except OSError:
+        except OSError as error:
+            if error.errno not in _NO_LOCK:  # a full or broken disk says nothing about whose file it is
+                raise
             raise foreign from None
         lock.seek(0)
         if lock.read(len(_LOCK_TEXT)) not in ("", _LOCK_TEXT):

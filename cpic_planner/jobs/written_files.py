@@ -34,6 +34,7 @@ SCHEMA_VERSION = 2
 _MAX_BYTES = 1_000_000_000
 _HEAD = {"software": DISTRIBUTION, "schema_version": SCHEMA_VERSION}
 
+_BEGIN = f'{{"software": "{DISTRIBUTION}", '.encode()
 _TEMPORARY = re.compile(r"\.cpic-[0-9a-f]{8}")
 
 _WITHOUT_IT, _MOVE_IT = "a folder without this file", "move it, or choose another folder"
@@ -70,7 +71,14 @@ class WrittenFiles:
 
     @classmethod
     def begin(cls, root: Path, kind: str, config_hash: str) -> "WrittenFiles":
-        """Begin an empty list; it takes the place of an earlier one, which must name nothing that still exists."""
+        """Begin an empty list; it takes the place of an earlier one, which must name nothing that still exists.
+
+        What a run left that was killed in the middle of this is removed, if its content says that it is nothing else.
+        """
+        for left in root.glob(f".{LIST_NAME}.*.part"):
+            begun = left.read_bytes()[: len(_BEGIN)] if left.is_file() and not left.is_symlink() else None
+            if begun is not None and _BEGIN.startswith(begun):
+                left.unlink()
         write_text(root / LIST_NAME, _line(_HEAD | {"kind": kind, "config_hash": config_hash}))
         return cls(root, kind, config_hash)
 
@@ -127,7 +135,10 @@ class WrittenFiles:
         known = self._contents[name]
         if not stat.S_ISREG(about.st_mode) or about.st_size not in {size for size, _ in known}:
             return "changed"
-        return "ours" if (about.st_size, digest_of(path)) in known else "changed"
+        try:
+            return "ours" if (about.st_size, digest_of(path)) in known else "changed"
+        except InputError:  # it cannot be read: nobody can say that it is ours
+            return "changed"
 
     def names(self) -> list[str]:
         """Names of the listed files that stand in the folder, as they were written or not."""

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from cpic_core import THREAD_VARIABLES, numeric_context
+from cpic_core import THREAD_VARIABLES, load_kernels, numeric_context
 
 LATE = """
 import json, sys
@@ -107,3 +107,28 @@ def test_settings_of_the_caller_for_floating_point_errors_do_not_matter():
         warnings.simplefilter("always")
         np.array([1.0]) / 0.0
         assert len(seen) == 1
+
+
+def test_kernels_are_compiled_where_nothing_can_be_kept(tmp_path, monkeypatch):
+    """Neither beside the code nor at home, as in a container: a private folder takes them for as long as it runs."""
+    from numba.core import caching, config
+
+    real = caching.tempfile.TemporaryFile
+
+    def nowhere(dir):
+        if not os.path.basename(dir).startswith("cpic-") and "/cpic-" not in str(dir):
+            raise PermissionError(13, "Permission denied", dir)
+        return real(dir=dir)
+
+    (tmp_path / "home_less_kernels.py").write_text(
+        "from numba import njit\n\n\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(caching.tempfile, "TemporaryFile", nowhere)
+    monkeypatch.setattr(config, "CACHE_DIR", "")
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    kernels = load_kernels("home_less_kernels")
+    folder = os.environ["NUMBA_CACHE_DIR"]
+    assert kernels.twice(21) == 42
+    assert os.stat(folder).st_mode & 0o777 == 0o700
+    assert any(name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
