@@ -64,7 +64,8 @@ def simulation_job(
 
     def write(folder: RunFolder, result: SimulationResult, bodies: Mapping[str, Any]) -> None:
         for programme in result.programmes:
-            folder.write(programme.file, dump_json(programme.model_dump(mode="json")))
+            made = programme.model_copy(update={"fingerprint": result.fingerprint})
+            folder.write(programme.file, dump_json(made.model_dump(mode="json")))
 
     return Job(
         kind="simulation",

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from cpic_core import InputError
 from cpic_planner.jobs import Cost, Job, Runner, Task, estimate, run
-from cpic_planner.jobs.job import host, versions
+from cpic_planner.jobs.record import host, versions
 from cpic_planner.results import RunRecord
 
 N = 5
