@@ -95,10 +95,8 @@ def refuse_foreign(client: Any, workers: Collection[str], scheduler: str | None)
     for address, answer in sorted(answers.items()):
         if isinstance(answer, OSError):  # it has gone
             continue
-        if isinstance(answer, Introduced):
-            other = answer.differences()
-        else:
-            other = [f"no cpic-planner of version {__version__}: {type(answer).__name__}: {answer}".splitlines()[0]]
+        # Code without this module cannot answer.
+        other = answer.differences() if isinstance(answer, Introduced) else [f"other code ({answer})".splitlines()[0]]
         if other and scheduler is not None:
             allowed = "a scheduler whose workers have this code and these libraries"
             raise InputError("--scheduler", scheduler, allowed=allowed, hint=_foreign(address, other))

@@ -80,10 +80,11 @@ class WrittenFiles:
         return cls(root, kind, config_hash, [fingerprint])
 
     @classmethod
-    def read(cls, root: Path) -> "WrittenFiles | None":
+    def read(cls, root: Path, *, mend: bool = True) -> "WrittenFiles | None":
         """Read the list of a folder; None where there is none.
 
-        A last line without an end is that of a file which never got its name: the run was killed. It is cut off.
+        A last line without an end is that of a file which never got its name: the run was killed. It is cut off,
+        unless the list is only looked at (``mend`` is false).
 
         Raises
         ------
@@ -113,7 +114,7 @@ class WrittenFiles:
             raise
         except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
             raise DamagedListError(f"{type(error).__name__}: {error}") from None
-        if len(whole) < len(text):
+        if mend and len(whole) < len(text):
             os.truncate(path, len(whole))
         return listed
 

@@ -34,6 +34,7 @@ ALLOWED = {
     "catalogs/tap_session.py": "parses bytes that were received",
     "cpic_core/files.py": "writes; opens the lock, entries of our own cache, and what user_files gave it",
     "cpic_core/lazy_names.py": "stubs of packages",
+    "cpic_core/provenance.py": "installed packages and the records of their installer",
     "simulator/products/write.py": "shipped table of keywords",
     "simulator/products/naming.py": "temporary files of our own",
     "simulator/products/reading.py": "opens what user_files gave it",
