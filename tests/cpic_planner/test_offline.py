@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from cpic_planner.cli.main import main
 from cpic_planner.web import application
 
 PROVES = ("cpic_core", "catalogs", "simulator", "cpic_planner")
