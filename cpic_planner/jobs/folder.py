@@ -81,7 +81,7 @@ class RunFolder:
     def met(self, fingerprint: str) -> None:
         """Note another processor that took part, and say what that means."""
         if fingerprint not in self.fingerprints:
-            _LOG.warning("%s: another processor takes part: results are %s, not %s", self.path, *PROMISES[::-1])
+            _LOG.warning("%s: another processor takes part: %s, not %s", self.path, *PROMISES[::-1])
             self._files.met(fingerprint)
 
     def part(self, key: str) -> dict[str, Any] | None:

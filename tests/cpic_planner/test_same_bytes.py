@@ -86,7 +86,7 @@ def leaves(tree, path=""):
     if isinstance(tree, dict | list):
         for key, item in tree.items() if isinstance(tree, dict) else enumerate(tree):
             yield from leaves(item, f"{path}/{key}")
-    elif not path.endswith("/fingerprint"):
+    elif not path.endswith(("/fingerprint", "/FPRINT")):
         yield path, tree
 
 
