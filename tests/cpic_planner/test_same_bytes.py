@@ -5,6 +5,7 @@ The short form, with one ranking, one answer and one frame, is in ``test_numeric
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import pytest
 from astropy.io import fits
 
 from cpic_core import PROMISES, THREAD_VARIABLES, differing_words, fingerprint, promise_of
-from cpic_core.provenance import TOLERANCE
+from cpic_core.provenance import TOLERANCE, TOLERANCE_SIGMA
 
 pytestmark = pytest.mark.long
 PROVES = ("cpic_core", "catalogs", "simulator", "cpic_planner")
@@ -78,7 +79,9 @@ OTHERS = {
     },
 }
 """What makes this processor compute as another one does."""
-DRAWN = ("simulation.json", "parts/", ".blob", ".html")  # sums of frames, and bytes of what is compared as tables
+DRAWN = ("simulation.json", "parts/", ".blob", ".html", "measurements.csv", "confirm.txt", "plan.txt")
+MEASURED = ("confirm/confirm.json", "plan/plan.json")
+"""What holds sums of frames, or the content of files that are compared otherwise; and what holds measurements."""
 
 
 def leaves(tree, path=""):
@@ -127,7 +130,7 @@ def test_another_processor_gives_nearly_the_same(name, plain, tmp_path, record_p
     files, mark = made(tmp_path / "b", OMP_NUM_THREADS="1", **kept, **OTHERS[name])
     assert differing_words(mark, plain[1]) == ["processor"]
     assert promise_of(mark, plain[1]) == PROMISES[1]
-    worst, drawn, pixels, brightest = 0.0, 0, 0, 0.0
+    worst, measured, drawn, pixels, brightest = 0.0, 0.0, 0, 0, 0.0
     for file, path in files.items():
         here = plain[0][file]
         if file.endswith(".fits"):
@@ -142,10 +145,18 @@ def test_another_processor_gives_nearly_the_same(name, plain, tmp_path, record_p
         elif not any(word in file for word in DRAWN):
             mine, theirs = values(file, here), values(file, path)
             assert mine.keys() == theirs.keys(), file
-            worst = max(worst, *(distance(value, theirs[place]) for place, value in mine.items()), 0.0)
+            apart = {place: distance(value, theirs[place]) for place, value in mine.items()}
+            if file in MEASURED:
+                assert all(value <= 1e-3 for place, value in apart.items() if "chi2" not in place)
+                places = [place for place in mine if re.search("recovered_s|search_snr", place) and mine[place]]
+                measured = max(measured, *(abs(mine[place] - theirs[place]) for place in places), 0.0)
+            else:
+                worst = max(worst, *apart.values(), 0.0)
     assert worst <= TOLERANCE
+    assert measured <= TOLERANCE_SIGMA
     assert drawn <= 1e-5 * pixels > 10.0
     assert brightest <= 2.0**-23
+    record_property("SNRs measured in images", f"{measured:.2g}")
     record_property("computed numbers", f"{worst:.1e} relative")
     record_property("drawn counts that differ", f"{drawn} of {pixels}")
     record_property("expected images", f"{brightest:.1e} of the brightest pixel")
