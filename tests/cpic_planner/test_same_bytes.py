@@ -155,7 +155,7 @@ def test_another_processor_gives_nearly_the_same(name, plain, tmp_path, record_p
     assert worst <= TOLERANCE
     assert measured <= TOLERANCE_SIGMA
     assert drawn <= 1e-5 * pixels > 10.0
-    assert brightest <= 2.0**-23
+    assert brightest <= 2.0**-21  # frames of 32 bits
     record_property("SNRs measured in images", f"{measured:.2g}")
     record_property("computed numbers", f"{worst:.1e} relative")
     record_property("drawn counts that differ", f"{drawn} of {pixels}")
