@@ -6,6 +6,7 @@ import pickle
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,15 @@ def test_a_worker_of_other_code_is_refused_before_a_task_runs(scheduler, other_c
     assert not ran.exists()
 
 
+@pytest.mark.long
+def test_one_that_joins_later_is_refused_too(scheduler, other_code, tmp_path):
+    with worker(scheduler, tmp_path, *OWN):
+        going = run_tasks(time.sleep, [(0.3,)] * 1000, scheduler=scheduler)
+        next(going)
+        with worker(scheduler, tmp_path, other_code), pytest.raises(InputError, match="has other code"):
+            list(going)
+
+
 def test_another_processor_is_accepted_and_told(scheduler, tmp_path):
     met = []
     with worker(scheduler, tmp_path, *OWN, NUMBA_CPU_NAME="generic"):
@@ -111,3 +121,15 @@ def test_code_without_a_handshake_is_other_code_and_a_worker_that_has_gone_is_pa
     newer = handshake.Introduced("9.9.9", mine.fingerprint)
     with pytest.raises(ClusterError, match=r"worker tcp://a has version 9.9.9 \(here .*were files changed"):
         handshake.refuse_foreign(Client(tcp_a=newer), ["tcp://a"], None)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"), [({}, "there are none that can be read"), ({"ca-file": "/nowhere.pem"}, "No such file")]
+)
+def test_encryption_without_certificates_is_refused_at_once(refused, settings, said):
+    import dask
+
+    empty = {"ca-file": None, "client.cert": None, "client.key": None} | settings
+    with dask.config.set({f"distributed.comm.tls.{name}": value for name, value in empty.items()}):
+        line = refused("with certificates in Dask's", list, run_tasks(divmod, [(1, 1)], scheduler="tls://127.0.0.1:1"))
+    assert said in line
