@@ -91,7 +91,10 @@ def refuse_foreign(client: Any, workers: Collection[str], scheduler: str | None)
         Naming the first one, and what it has otherwise; the second for our own workers.
     """
     ask = {"workers": list(workers), "on_error": "return", "callback_timeout": _ANSWER_S}
-    answers = client.sync(client._run, introduced, **ask)
+    try:
+        answers = client.sync(client._run, introduced, **ask)
+    except TimeoutError:  # a busy machine; losses of the scheduler are other errors
+        return
     for address, answer in sorted(answers.items()):
         if isinstance(answer, OSError):  # it has gone
             continue
