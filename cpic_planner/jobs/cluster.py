@@ -296,9 +296,8 @@ class _Link:
             if self._common is not None and given_up == self._common.key:
                 self._common = None  # to be made anew for the next task
             if given_up is None:  # the fault of a worker that is not what this process is?
-                with self._lossy():
-                    workers = self.client.nthreads(callback_timeout=_ANSWER_S)
-                self._greet(set(workers), again=True)
+                with contextlib.suppress(_LostError), self._lossy():
+                    self._greet(set(self.client.nthreads(callback_timeout=_ANSWER_S)), again=True)
             raise
         del self.flying[index]
         self._fetch_s = _FETCH_S
