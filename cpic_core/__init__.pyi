@@ -20,6 +20,13 @@ from cpic_core.files import (
     write_text as write_text,
 )
 from cpic_core.outcome import Outcome as Outcome, Outcomes as Outcomes, Reason as Reason, Status as Status
+from cpic_core.provenance import (
+    PROMISES as PROMISES,
+    Fingerprint as Fingerprint,
+    differing_words as differing_words,
+    fingerprint as fingerprint,
+    promise_of as promise_of,
+)
 from cpic_core.quantities import (
     ArrayLike as ArrayLike,
     BoolArray as BoolArray,

@@ -2,9 +2,12 @@
 
 import ast
 import importlib
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+_PARSING = threading.Lock()  # Python 3.11 counts the depth of trees for all threads together, and raises SystemError
 
 
 def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
@@ -22,7 +25,9 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
     tuple
         ``__getattr__``, ``__dir__`` and ``__all__`` of the package (PEP 562).
     """
-    stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
+    text = Path(file).with_suffix(".pyi").read_text(encoding="utf-8")
+    with _PARSING:
+        stub = ast.parse(text)
     home = {alias.name: node.module for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names}
 
     def load(name: str) -> Any:

@@ -27,6 +27,10 @@ OLD_YR = 10.0
 """A companion without an orbit has an old place where it was seen longer ago, or nobody says when."""
 
 
+# Places are turned to a date: the last digits are the processor's, and would make another question of the same one.
+_DIGITS = {"ra_deg": 6, "dec_deg": 6, "companion_separation_arcsec": 4, "companion_pa_deg": 4}
+
+
 @dataclass(frozen=True)
 class Targets:
     """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN.
@@ -59,11 +63,12 @@ class Targets:
         return len(self.name)
 
     def content(self) -> dict[str, Any]:
-        """All columns as plain lists, for content hashes (missing numbers as None)."""
+        """All columns as plain lists, for content hashes (missing numbers as None, places rounded)."""
         plain: dict[str, Any] = {}
         for item in fields(self):
             value = getattr(self, item.name)
             if isinstance(value, np.ndarray):
+                value = value.round(_DIGITS[item.name]) if item.name in _DIGITS else value
                 value = [None if isinstance(cell, float) and math.isnan(cell) else cell for cell in value.tolist()]
             plain[item.name] = value
         return plain

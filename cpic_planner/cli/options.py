@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, cast
 import typer
 from pydantic import BaseModel
 
-from cpic_core import InputError, dump_json, write_text
+from cpic_core import InputError, dump_json, fingerprint, write_text
 from cpic_planner import report
 from cpic_planner.cli.progress import is_quiet, progress, rest, write_line
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
@@ -185,13 +185,13 @@ def console() -> Console:
 
 
 def version_text() -> str:
-    """Version, data vintage, and whether the generic top-level packages are this distribution's own."""
+    """Version, fingerprint, data vintage, and whether the generic top-level packages are this distribution's own."""
     from importlib import metadata, util
 
     from catalogs import snapshot_vintage
 
     home = Path(__file__).resolve().parents[2]
-    lines = [f"{DISTRIBUTION} {__version__}", f"star table: {snapshot_vintage()}"]
+    lines = [f"{DISTRIBUTION} {__version__}", f"fingerprint: {fingerprint()}", f"star table: {snapshot_vintage()}"]
     try:
         owners = metadata.packages_distributions()
     except Exception:

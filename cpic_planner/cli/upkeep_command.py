@@ -75,7 +75,8 @@ def check(
     """Check Level-0 products against the specification: single files, or whole trees of them.
 
     Names, structure, keywords, times, world coordinates, pixel values, checksums; in a tree also numbers used
-    twice, the folders of parameters, and truth. Exit status: 0 if nothing is against the specification, 1 if
+    twice, the folders of parameters, and truth. In the folder of a run, of any kind, also whether one and the same
+    software made all of its parts and products. Exit status: 0 if nothing is against the specification, 1 if
     something is, 2 for a path that is not there. Warnings (unusual, but allowed) do not count unless --strict.
 
     Examples:
@@ -86,13 +87,14 @@ def check(
 
       cpic check my_tree --json | python -m json.tool
     """
+    from cpic_planner.jobs import check_tree
     from cpic_planner.results import CheckResult, FindingRecord
-    from simulator.products import ProductName, check_level0
+    from simulator.products import ProductName
 
     for path in paths:
         if not path.exists():
             raise InputError("path", str(path), allowed="a file or a folder that exists")
-    findings = [item for path in paths for item in check_level0(path)]
+    findings = [item for path in paths for item in check_tree(path)]
     files = {
         file.resolve()
         for path in paths

@@ -1,3 +1,4 @@
+from cpic_planner.jobs.chain import check_tree as check_tree
 from cpic_planner.jobs.engine import check_address as check_address
 from cpic_planner.jobs.folder import DamagedPartError as DamagedPartError, RunFolder as RunFolder
 from cpic_planner.jobs.job import (

@@ -5,6 +5,7 @@ with it, whether or not it was to blame, so here such a task is run once more wi
 its workers then as well is named in one error, after everything else has finished. A scheduler that goes takes all
 tasks with it (and, in Dask, its workers): the client waits for one at the same address and sends again what is not
 finished. A result is handed over when it has arrived here and never asked for again, so nothing is counted twice.
+Workers that are not what this process is get nothing to do (`cpic_planner.jobs.handshake`).
 
 Only a few tasks a worker are in flight, so that the scheduler never holds the arguments of a long run.
 """
@@ -20,10 +21,12 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from distributed import Client
-from distributed.protocol.pickle import dumps, loads
+from distributed.protocol.pickle import dumps
 from distributed.scheduler import KilledWorker, NoValidWorkerError, NoWorkerError
+from distributed.security import Security
 
-from cpic_core import InputError, numeric_context
+from cpic_core import InputError, fingerprint
+from cpic_planner.jobs import handshake
 from cpic_planner.jobs.engine import ClusterError
 
 _LOG = logging.getLogger(__name__)
@@ -33,6 +36,7 @@ _NOBODY = (NoWorkerError, NoValidWorkerError)
 _POLL_S = 0.01
 _FETCH_S = 2.0  # for a result at first
 _PULSE_S = 0.5  # between looks at which workers there are
+_ENCRYPTED = ("tls://", "wss://")
 _IN_FLIGHT = 4  # tasks sent out for every thread of the cluster
 _FRUITLESS = 10  # losses of the scheduler in a row without a single result between them
 _DEATHS_ALONE = 4  # of workers with one and the same task alone in flight, after which the task is to blame
@@ -121,11 +125,13 @@ class Workers(Protocol):
         """Note that they bring results."""
 
 
-def run_on(address: str, work: Work, patience_s: float, own: Workers | None = None) -> Iterator[tuple[int, Any]]:
+def run_on(
+    address: str, work: Work, patience_s: float, own: Workers | None, met: Callable[[str], None]
+) -> Iterator[tuple[int, Any]]:
     """Run all tasks on the cluster of the scheduler at ``address``; see `cpic_planner.jobs.engine.run_tasks`."""
     queue = TaskQueue(len(work.arguments))
     losses = 0
-    link = _Link(address, work, _first_client(address), own)
+    link = _Link(address, work, _first_client(address), own, met)
     try:
         while queue.left or link.flying:
             try:
@@ -155,7 +161,7 @@ def run_on(address: str, work: Work, patience_s: float, own: Workers | None = No
                 queue.put_back(link.flying)
                 link.close()
                 _LOG.warning("the scheduler %s has gone: waiting up to %.0f s for it", address, patience_s)
-                link = _Link(address, work, _next_client(address, patience_s, queue.left), own)
+                link = _Link(address, work, _next_client(address, patience_s, queue.left), own, met)
                 _LOG.warning("the scheduler %s is back: sending %d unfinished tasks again", address, queue.left)
         queue.tell_blamed()
     finally:
@@ -163,11 +169,25 @@ def run_on(address: str, work: Work, patience_s: float, own: Workers | None = No
 
 
 def _first_client(address: str) -> Any:
+    _check_certificates(address)
     try:
         return _client(address, _ANSWER_S)
     except (OSError, ValueError, RuntimeError) as error:
         hint = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError("--scheduler", address, allowed="the address of a live Dask scheduler", hint=hint) from None
+
+
+def _check_certificates(address: str) -> None:
+    """Refuse an encrypted connection for which Dask's settings name no certificates, or none that can be read."""
+    if not address.startswith(_ENCRYPTED):
+        return
+    try:
+        there, hint = Security().get_connection_args("client").get("ssl_context") is not None, ""
+    except (OSError, ValueError) as error:  # of ssl too
+        there, hint = False, f" ({error.strerror if isinstance(error, OSError) else error})"
+    if not there:
+        allowed = "with certificates in Dask's settings: distributed.comm.tls.ca-file, client.cert and client.key"
+        raise InputError("--scheduler", address, allowed=allowed, hint=f"there are none that can be read{hint}")
 
 
 def _next_client(address: str, patience_s: float, left: int) -> Any:
@@ -194,6 +214,7 @@ class _Link:
     work: Work
     client: Any
     own: Workers | None
+    met: Callable[[str], None]
     flying: dict[int, Any] = field(default_factory=dict)
     room: int = _IN_FLIGHT
     _fetch_s: float = _FETCH_S
@@ -202,9 +223,11 @@ class _Link:
     _common: Any = None
     _next_look_s: float = 0.0
     _idle: bool = False
+    _asked: str = field(default_factory=lambda: str(fingerprint()))
+    _greeted: set[str] = field(default_factory=set)
 
     def look_after(self) -> None:
-        """Notice a lost scheduler at once, and now and then how many workers there are."""
+        """Notice a lost scheduler at once, and now and then which workers there are; ask new ones what they are."""
         if self.client.status != "running":
             raise _LostError
         if time.monotonic() < self._next_look_s:
@@ -212,7 +235,9 @@ class _Link:
         if self.own is not None:
             self.own.replace_dead()
         with self._lossy():
-            threads = sum(self.client.nthreads(callback_timeout=_ANSWER_S).values())
+            workers = self.client.nthreads(callback_timeout=_ANSWER_S)
+        self._greet(set(workers))
+        threads = sum(workers.values())
         self._next_look_s = time.monotonic() + _PULSE_S
         self.room = _IN_FLIGHT * max(threads, 1)
         if (threads == 0) != self._idle:
@@ -221,6 +246,13 @@ class _Link:
                 state = "has no workers: waiting for some" if self._idle else "has workers again"
                 _LOG.warning("the scheduler %s %s", self.address, state)
 
+    def _greet(self, workers: set[str], *, again: bool = False) -> None:
+        """Ask workers what they are, those that said it only if ``again``; raises where one is to be refused."""
+        if new := workers if again else workers - self._greeted:
+            with self._lossy():
+                handshake.refuse_foreign(self.client, new, self.address if self.own is None else None)
+        self._greeted = workers
+
     def send(self, index: int) -> None:
         """Send one task out."""
         # Pickled here: Dask neither searches the arguments for names of tasks nor needs our modules to schedule them.
@@ -228,9 +260,11 @@ class _Link:
         with self._lossy():
             if self.work.common and self._common is None:
                 # A task of its own: workers take its result from one another, and what dies with one is made again.
-                self._common = self.client.submit(loads, dumps(self.work.common), key=self._key("common"))
+                self._common = self.client.submit(
+                    handshake.unpacked, self._asked, dumps(self.work.common), key=self._key("common")
+                )
             common = () if self._common is None else self._common
-            self.flying[index] = self.client.submit(_call, load, common, key=self._key("task"))
+            self.flying[index] = self.client.submit(handshake.call, self._asked, load, common, key=self._key("task"))
 
     def _key(self, kind: str) -> tuple[str, int]:
         self._sent += 1
@@ -248,7 +282,7 @@ class _Link:
         future = self.flying[index]
         try:
             # Not for ever: a result that died with its worker is made again only when there is another worker.
-            value = future.result(timeout=self._fetch_s)
+            worker, value = future.result(timeout=self._fetch_s)
         except Exception as error:
             if future.status != "error":
                 if isinstance(error, TimeoutError) and self.client.status == "running":
@@ -261,9 +295,14 @@ class _Link:
             given_up = error.task if isinstance(error, (KilledWorker, *_NOBODY)) else None
             if self._common is not None and given_up == self._common.key:
                 self._common = None  # to be made anew for the next task
+            if given_up is None:  # the fault of a worker that is not what this process is?
+                with contextlib.suppress(_LostError), self._lossy():
+                    self._greet(set(self.client.nthreads(callback_timeout=_ANSWER_S)), again=True)
             raise
         del self.flying[index]
         self._fetch_s = _FETCH_S
+        if worker != self._asked:
+            self.met(worker)
         return value
 
     @contextlib.contextmanager
@@ -284,9 +323,3 @@ class _Link:
         self._common = None
         with contextlib.suppress(OSError, RuntimeError, CancelledError):
             self.client.close(timeout=_ATTEMPT_S)
-
-
-def _call(load: bytes, common: tuple[Any, ...]) -> Any:
-    function, args = loads(load)
-    with numeric_context():
-        return function(*common, *args)

@@ -63,6 +63,7 @@ def run_tasks(
     scheduler: str | None = None,
     patience_s: float = 60.0,
     pool: LocalPool | None = None,
+    met: Callable[[str], None] = lambda fingerprint: None,
 ) -> Iterator[tuple[int, T]]:
     """Run ``function(*common, *arguments[i])`` for every ``i``.
 
@@ -83,6 +84,8 @@ def run_tasks(
         How long a scheduler that has gone may take to come back, in s.
     pool : LocalPool, optional
         Workers of this machine to use, where they are needed; without, they are started for this call.
+    met : callable
+        Told the fingerprint of a worker that has another processor than this process, before what it did is yielded.
 
     Yields
     ------
@@ -94,7 +97,8 @@ def run_tasks(
     Raises
     ------
     InputError
-        If ``workers`` is not 1 to 256, or ``scheduler`` is no address or does not answer.
+        If ``workers`` is not 1 to 256, or ``scheduler`` is no address, does not answer, or has a worker of other code,
+        data or libraries than this process.
     ClusterError
         If the scheduler went and did not come back, or a task ended its worker every time.
     Exception
@@ -121,14 +125,14 @@ def run_tasks(
     work = Work(function, common, arguments)
     if scheduler is not None:
         with quiet_dask():
-            yield from run_on(scheduler, work, patience_s)
+            yield from run_on(scheduler, work, patience_s, None, met)
     elif pool is not None:
         address, crew = pool.cluster()
-        yield from run_on(address, work, patience_s, crew)
+        yield from run_on(address, work, patience_s, crew, met)
     else:
         with LocalPool(workers) as own:
             address, crew = own.cluster()
-            yield from run_on(address, work, patience_s, crew)
+            yield from run_on(address, work, patience_s, crew, met)
 
 
 def in_this_process(n_tasks: int, workers: int, scheduler: str | None) -> bool:

@@ -3,13 +3,15 @@
 Layout::
 
     DIR/run.lock        operating-system lock; the holder writes pid and start time into it
-    DIR/cpic-run.jsonl  kind of run, configuration hash, and every file that the run wrote, by its checksum
-    DIR/parts/KEY.json  one finished piece of work each: a line of JSON (key, hash, checksum), then the piece, JSON too
+    DIR/cpic-run.jsonl  kind of run, configuration hash, fingerprint, every file that the run wrote, by its checksum
+    DIR/parts/KEY.json  one finished piece of work each: a line of JSON (key, checksum, hash, fingerprint), then the
+                        piece, JSON too
     DIR/parts/KEY.blob  the same for pieces that are bytes
     DIR/plan.json ...   the products, written at the end
 
-A folder of the same configuration hash is resumed (finished parts are reused); of another one it is refused unless
-forced, and then what its list names is removed (`cpic_planner.jobs.written_files`). One in which nothing was finished
+A folder of the same configuration hash is resumed (finished parts are reused) by the same code, data and libraries;
+one of another hash or of others is refused unless forced, and then what its list names is removed
+(`cpic_planner.jobs.written_files`). One in which nothing was finished
 is taken over. A part that fails its checksum is done again. Files that no list names are never touched.
 """
 
@@ -25,7 +27,16 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from cpic_core import LockHeld, dump_json, exclusive_lock, read_file, write_bytes
+from cpic_core import (
+    PROMISES,
+    LockHeld,
+    differing_words,
+    dump_json,
+    exclusive_lock,
+    fingerprint as own_fingerprint,
+    read_file,
+    write_bytes,
+)
 from cpic_planner.jobs.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list, refused, set_aside
 
 _LOG = logging.getLogger(__name__)
@@ -38,7 +49,7 @@ _OLD_LIST = "manifest.json"  # of versions that kept no list of their files
 
 
 class DamagedPartError(RuntimeError):
-    """A part is not as it was written, or belongs to another configuration."""
+    """A part is not as it was written, or belongs to another configuration, or to other code, data or libraries."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +60,8 @@ class RunFolder:
     ----------
     path : Path
     config_hash : str
+    fingerprint : str
+        Of the process that has it open.
     resumed : bool
         Whether it holds work of the same configuration.
     temporary : Path
@@ -57,9 +70,21 @@ class RunFolder:
 
     path: Path
     config_hash: str
+    fingerprint: str
     resumed: bool
     temporary: Path
     _files: WrittenFiles
+
+    @property
+    def fingerprints(self) -> list[str]:
+        """Of the process that began the run, and of others that differ in the processor alone and took part."""
+        return self._files.fingerprints
+
+    def met(self, fingerprint: str) -> None:
+        """Note another processor that took part, and say what that means."""
+        if fingerprint not in self.fingerprints:
+            _LOG.warning("%s: another processor takes part: %s, not %s", self.path, *PROMISES[::-1])
+            self._files.met(fingerprint)
 
     def part(self, key: str) -> dict[str, Any] | None:
         """Finished piece of work ``key``, or ``None`` (also when its file is damaged)."""
@@ -91,7 +116,8 @@ class RunFolder:
         self._save(key, ".blob", content)
 
     def _save(self, key: str, suffix: str, content: bytes) -> None:
-        head = {"key": key, "sha256": hashlib.sha256(content).hexdigest(), "config_hash": self.config_hash}
+        head = {"key": key, "sha256": hashlib.sha256(content).hexdigest()}
+        head |= {name: getattr(self, name) for name in ("config_hash", "fingerprint")}
         self.write_bytes(self._part_name(key, suffix), json.dumps(head).encode() + b"\n" + content)
 
     def blob_paths(self) -> list[Path]:
@@ -113,12 +139,13 @@ class RunFolder:
             good = (
                 head["sha256"] == hashlib.sha256(content).hexdigest()
                 and head["config_hash"] == self.config_hash
+                and not _other(head["fingerprint"], self.fingerprint)
                 and self.path / self._part_name(head["key"], path.suffix) == path
             )
         except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
             raise DamagedPartError(f"part {path.name} is damaged ({type(error).__name__}: {error})") from None
         if not good:
-            raise DamagedPartError(f"part {path.name} is damaged (checksum, configuration or name differs)")
+            raise DamagedPartError(f"part {path.name} is damaged (checksum, configuration, software or name differs)")
         return head["key"], content
 
     def write(self, name: str, text: str) -> Path:
@@ -167,7 +194,13 @@ class RunFolder:
 
 @contextlib.contextmanager
 def open_run_folder(
-    path: str | Path, *, kind: str, config_hash: str, products: Sequence[str] = (), force: bool = False
+    path: str | Path,
+    *,
+    kind: str,
+    config_hash: str,
+    products: Sequence[str] = (),
+    force: bool = False,
+    fingerprint: str | None = None,
 ) -> Iterator[RunFolder]:
     """Open an output folder for one run.
 
@@ -184,14 +217,17 @@ def open_run_folder(
     force : bool
         Remove what the list of another run names, and write beside files that no list names. These are never removed
         or replaced; listed files that were changed since are renamed.
+    fingerprint : str, optional
+        Of what runs; that of this process by default.
 
     Raises
     ------
     InputError
-        If another live run holds the folder, if it holds another configuration or files that no run wrote (unless
-        ``force``), if such a file has the name of a product, or if it cannot be made.
+        If another live run holds the folder, if it holds another configuration, work of other code, data or libraries,
+        or files that no run wrote (unless ``force``), if such a file has the name of a product, or if it cannot be
+        made.
     """
-    folder = Path(path)
+    folder, mine = Path(path), fingerprint or str(own_fingerprint())
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not os.access(folder, os.W_OK):
@@ -210,20 +246,32 @@ def open_run_folder(
             files = None
         if files is None:
             _refuse_foreign(folder, products, force)
-        resumed = files is not None and (files.kind, files.config_hash) == (kind, config_hash)
+        same = files is not None and (files.kind, files.config_hash) == (kind, config_hash)
+        other = [] if files is None else _other(files.fingerprints[0], mine)
+        resumed = same and not other
         if files is not None and not resumed and files.names() and not force:
             held = f"it holds a {files.kind} of configuration {files.config_hash}"
-            hint = f"{held}; choose another folder, or --force to replace it"
-            raise refused(folder, f"a folder of configuration {config_hash}", hint)
+            asked = f"a folder of configuration {config_hash}"
+            if same:
+                held = f"what it holds was made with other {' and '.join(other)}"
+                asked = "a folder of the same code, presets, catalogue and libraries"
+            raise refused(folder, asked, f"{held}; choose another folder, or --force to replace it")
         if files is not None:
             _refuse_names(files, products)
         if files is None or not resumed:
             if files is not None:
                 files.clear()
-            files = WrittenFiles.begin(folder, kind, config_hash)
+            files = WrittenFiles.begin(folder, kind, config_hash, mine)
         files.sweep()
         temporary = stack.enter_context(files.temporary_folder())
-        yield RunFolder(folder, config_hash, resumed, temporary, files)
+        opened = RunFolder(folder, config_hash, mine, resumed, temporary, files)
+        opened.met(mine)
+        yield opened
+
+
+def _other(one: str, other: str) -> list[str]:
+    """Return what two fingerprints differ in, the processor apart."""
+    return [word for word in differing_words(one, other) if word != "processor"]
 
 
 @contextlib.contextmanager
@@ -263,7 +311,7 @@ def _refuse_foreign(folder: Path, products: Sequence[str], force: bool) -> None:
         if _OLD_LIST in held and "parts" in held:
             hint = f"it holds {_OLD_LIST} of a version that kept no list of its files, or somebody else's"
         raise refused(folder, "an empty folder or one of an earlier run", hint)
-    _refuse_names(WrittenFiles(folder, "", ""), products)
+    _refuse_names(WrittenFiles(folder, "", "", []), products)
 
 
 def _refuse_names(files: WrittenFiles, products: Sequence[str]) -> None:

@@ -11,29 +11,24 @@ that it makes of their bodies. `run` does everything else, the same for every ki
         return Job("squares", 1, lambda: {"n": n}, work)
 """
 
-import contextlib
 import functools
-import os
-import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypedDict, TypeVar
 
 from pydantic import BaseModel
 
-from cpic_core import Advance, InputError, dump_json, untold
+from cpic_core import Advance, InputError, dump_json, fingerprint, untold
 from cpic_planner.jobs.engine import LocalPool, in_this_process, run_tasks
 from cpic_planner.jobs.folder import RunFolder, open_run_folder
-from cpic_planner.results import RunRecord
+from cpic_planner.jobs.record import RECORD, run_record
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 
 R = TypeVar("R", bound=BaseModel)
-RECORD = "run.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,6 +282,8 @@ class Runner:
         function = functools.partial(function, progress=self.advance) if tells else function
         arguments = [task.arguments for task in waiting]
         where: dict[str, Any] = {"workers": self.workers, "scheduler": self.scheduler, "pool": self.pool}
+        if self.output is not None:
+            where["met"] = self.output.met
         done = run_tasks(function, arguments, common=common, **where)
         for position, body in done:
             task = waiting[position]
@@ -346,24 +343,19 @@ def run(
         result = _worked(job, runner)
         folder.write(job.result_name, dump_json(result.model_dump(mode="json")))
         job.write(folder, result, runner.bodies)
-        record = RunRecord.of(
-            runner,
-            command=command or [],
-            config_hash=job.digest,
-            started_utc=started.isoformat(timespec="seconds"),
-            finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
-            wall_s=round(time.monotonic() - clock, 3),
-            host=host(),
-            versions=versions(),
-        )
+        times = {"started_utc": started.isoformat(timespec="seconds"), "wall_s": round(time.monotonic() - clock, 3)}
+        record = run_record(folder, runner, command=command or [], config_hash=job.digest, **times)
         folder.write(RECORD, dump_json(record.model_dump(mode="json")))
     return _finished(result, runner)
 
 
 def _worked(job: Job[R], runner: Runner) -> R:
-    """Result of a job whose tasks share the workers of this machine."""
+    """Result of a job whose tasks share the workers of this machine, with what made it."""
     with LocalPool(runner.workers) as runner.pool:
-        return job.work(runner)
+        result = job.work(runner)
+    if "fingerprint" not in type(result).model_fields:
+        return result
+    return result.model_copy(update={"fingerprint": str(fingerprint())})
 
 
 def _finished(result: R, runner: Runner) -> Finished[R]:
@@ -381,19 +373,3 @@ def estimate(job: Job[Any], *, workers: int = 1) -> dict[str, float]:
     """
     assert job.cost is not None, f"{job.kind} has no estimate"
     return job.cost().at(workers)
-
-
-def host() -> dict[str, Any]:
-    """Return system, machine, Python, and number of cores: for the record of a run, never for its results."""
-    system = {"system": platform.system(), "machine": platform.machine(), "python": platform.python_version()}
-    return system | {"cpu_count": os.cpu_count()}
-
-
-def versions() -> dict[str, str]:
-    """Return versions of this package and of those that its results rest on."""
-    names = ("cpic-planner", "numpy", "scipy", "astropy", "photutils", "numba", "pydantic", "dask")
-    installed = dict.fromkeys(names, "not installed")
-    for name in names:
-        with contextlib.suppress(metadata.PackageNotFoundError):
-            installed[name] = metadata.version(name)
-    return installed

@@ -3,12 +3,13 @@
 The list is ``cpic-run.jsonl``, one JSON object a line. The first line says whose list it is; every other line was added
 before the file that it names got its name, so that a run which is killed leaves no file that its list does not know::
 
-    {"software": "cpic-planner", "schema_version": 2, "kind": "plan", "config_hash": "0123456789abcdef"}
+    {"software": "cpic-planner", "schema_version": 3, "kind": "plan", "config_hash": "...", "fingerprint": "..."}
     {"folder": "parts"}
     {"file": "parts/x-01234567.json", "size_bytes": 123, "sha256": "..."}
 
 A file belongs to the run if the list names it and it still has one of the contents that the list gives for it. A listed
 file with another content was changed by somebody: it is renamed, never removed. Links are not followed.
+A line ``{"fingerprint": "..."}`` is that of another processor that took part; `cpic_core.provenance` says what one is.
 """
 
 import contextlib
@@ -30,7 +31,7 @@ from cpic_planner.version import DISTRIBUTION
 
 _LOG = logging.getLogger(__name__)
 LIST_NAME = "cpic-run.jsonl"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 _MAX_BYTES = 1_000_000_000
 _HEAD = {"software": DISTRIBUTION, "schema_version": SCHEMA_VERSION}
 
@@ -60,17 +61,20 @@ class WrittenFiles:
         The folder.
     kind, config_hash : str
         Kind and configuration of the run.
+    fingerprints : list of str
+        Of the process that began it, and of others that differ in the processor alone and took part.
     """
 
     root: Path
     kind: str
     config_hash: str
+    fingerprints: list[str]
     _contents: dict[str, set[tuple[int, str]]] = field(default_factory=dict)
     _folders: list[str] = field(default_factory=list)
     _temporary: list[str] = field(default_factory=list)
 
     @classmethod
-    def begin(cls, root: Path, kind: str, config_hash: str) -> "WrittenFiles":
+    def begin(cls, root: Path, kind: str, config_hash: str, fingerprint: str) -> "WrittenFiles":
         """Begin an empty list; it takes the place of an earlier one, which must name nothing that still exists.
 
         What a run left that was killed in the middle of this is removed, if its content says that it is nothing else.
@@ -79,14 +83,16 @@ class WrittenFiles:
             begun = left.read_bytes()[: len(_BEGIN)] if left.is_file() and not left.is_symlink() else None
             if begun is not None and _BEGIN.startswith(begun):
                 left.unlink()
-        write_text(root / LIST_NAME, _line(_HEAD | {"kind": kind, "config_hash": config_hash}))
-        return cls(root, kind, config_hash)
+        about = {"kind": kind, "config_hash": config_hash, "fingerprint": fingerprint}
+        write_text(root / LIST_NAME, _line(_HEAD | about))
+        return cls(root, kind, config_hash, [fingerprint])
 
     @classmethod
-    def read(cls, root: Path) -> "WrittenFiles | None":
+    def read(cls, root: Path, *, mend: bool = True) -> "WrittenFiles | None":
         """Read the list of a folder; None where there is none.
 
-        A last line without an end is that of a file which never got its name: the run was killed. It is cut off.
+        A last line without an end is that of a file which never got its name: the run was killed. It is cut off,
+        unless the list is only looked at (``mend`` is false).
 
         Raises
         ------
@@ -108,16 +114,22 @@ class WrittenFiles:
             if head["schema_version"] != SCHEMA_VERSION:
                 hint = "another version wrote the run that it holds"
                 raise refused(root, "a folder of this version of the program", hint)
-            listed = cls(root, str(head["kind"]), str(head["config_hash"]))
+            kind, config_hash, begun = (str(head[name]) for name in ("kind", "config_hash", "fingerprint"))
+            listed = cls(root, kind, config_hash, [begun])
             for line in lines[1:]:
                 listed._note(json.loads(line))
         except InputError:
             raise
         except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
             raise DamagedListError(f"{type(error).__name__}: {error}") from None
-        if len(whole) < len(text):
+        if mend and len(whole) < len(text):
             os.truncate(path, len(whole))
         return listed
+
+    def met(self, fingerprint: str) -> None:
+        """Note another processor that took part."""
+        if fingerprint not in self.fingerprints:
+            self._add({"fingerprint": fingerprint})
 
     def standing(self, name: str) -> Standing:
         """Whether the place of a listed file is free, holds what was written there, or something that was changed.
@@ -257,6 +269,8 @@ class WrittenFiles:
         if "file" in line:
             facts = int(line["size_bytes"]), str(line["sha256"])
             self._contents.setdefault(_below(line["file"]), set()).add(facts)
+        elif "fingerprint" in line:
+            self.fingerprints.append(str(line["fingerprint"]))
         elif "folder" in line:
             self._folders.append(_below(line["folder"]))
         elif _TEMPORARY.fullmatch(line["temporary"]):

@@ -173,7 +173,8 @@ class StarLimits:
 
     def digest(self) -> str:
         """Hash of all that is known of these stars, for content hashes."""
-        columns = (np.ascontiguousarray(getattr(self, item.name)) for item in fields(self))
+        # Rounded to what tells limits apart: the last digits of a logarithm are the processor's.
+        columns = (np.ascontiguousarray(getattr(self, item.name).round(6)) for item in fields(self))
         return hashlib.sha256(b"".join(column.tobytes() for column in columns)).hexdigest()
 
     def _beside_giant(self, star: IntArray, axis_au: FloatArray, mass_mjup: ArrayLike) -> BoolArray:

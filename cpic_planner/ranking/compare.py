@@ -31,7 +31,8 @@ TOPS = (10, 50)
 """First stars whose order is compared."""
 ENDINGS = (".json", ".csv", ".ecsv")
 """What the names of files with rankings end in."""
-_NO_SETTINGS = ("schema_version", "kind", "config_hash", "counts", "counts_limited_by", "n_in_catalogue", "targets")
+_ALWAYS = ("schema_version", "kind", "config_hash", "fingerprint")
+_NO_SETTINGS = (*_ALWAYS, "counts", "counts_limited_by", "n_in_catalogue", "targets")
 _OF_INSTRUMENT = ("instrument", "drift_nm")
 _NAMED = 5
 _MOST_BYTES = 100_000_000

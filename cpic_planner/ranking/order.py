@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from catalogs import amplitude_m_s, snapshot_vintage
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, fingerprint
 from cpic_planner import etc
 from cpic_planner.planets import PopulationChoice, StarLimits, excluded_by_rv, least_mass
 from cpic_planner.queries import DEFAULT_TIME_S, OptimiseQuestion, RankedQuestion, ReferencePlanet
@@ -319,6 +319,7 @@ def rank_targets(
         for rank, (place, i) in enumerate(order, start=1)
     ]
     return RankResult(
+        fingerprint=str(fingerprint()),
         config_hash=digest,
         instrument=model.instrument.name,
         catalogue=snapshot_vintage() if catalogue is None else catalogue,

@@ -67,6 +67,7 @@ from cpic_planner.results.planned import (
     CandidateRecord as CandidateRecord,
     ConfirmedTarget as ConfirmedTarget,
     ConfirmResult as ConfirmResult,
+    FingerprintRecord as FingerprintRecord,
     ImagedResult as ImagedResult,
     LeftOutRow as LeftOutRow,
     NotImagedRow as NotImagedRow,

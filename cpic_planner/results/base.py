@@ -93,6 +93,12 @@ class Row(Result):
     """Base of rows: every field is a column of the tables that show it."""
 
 
+class RunResult(Result):
+    """Base of the results of runs, which say what made them."""
+
+    fingerprint: str = ""
+
+
 UNITS = {
     "per_hour": "1/h",
     "deg_s": "deg/s",
@@ -240,6 +246,7 @@ VOCABULARY: Mapping[str, Look] = {
     "dominant": Look("largest noise", "largest noise", meaning="largest term of the variance"),
     "remedies": Look(meaning="factors of SNR if one thing is changed"),
     "config_hash": Look(meaning="hash of everything that decides the numbers"),
+    "fingerprint": Look(meaning="hashes of code, presets, catalogue, libraries, processor; empty in older results"),
     "catalogue": Look(meaning="what the star table is, its vintage or file name, and its checksum"),
 }
 """Looks of fields that mean the same in every row, by name."""

@@ -8,7 +8,16 @@ from typing import Any, Literal
 from pydantic import Field
 
 from cpic_planner.results.answers import ModellingRecord
-from cpic_planner.results.base import ReferencePlanetRecord, Result, Row, StatusText, VerdictText, column, optional
+from cpic_planner.results.base import (
+    ReferencePlanetRecord,
+    Result,
+    Row,
+    RunResult,
+    StatusText,
+    VerdictText,
+    column,
+    optional,
+)
 from cpic_planner.results.known import SeasonRecord
 from cpic_planner.results.ranked import RankedTarget
 from simulator.knobs import Quantity
@@ -159,7 +168,7 @@ class ConfirmedTarget(Result):
     bands: list[BandConfirmation]
 
 
-class ImagedResult(Result):
+class ImagedResult(RunResult):
     """What a plan and a confirmed scene say of their images: reproducible from configuration and seed."""
 
     schema_version: Literal[1] = 1
@@ -262,7 +271,17 @@ class PlanResult(ImagedResult):
     targets: list[ConfirmedTarget]
 
 
-class RunRecord(Result):
+class FingerprintRecord(Result):
+    """What made the numbers of a run."""
+
+    code: str = Field(description="SHA-256 of the installed Python code and of shipped data other than the next two")
+    presets: str = Field(description="that of the shipped presets")
+    catalogue: str = Field(description="that of the shipped tables of stars and planets")
+    libraries: dict[str, str] = Field(description="version, and hash of the compiled files, by distribution")
+    processor: list[str] = Field(description="machine, features, kernels of BLAS")
+
+
+class RunRecord(RunResult):
     """The story of one run: clocks, host, versions; not reproducible and kept apart from the plan."""
 
     schema_version: Literal[1] = 1
@@ -278,6 +297,11 @@ class RunRecord(Result):
     computed_parts: int
     host: dict[str, Any]
     versions: dict[str, str]
+    software: FingerprintRecord | None = optional("null in older results")
+    other_fingerprints: list[str] = Field(
+        default_factory=list, description="of other processors that took part; nothing but the processor differs"
+    )
+    promise: str = Field(default="", description="what holds for another run of the same fingerprints")
 
 
 class CandidateRecord(Row):

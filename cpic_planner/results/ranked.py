@@ -12,6 +12,7 @@ from cpic_planner.results.base import (
     ReferencePlanetRecord,
     Result,
     Row,
+    RunResult,
     StatusText,
     VerdictColumns,
     column,
@@ -176,7 +177,7 @@ class RankedTarget(Standing, RankedColumns):
     flags: list[str] = column("caveats, see the documentation of flags")
 
 
-class RankResult(Result):
+class RankResult(RunResult):
     """The analytic ranking of the whole sample."""
 
     schema_version: Literal[1] = 1

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from cpic_planner.results.answers import ModellingRecord
-from cpic_planner.results.base import Result, Row, StatusText, column, optional
+from cpic_planner.results.base import Result, Row, RunResult, StatusText, column, optional
 from simulator.knobs import Quantity
 
 
@@ -56,7 +56,7 @@ class VisitRow(Row):
     streams: list[str | int] = Field(description="names of the random streams of the visit, below the seed")
 
 
-class SimulatedProgramme(Result):
+class SimulatedProgramme(RunResult):
     """Visits of one star that are to be reduced together, as the file ``programme.json`` lists them."""
 
     schema_version: Literal[1] = 1
@@ -105,7 +105,7 @@ class SimulationEstimate(Result):
     sequences: list[PlannedSequenceRow]
 
 
-class SimulationResult(Result):
+class SimulationResult(RunResult):
     """The products of a simulation: reproducible from configuration and seeds."""
 
     schema_version: Literal[1] = 1
@@ -213,7 +213,7 @@ class TradeoffRow(Row):
     version: str
 
 
-class TradeoffResult(Result):
+class TradeoffResult(RunResult):
     """Speed against accuracy on fixed scenes."""
 
     schema_version: Literal[1] = 1

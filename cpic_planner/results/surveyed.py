@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from cpic_planner.results.base import Result, Row, column, optional
+from cpic_planner.results.base import Result, Row, RunResult, column, optional
 from cpic_planner.results.doubted import DoubtRecord
 from cpic_planner.results.estimates import ChangeRecord, CurvePoint, EstimateRecord
 
@@ -157,7 +157,7 @@ class PlannedVisitRow(Row):
     planets: Annotated[int | None, Field(ge=0, le=1000)] = optional("number of planets that it showed")
 
 
-class VisitsResult(Result):
+class VisitsResult(RunResult):
     """Planned visits of all strategies of a comparison: ``visits.json``, the table of ``visits.csv``."""
 
     schema_version: Literal[1] = 1
@@ -335,7 +335,7 @@ class SettingSource(Result):
     strategies: list[str] = Field(description="those that have this value")
 
 
-class WhatIfResult(Result):
+class WhatIfResult(RunResult):
     """Comparison of survey strategies: reproducible from configuration and seed."""
 
     schema_version: Literal[1] = 1

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Unpack, cast
 
-from cpic_core import InputError, digest_of, dump_json
+from cpic_core import InputError, digest_of, dump_json, fingerprint
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.results import SimulatedProgramme, SimulatedSequence, SimulationResult, VisitRow
 from cpic_planner.simulation.inputs import check_light, disk_bytes, located, modelled, sequences_cost
@@ -218,6 +218,7 @@ def _programmes(planned: Sequence[PlannedSequence], bodies: Mapping[str, Any]) -
         science = next(item for item in items if item.entry.role == "science").entry
         looked = {item.target for item in items if item.entry.role == "reference"}
         yield SimulatedProgramme(
+            fingerprint=str(fingerprint()),
             file=file,
             target=science.scene.name if science.scene else "",
             reference=next(iter(looked), None),

@@ -147,8 +147,9 @@ def _net(problem: Problem, made: Chosen) -> float:
 
 
 def _rank(problem: Problem, made: Chosen) -> tuple[float, ...]:
-    """What groups of stars are worth, the first to be served first."""
-    return tuple(_net(problem, {star: made[star] for star in group if star in made}) for group in problem.groups())
+    """What groups of stars are worth, the first to be served first; sums of another order or processor are equal."""
+    worth = (_net(problem, {star: made[star] for star in group if star in made}) for group in problem.groups())
+    return tuple(float(f"{value:.12g}") for value in worth)
 
 
 def _by_star(visits: Iterable[tuple[int, Visit]]) -> Chosen:

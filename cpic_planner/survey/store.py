@@ -205,7 +205,8 @@ class ResultStore:
         import pyarrow.parquet as pq
 
         table = self._tables[name]
-        about = {"table": name, "key": table.key, "config_hash": self._folder.config_hash, **_ABOUT}
+        made = {name: getattr(self._folder, name) for name in ("config_hash", "fingerprint")}
+        about = {"table": name, "key": table.key, **made, **_ABOUT}
         rows = self._joined(name).replace_schema_metadata({_METADATA: json.dumps(about, sort_keys=True)})
         sink = io.BytesIO()
         texts = [column.name for column in table.columns if column.dtype == "string"]

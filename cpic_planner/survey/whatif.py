@@ -119,7 +119,8 @@ def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = Tru
 
     def write(folder: RunFolder, result: WhatIfResult, bodies: Mapping[str, Any]) -> None:
         ready = made[0]
-        about = {"version": __version__, "config_hash": result.config_hash, "catalogue": result.catalogue}
+        about = {"version": __version__} | {name: getattr(result, name) for name in ("config_hash", "catalogue")}
+        about["fingerprint"] = folder.fingerprint
         date_utc = config.universe.date_utc or config.universe.start_utc
         for name, text in visit_files(ready.surveys, ready.odds, about | {"date_utc": date_utc}).items():
             folder.write(name, text)

@@ -67,7 +67,8 @@ def main(parent: str, folder: str) -> None:
 
     # One that a killed server left behind may still be ending.
     with exclusive_lock(place / "job.lock"), numeric_context():
-        run(job_of(read_pairs(place)), place / "run", advance=advance)
+        # Forced: what a server of other code left there is begun anew.
+        run(job_of(read_pairs(place)), place / "run", advance=advance, force=True)
 
 
 if __name__ == "__main__":

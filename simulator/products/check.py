@@ -18,7 +18,19 @@ from simulator.products.reading import Finding, Header, Report, check_sums, is_r
 from simulator.products.sequence import SCIENCE_KINDS
 from simulator.products.write import PARAMS_FILES
 
-_SAME = ("CAMERA", "OBSID", "OBSTYPE", "NFRAME", "DATE-OBS", "DATE-END", "EXPTIME", "CONFHASH", "SCENHASH", "SEED")
+_SAME = (
+    "CAMERA",
+    "OBSID",
+    "OBSTYPE",
+    "NFRAME",
+    "DATE-OBS",
+    "DATE-END",
+    "EXPTIME",
+    "CONFHASH",
+    "SCENHASH",
+    "SEED",
+    "FPRINT",
+)
 _OF_THE_TRUTH = ("FILENAME", "L0FILE")
 _MAPS = ("EXPECTED_ADU", "EXPECTED_E")
 

@@ -10,7 +10,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from cpic_core import InputError, NDArray
+from cpic_core import InputError, NDArray, fingerprint
 from simulator.camera import Frame, camera_keywords
 from simulator.config import Detector, Section
 from simulator.products.ephemeris import Ephemeris, SequenceTimes
@@ -104,6 +104,7 @@ def _configured(sequence: FrameSequence) -> dict[str, Any]:
         "FILTER": band or None,
         "SWNAME": DISTRIBUTION,
         "SWVER": software_version(),
+        "FPRINT": str(fingerprint()),
         "CONFHASH": instrument.content_hash,
         "SCENHASH": None if scene is None else scene.content_hash,
         "SEED": int(sequence.seed),
@@ -198,7 +199,7 @@ COUNTS = {"NSAT": "n_saturated_pixels", "NREGSAT": "n_register_saturated", "NCLI
 COUNTS |= {"NCR": "n_cosmic_rays", "NNEGRATE": "n_negative_rates"}
 _SHARED = (
     *("TELESCOP", "INSTRUME", "CAMERA", "OBSID", "OBSTYPE", "OBJECT", "FILTER", "NFRAME", "TIMESYS"),
-    *("DATE-OBS", "DATE-END", "EXPTIME", "SWNAME", "SWVER", "CONFHASH", "SCENHASH", "SEED"),
+    *("DATE-OBS", "DATE-END", "EXPTIME", "SWNAME", "SWVER", "FPRINT", "CONFHASH", "SCENHASH", "SEED"),
 )
 _WCS = (
     *("WCSAXES", "CTYPE1", "CTYPE2", "CUNIT1", "CUNIT2", "CRPIX1", "CRPIX2", "CRVAL1", "CRVAL2", "CD1_1"),

@@ -14,7 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from cpic_core import InputError, dump_json, numeric_context, whole_file, write_text
+from cpic_core import InputError, dump_json, fingerprint, numeric_context, whole_file, write_text
 from simulator.camera import Frame
 from simulator.config import Detector
 from simulator.products.ephemeris import Ephemeris, SequenceTimes, ephemeris, sequence_times
@@ -82,7 +82,7 @@ def _configuration(
     words = ("key", "effect", "decision", "size", "reason")
     return {
         "schema_version": SCHEMA_VERSION,
-        "software": {"name": primary["SWNAME"], "version": software_version()},
+        "software": {"name": primary["SWNAME"], "version": software_version(), "fingerprint": str(fingerprint())},
         "obsid": name.obsid,
         "file": name.file.as_posix(),
         "sequence": settings_of(sequence) | {"start_utc": times.start_utc},

@@ -1,3 +1,5 @@
+import gc
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -33,3 +35,27 @@ def test_threads_that_ask_at_once_all_get_the_name(package):
     load, *_ = package
     with ThreadPoolExecutor(8) as pool:
         assert list(pool.map(load, ["answer"] * 8)) == [42] * 8
+
+
+@pytest.fixture
+def restless():
+    """The search for garbage runs often, and lets other threads go on: Dask looks at how long it takes."""
+
+    def look(phase, info):
+        time.sleep(1e-5)
+
+    before = gc.get_threshold()
+    gc.callbacks.append(look)
+    gc.set_threshold(20)
+    yield
+    gc.set_threshold(*before)
+    gc.callbacks.remove(look)
+
+
+def test_several_threads_read_stubs_at_once(restless):
+    """Python 3.11 raises SystemError where two threads build trees: one counts the depth of the other."""
+    import cpic_core
+
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(lambda _: lazy_names("cpic_core", cpic_core.__file__)[2], range(24)))
+    assert all(names == found[0] for names in found)

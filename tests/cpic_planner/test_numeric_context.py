@@ -12,7 +12,7 @@ import cpic_planner.validation
 from cpic_core import THREAD_VARIABLES, InputError, runtime
 
 SCRIPT = """
-import contextlib, hashlib, io
+import contextlib, hashlib, io, pathlib
 import cpic_planner
 from cpic_planner.cli.main import main
 
@@ -26,21 +26,28 @@ told("ranking of the function", ranked.model_dump_json().encode())
 shown = io.StringIO()
 with contextlib.redirect_stdout(shown):
     assert main(["rank", "--band", "F662", "--planets", "5", "--v-mag-max", "3.5", "--json"]) == 0
-told("ranking of the command", shown.getvalue().encode())
+    assert main(["etc", "tau Cet", "--band", "F662", "--json"]) == 0
+    assert main(["simulate", "--kind", "BIAS", "--frames", "1", "--out", "bias", "--json"]) == 0
+told("answers of commands", shown.getvalue().encode())
+(product,) = pathlib.Path("bias").glob("CAL/*/*.fits")
+told("a product", product.read_bytes())
 """
 
 
-def test_bytes_do_not_depend_on_the_number_of_threads():
+def test_bytes_do_not_depend_on_the_number_of_threads_nor_on_where_and_when(tmp_path):
+    """`test_same_bytes` has every command, and one setting after the other."""
     clean = {name: value for name, value in os.environ.items() if name not in THREAD_VARIABLES}
-    settings = ({}, {"OMP_NUM_THREADS": "1"})  # as many threads as processors, and one
-    many, one = (
-        subprocess.run(
-            [sys.executable, "-c", SCRIPT], env=clean | own, capture_output=True, text=True, check=True
-        ).stdout.splitlines()
-        for own in settings
-    )
-    assert len(many) == 3
-    assert many == one
+    elsewhere = {"LC_ALL": "C", "TZ": "Pacific/Apia", "PYTHONHASHSEED": "7"}
+    settings = ({"PYTHONHASHSEED": "0"}, {"OMP_NUM_THREADS": "1"} | elsewhere)  # threads as processors, and one
+    printed = []
+    for place, own in zip(("a", "another folder"), settings, strict=True):
+        (tmp_path / place).mkdir()
+        run = [sys.executable, "-c", SCRIPT]
+        where = {"env": clean | own, "cwd": tmp_path / place}
+        done = subprocess.run(run, **where, capture_output=True, text=True, check=True)
+        printed.append(done.stdout.splitlines())
+    assert len(printed[0]) == 4
+    assert printed[0] == printed[1]
 
 
 NEED_NONE = {

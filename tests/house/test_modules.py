@@ -23,10 +23,11 @@ ROOT = Path(__file__).resolve().parents[2]
 # their queue, process and pages, runs of a folder, commands and their cost, connections with limits of time, an OpenAPI
 # document, and stars that are selected from a kept ranking (`ranking.selection`), 408 before the decision of a plan and
 # its pages of stars (`report.decision`, `report.plan_stars`), 410 before results of pages (`results.shown`), 411 before
-# times from rates that others worked out (`etc.from_rates`) and values of figures (`report.plotted`).
-# the disk cache stood apart from whole files (`cpic_core.cache`), 412 before the parameters of products were
-# checked (`simulator.products.check_params`).
-MOST_MODULES, MOST_LINES, MOST_SKIPS = 413, 400, 20
+# times from rates that others worked out (`etc.from_rates`) and values of figures (`report.plotted`), 413 before the
+# disk cache stood apart from whole files (`cpic_core.cache`), the parameters of products were checked
+# (`simulator.products.check_params`), and fingerprints said what made a number (`cpic_core.provenance`), which workers,
+# runs and checks compare (`jobs.handshake`, `jobs.record`, `jobs.chain`).
+MOST_MODULES, MOST_LINES, MOST_SKIPS = 419, 400, 20
 
 
 def sources():

@@ -35,6 +35,7 @@ ALLOWED = {
     "cpic_core/cache.py": "entries of our own cache",
     "cpic_core/files.py": "writes; opens the lock, and what user_files gave it",
     "cpic_core/lazy_names.py": "stubs of packages",
+    "cpic_core/provenance.py": "installed packages and the records of their installer",
     "simulator/products/check_params.py": "shipped table of keywords",
     "simulator/products/write.py": "shipped table of keywords",
     "simulator/products/naming.py": "temporary files of our own",

@@ -92,3 +92,49 @@ def test_a_folder_in_which_nothing_was_finished_is_taken_over(tmp_path):
         folder.write("simulation.json", "{}")
     with pytest.raises(InputError, match="bbbb"), open_run_folder(tmp_path, kind="plan", config_hash="aaaa"):
         pass
+
+
+MINE = "0000000a-0000000b-0000000c-0000000d-0000000e"
+
+
+def opened(path, fingerprint, **more):
+    return open_run_folder(path, kind="plan", config_hash="aaaa", fingerprint=fingerprint, **more)
+
+
+@pytest.mark.parametrize(
+    ("other", "word"),
+    [
+        (MINE.replace("0a", "ff"), "code"),
+        (MINE.replace("0d", "ff"), "libraries"),
+        ("of older code", "code and presets"),
+    ],
+)
+def test_what_other_software_began_is_refused_unless_forced_and_then_begun_anew(tmp_path, other, word):
+    with opened(tmp_path, other) as folder:
+        folder.save_part("x", {"value": 0.1})
+    with pytest.raises(InputError, match=f"made with other {word}.*--force"), opened(tmp_path, MINE):
+        pass
+    with opened(tmp_path, MINE, force=True) as folder:
+        assert not folder.resumed
+        assert folder.part("x") is None
+
+
+def test_a_part_that_other_software_made_is_done_again(tmp_path):
+    with opened(tmp_path, MINE) as folder:
+        folder.save_part("x", {"value": 0.1})
+        path = next((tmp_path / "parts").iterdir())
+        path.write_text(path.read_text().replace(MINE, MINE.replace("0c", "ff")))
+        assert folder.part("x") is None
+
+
+def test_another_processor_goes_on_and_says_what_that_means(tmp_path, caplog):
+    other = MINE.replace("0e", "ff")
+    with opened(tmp_path, MINE) as folder:
+        folder.save_part("x", {"value": 0.1})
+        assert folder.fingerprints == [MINE]
+    for _ in range(2):
+        with opened(tmp_path, other) as folder:
+            assert folder.resumed
+            assert folder.part("x") == {"value": 0.1}
+            assert folder.fingerprints == [MINE, other]
+    assert caplog.text.count("another processor takes part: computed numbers equal within 1e-09") == 1

@@ -11,9 +11,10 @@ import numpy
 import pytest
 from pydantic import BaseModel
 
-from cpic_core import InputError
+from cpic_core import PROMISES, InputError, fingerprint
+from cpic_core.provenance import WORDS
 from cpic_planner.jobs import Cost, Job, Runner, Task, estimate, run
-from cpic_planner.jobs.job import host, versions
+from cpic_planner.jobs.record import host, versions
 from cpic_planner.results import RunRecord
 
 N = 5
@@ -75,6 +76,8 @@ def test_result_products_and_record(whole):
     record = RunRecord.model_validate_json((out / "run.json").read_text())
     assert (record.resumed_parts, record.computed_parts, record.workers) == (0, N, 1)
     assert record.config_hash == done.result.config_hash
+    assert (record.fingerprint, record.promise) == (str(fingerprint()), PROMISES[0])
+    assert (record.software.code, record.software.libraries) == (fingerprint().code, fingerprint().libraries)
     assert record.started_utc <= record.finished_utc
     assert (done.resumed_parts, done.computed_parts, list(done.bodies)) == (0, N, [f"square {i}" for i in range(N)])
 
@@ -84,6 +87,33 @@ def test_a_later_version_of_results_is_another_configuration():
     later = Job(job.kind, job.results + 1, job.decides, job.work)
     assert len({job.digest, later.digest, squares(N, seed=2).digest, squares(N + 1).digest}) == 4
     assert squares(N, pause_s=1.0).digest == job.digest  # how long it takes decides nothing
+
+
+def begun_by(out, word):
+    """Make a run one that was begun by another process, which differs in one word of its fingerprint."""
+    words = str(fingerprint()).split("-")
+    words[WORDS.index(word)] = "00000000"
+    path = out / "cpic-run.jsonl"
+    path.write_text(path.read_text().replace(str(fingerprint()), "-".join(words)))
+    return "-".join(words)
+
+
+def test_what_another_processor_began_goes_on_and_the_record_says_so(tmp_path):
+    run(squares(N), tmp_path)
+    other = begun_by(tmp_path, "processor")
+    done = run(squares(N), tmp_path)
+    assert (done.resumed_parts, done.computed_parts) == (N, 0)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert (record["other_fingerprints"], record["promise"]) == ([other], PROMISES[1])
+
+
+@pytest.mark.parametrize("word", ["code", "presets", "catalogue", "libraries"])
+def test_what_other_software_began_is_refused_unless_forced(tmp_path, word, refused):
+    run(squares(N), tmp_path)
+    begun_by(tmp_path, word)
+    refused(f"made with other {word}; choose another folder, or --force", run, squares(N), tmp_path)
+    done = run(squares(N), tmp_path, force=True)
+    assert (done.resumed_parts, done.computed_parts) == (0, N)
 
 
 def test_started_again_it_keeps_what_is_finished(whole, tmp_path):

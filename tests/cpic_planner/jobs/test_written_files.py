@@ -201,7 +201,7 @@ def test_a_flipped_name_in_the_list_removes_nothing_of_somebody_else(tmp_path):
 def test_a_list_of_another_version_is_refused(tmp_path):
     run(tmp_path)
     path = tmp_path / LIST_NAME
-    path.write_text(path.read_text().replace('"schema_version": 2', '"schema_version": 3'))
+    path.write_text(path.read_text().replace('"schema_version": 3', '"schema_version": 2'))
     refused(tmp_path, match="another version", force=True)
 
 

@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
+from cpic_core import fingerprint
 from cpic_planner.cli.main import main
+from cpic_planner.jobs import check_tree
 from cpic_planner.simulation import simulate
 from simulator.config import load_simulation
 from simulator.products import check_level0
@@ -103,7 +105,17 @@ def test_the_result_says_what_the_files_hold(whole):
 
 
 def test_products_are_without_errors(whole):
-    assert [str(item) for item in check_level0(whole[0]) if item.severity == "error"] == []
+    assert [str(item) for item in check_tree(whole[0]) if item.severity == "error"] == []
+
+
+def test_every_product_says_what_made_it(whole):
+    out, done = whole
+    mark = str(fingerprint())
+    for item in done.result.sequences:
+        headers = [fits.getheader(out / name) for name in (item.file, item.truth)]
+        about = json.loads((out / item.params / "configuration.json").read_text())["software"]
+        assert [*(header["FPRINT"] for header in headers), about["fingerprint"]] == [mark] * 3
+    assert done.result.fingerprint == json.loads((out / "programme.json").read_text())["fingerprint"] == mark
 
 
 def turns_from_node(header):

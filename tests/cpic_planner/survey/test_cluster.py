@@ -1,4 +1,7 @@
-"""A real scheduler and real workers, killed at the worst time: the same files in the end, each part counted once."""
+"""A real scheduler and real workers, killed with a task in flight: the same files in the end, each part counted once.
+
+The task itself says that it has begun, and cannot end before the kill.
+"""
 
 import contextlib
 import importlib.util
@@ -100,18 +103,32 @@ def cluster(tmp_path):
         made.close()
 
 
-def test_a_worker_dies(tasks, undisturbed, cluster, tmp_path):
+@pytest.fixture
+def held(tmp_path):
+    """Where the task that waits for a kill says that it has begun."""
+    (tmp_path / "held").mkdir()
+    return tmp_path / "held"
+
+
+def test_a_worker_dies(tasks, undisturbed, cluster, held, tmp_path):
+    """The one that is left does its work."""
     cluster.start_scheduler()
     cluster.start_workers(2)
+    killed = []
 
     def advance(done):
         if done == 10:
-            cluster.kill(cluster.workers[0])
-            cluster.start_workers(1)
+            (pid,) = tasks.begun(held)
+            cluster.kill(next(worker for worker in cluster.workers if worker.pid == pid))
+            (held / "go").touch()
+            killed.append(pid)
 
-    done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance)
+    done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance, held=held)
     assert sorted(done) == EVERY_PART
     assert files == undisturbed
+    left = {worker.pid for worker in cluster.workers} - set(killed)
+    assert {*tasks.begun(held)} == {*killed, *left}  # begun twice, the second time by the other one
+    assert done.index(tasks.HELD) >= 10
 
 
 class Told(logging.Handler):
@@ -129,7 +146,7 @@ class Told(logging.Handler):
                 act()
 
 
-def test_the_scheduler_dies_and_its_workers_with_it(tasks, undisturbed, cluster, tmp_path):
+def test_the_scheduler_dies_and_its_workers_with_it(tasks, undisturbed, cluster, held, tmp_path):
     """The new one has no worker at first, and is one of those that then give tasks up."""
     cluster.start_scheduler()
     cluster.start_workers(2)
@@ -138,8 +155,9 @@ def test_the_scheduler_dies_and_its_workers_with_it(tasks, undisturbed, cluster,
 
     def advance(done):
         if done == 10:
+            killed.extend(tasks.begun(held))
             cluster.kill(cluster.scheduler)
-            killed.append(done)
+            (held / "go").touch()
 
     told = Told(
         {
@@ -150,10 +168,12 @@ def test_the_scheduler_dies_and_its_workers_with_it(tasks, undisturbed, cluster,
     logger = logging.getLogger("cpic_planner.jobs.cluster")
     logger.addHandler(told)
     try:
-        done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance)
+        done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance, held=held)
     finally:
         logger.removeHandler(told)
     assert sorted(done) == EVERY_PART
+    assert done.index(tasks.HELD) >= 10
+    assert len(killed) == 1 < len(tasks.begun(held))  # in flight when the scheduler went, and begun again
     assert files == undisturbed
     for line, text in zip(
         ("has gone: waiting up to 60 s", "is back: sending 30 unfinished", "has no workers", "has workers again"),
@@ -163,29 +183,31 @@ def test_the_scheduler_dies_and_its_workers_with_it(tasks, undisturbed, cluster,
         assert line in text
 
 
-def test_a_scheduler_that_stays_away_ends_the_run_with_one_line(tasks, undisturbed, cluster, tmp_path):
+def test_a_scheduler_that_stays_away_ends_the_run_with_one_line(tasks, undisturbed, cluster, held, tmp_path):
     cluster.start_scheduler()
     cluster.start_workers(2)
 
     def advance(done):
         if done == 10:
+            assert len(tasks.begun(held)) == 1
             cluster.kill(cluster.scheduler)
 
     with pytest.raises(ClusterError, match=r"did not come back in 1 s; 30 tasks are not finished, the others are kept"):
-        tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance, patience_s=1.0)
+        tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance, patience_s=1.0, held=held)
     with open_run_folder(tmp_path / "out", kind="whatif", config_hash="c0ffee") as folder:
         assert len(ResultStore(folder, tasks.TABLES).finished()) == 10
     done, files = tasks.survey(tmp_path / "out")
     assert len(done) == 30
+    assert tasks.HELD in done
     assert files == undisturbed
 
 
-def test_the_client_dies(tasks, undisturbed, cluster, tmp_path):
+def test_the_client_dies(tasks, undisturbed, cluster, held, tmp_path):
     cluster.start_scheduler()
     cluster.start_workers(2)
     code = (
         "import cluster_tasks\n"
-        f"cluster_tasks.survey({str(tmp_path / 'out')!r}, scheduler={cluster.address!r},\n"
+        f"cluster_tasks.survey({str(tmp_path / 'out')!r}, scheduler={cluster.address!r}, held={str(held)!r},\n"
         "                     advance=lambda done: print(done, flush=True))"
     )
     client = subprocess.Popen(
@@ -194,12 +216,15 @@ def test_the_client_dies(tasks, undisturbed, cluster, tmp_path):
     with client.stdout:
         for line in client.stdout:
             if line.strip() == "15":
+                assert len(tasks.begun(held)) == 1
                 cluster.kill(client)
+                (held / "go").touch()
                 break
     client.wait()
     with open_run_folder(tmp_path / "out", kind="whatif", config_hash="c0ffee") as folder:
         kept = ResultStore(folder, tasks.TABLES).finished()
     assert 15 <= len(kept) < len(EVERY_PART)
+    assert str(tasks.HELD) not in kept
     done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address)
     assert sorted(done + [int(key) for key in kept]) == EVERY_PART
     assert files == undisturbed

@@ -163,7 +163,7 @@ def test_neither_clock_nor_place_is_in_the_files(undisturbed, tmp_path):
         assert merged(folder, reversed(range(N_PARTS))) == undisturbed
         assert str(tmp_path).encode() not in b"".join(undisturbed.values())
         about = json.loads(pq.read_schema(folder.path / "yields.parquet").metadata[b"cpic_planner"])
-    assert set(about) == {"schema_version", "table", "key", "config_hash"}
+    assert set(about) == {"schema_version", "table", "key", "config_hash", "fingerprint"}
 
 
 def test_a_key_that_occurs_twice_is_refused(refused, folder):
