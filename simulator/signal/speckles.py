@@ -39,8 +39,7 @@ class SpeckleLaw(NamedTuple):
 
     def scaled(self, factor: ArrayLike) -> "SpeckleLaw":
         """All of it times a factor."""
-        own = np.asarray(factor, float)
-        return SpeckleLaw(own * self.k0, own * self.k1, own * self.k2)
+        return SpeckleLaw(np.multiply(factor, self.k0), np.multiply(factor, self.k1), np.multiply(factor, self.k2))
 
     def stretched(self, ratio: ArrayLike) -> "SpeckleLaw":
         """Return the law of visits that are ``ratio`` times as long as those that it is asked for."""
