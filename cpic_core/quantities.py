@@ -84,7 +84,7 @@ def check_finite(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
         Unit of the value, in words; empty without one.
     """
     array = real_array(name, value, unit)
-    if not np.all(np.isfinite(array)):
+    if not np.isfinite(array).all():
         raise InputError(name, float(array[~np.isfinite(array)].flat[0]), unit=unit, allowed="finite numbers")
     return array
 

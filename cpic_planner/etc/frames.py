@@ -182,7 +182,7 @@ def peak_visit_s(problem: FrameProblem, cost: FloatArray, elasticity: float = 0.
         for _ in range(_NEWTON_STEPS):  # from above; the cubic is convex there
             step = (v * (c1 + v * (c2 + v * c3)) - aim) / (c1 + v * (2.0 * c2 + 3.0 * v * c3))
             v = np.where(grows, v - step, 1.0)
-            if not np.any(np.abs(step) > 1e-14 * v, where=grows):
+            if not (grows & (np.abs(step) > 1e-14 * v)).any():
                 break
     return np.where(grows, v, np.inf)
 
@@ -372,7 +372,7 @@ def _smooth_visit_s(problem: FrameProblem, cost: FloatArray, aim: FloatArray) ->
             slope = cost / v**2 - problem.z1 - 2.0 * problem.z2 * v
             step = np.where(reached & (excess > 0) & (slope > 0), excess / slope, 0.0)
             v = np.where(reached, np.minimum(v + step, np.where(np.isfinite(peak), peak, np.inf)), 1.0)
-            if not np.any(step > 1e-15 * v):
+            if not (step > 1e-15 * v).any():
                 break
     return np.where(reached, v, np.inf)
 

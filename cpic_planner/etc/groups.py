@@ -104,6 +104,8 @@ class Group:
             return visit_s
         every, search = self.programmes, replace(self.programmes, level=replace(self.wanted, at_place=False))
         bottom_s = search.bottom_s(visits, visit_s)
+        if not np.isfinite(bottom_s).any():
+            return visit_s
         there = np.where(np.isfinite(bottom_s), bottom_s, visit_s)
         at_bottom, blind, at_end = (
             made.missed(visits, visits * self.model.time_s(length))[0]

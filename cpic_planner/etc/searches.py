@@ -16,22 +16,32 @@ _BITS, _FEW_CASES, _MANY_CASES = 18, 16, 300
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _NUDGE = 1e-7
 _AT_ONCE = 2000
+_FEW_NUMBERS = 2000
 _MAX_STEPS = 200
 _ULPS = 8e-16
 # A root is often just above its lower bracket, where the function falls with a slope of some -1.
 _START = 3.0
 _GRID, _NINE = np.linspace(0.0, 1.0, _COARSE), np.linspace(0.0, 1.0, 9)
+_SHARES = {step: np.linspace(0.0, 1.0, 2 ** (step + 1) + 1) for step in (3, 6)}
 
 
 def spread(array: Any, shape: tuple[int, ...]) -> Any:
     """Return an array in a shape that it broadcasts to: itself where it has it, which `numpy` takes longer to find.
+
+    A few numbers are written out: a view of them takes ten times as long to make.
 
     Parameters
     ----------
     array : array_like
     shape : tuple of int
     """
-    return array if getattr(array, "shape", None) == shape else np.broadcast_to(array, shape)
+    if getattr(array, "shape", None) == shape:
+        return array
+    if math.prod(shape) > _FEW_NUMBERS:
+        return np.broadcast_to(array, shape)
+    whole = np.empty(shape, getattr(array, "dtype", None) or np.asarray(array).dtype)
+    whole[...] = array
+    return whole
 
 
 def whole_steps(most: float, n: int) -> FloatArray:
@@ -161,7 +171,7 @@ def _closed_in(
     if low.size >= _MANY_CASES:
         return _golden(function, np.log(low), np.log(high), math.ceil(bits * math.log(2.0) / -math.log(_GOLDEN)))
     step = 6 if low.size < _FEW_CASES else 3
-    share = np.linspace(0.0, 1.0, 2 ** (step + 1) + 1)
+    share = _SHARES[step]
     for _ in range(math.ceil(bits / step)):
         fine = _between(low, high, share)
         found = function(fine)

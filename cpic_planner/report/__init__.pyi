@@ -63,6 +63,7 @@ from cpic_planner.report.numbers import (
     level_text as level_text,
     pretty_name as pretty_name,
 )
+from cpic_planner.report.panel_figure import in_both_lights as in_both_lights
 from cpic_planner.report.plan_stars import star_blocks as star_blocks
 from cpic_planner.report.plotted import Panel as Panel, panels_of as panels_of, values_blocks as values_blocks
 from cpic_planner.report.priorities import (

@@ -167,9 +167,8 @@ def _against_time(
         if model.strategy.n_modes:  # what they change follows the frames slowly
             cases = alike.in_programme(alike.programme_of(many, visit_time_s, choice))
             choice = best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
-        noise = cases.noise(choice)
-        found = np.where(choice.n_frames >= 1, (noise.snr, noise.significance), np.nan)
-        lines[:, mine] = found[:, :, 0]
+        noise, framed = cases.noise(choice), choice.n_frames >= 1
+        lines[:, mine] = np.where(framed, (noise.snr, noise.significance), np.nan)[:, :, 0]
     curves = []
     for i, one in enumerate(shown):
         point = None
@@ -188,6 +187,7 @@ _UNDATED: dict[str, dict[str, Any]] = {
 }
 _LEAST_SHARE = 0.02
 _BELOW: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.6, "fontsize": 9}
+_TITLE: dict[str, Any] = {"fontsize": 10, "y": 1.0}  # where it stands anyway: looking for room takes a tenth longer
 _REST = "#D0D0D0"
 _TERM_COLOURS = {
     "speckle": "#0072B2",
@@ -306,11 +306,6 @@ def _few_ticks(*axes: Axis) -> None:
         axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
 
 
-def _title(axes: Axes, text: str) -> None:
-    """Write a title where it stands anyway: looking for words that are in its way costs a fifth of the drawing."""
-    axes.set_title(text, fontsize=10, y=1.0)
-
-
 def _line_looks(curves: Sequence[TimeCurve], looks: dict[str, tuple[str, str]]) -> list[tuple[str, str]]:
     """Colours and markers by band; by line where each is of another planet."""
     if all(curve.label in looks for curve in curves):
@@ -355,7 +350,7 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
     plain_ticks(axes.yaxis, 1.0, 3.0)
     plain_ticks(axes.xaxis, 1.0)
     _few_ticks(axes.xaxis, axes.yaxis)
-    _title(axes, "best visit of at most this time")
+    axes.set_title("best visit of at most this time", **_TITLE)
     if not curves.times:
         axes.text(0.5, 0.5, "no planet to be seen here", transform=axes.transAxes, ha="center")
         return 0
@@ -378,7 +373,7 @@ def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) ->
         axes.set_ylim(min(shown) / 2.5, max(shown) * 3.0)
     _few_ticks(axes.yaxis)
     title = f"limit for {curves.limit_level} in {duration_text(curves.limit_time_s)}; symbols: planet"
-    _title(axes, title)
+    axes.set_title(title, **_TITLE)
     return _legend(axes, 2)
 
 

@@ -22,7 +22,7 @@ from cpic_planner.report.numbers import (
     percent_text,
     significant,
 )
-from cpic_planner.report.panel_figure import PANEL_NOTE
+from cpic_planner.report.panel_figure import PANEL_NOTE, shown_in_both_lights
 from cpic_planner.report.summary import ModelledGroup, ModelledRow, dial_text, error_text, modelled_groups, size_order
 from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, orbits_text, plus_minus, reason_text, status_text
 from cpic_planner.results import (
@@ -292,7 +292,7 @@ def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.B
 
 def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str) -> Iterator[doc.Block]:
     """Yield image panels, those that there are of some keys, and before them how to read them."""
-    shown = [images[key] for key in keys if key in images]
+    shown = [shown_in_both_lights(images[key]) for key in keys if key in images]
     if shown:
         yield doc.Paragraph(PANEL_NOTE, "note")
     yield from (doc.Figure(picture, before=name) for picture in shown)

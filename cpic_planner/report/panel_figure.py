@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +35,7 @@ _SIGMA_OF_MAD = 1.4826
 _HEIGHT = 3.95
 _LEFT, _PANEL, _GAP, _BOTTOM = 0.70, 2.67, 0.13, 1.055
 _BAR_INSET, _BAR_BOTTOM, _BAR, _BAR_END = 0.06, 0.47, 0.09, 0.05
+_LINE = 0.005  # half of the lines around a panel
 _TITLES = ("science stack", "reference stack", "residual after subtraction")
 _PLAIN_POWERS = range(-1, 4)  # numbers of this size are written out, others as multiples of a power of ten
 
@@ -81,6 +84,46 @@ def panel_picture(panels: Panels, name: str) -> Picture:
         SIMBAD identifier of the star, for the alternative text.
     """
     return PanelSheet().picture(panels, name)
+
+
+def in_both_lights(png: bytes) -> bytes:
+    """Return an SVG drawing of a picture of panels; in dark mode all around the images and their bars is turned dark.
+
+    Parameters
+    ----------
+    png : bytes
+        As `PanelSheet` draws it.
+    """
+    boxes = [(place, _LINE, _BOTTOM + _LINE, _PANEL - 2.0 * _LINE) for place in range(len(_TITLES))]
+    boxes += [(place, _BAR_INSET, _BAR_BOTTOM, _BAR) for place in range(len(_TITLES))]
+    kept = ""
+    for left, bottom, wide, high in (_column_box(*box) for box in boxes):
+        kept += f"M{left:.5f} {1.0 - bottom - high:.5f}h{wide:.5f}v{high:.5f}h{-wide:.5f}z"
+    size = f'width="{WIDTH_INCHES:g}in" height="{_HEIGHT:g}in"'
+    image = f'<image width="1" height="1" preserveAspectRatio="none" href="data:image/png;base64,{_base64(png)}"/>'
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 1 1" preserveAspectRatio="none">'
+        "<style>path{display:none;fill:#ebe8e5;fill-rule:evenodd;mix-blend-mode:difference}"
+        "@media (prefers-color-scheme:dark){path{display:inline}}</style>"
+        f'{image}<path d="M0 0h1v1h-1z{kept}"/></svg>'
+    ).encode()
+
+
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode("ascii")
+
+
+def shown_in_both_lights(picture: Picture) -> Picture:
+    """Return a picture of panels that is in the page itself as a drawing that follows dark mode; others as they are.
+
+    Parameters
+    ----------
+    picture : Picture
+    """
+    kind, _, content = picture.uri.partition(",")
+    if kind != "data:image/png;base64" or not content:
+        return picture
+    return replace(picture, uri=f"data:image/svg+xml;base64,{_base64(in_both_lights(base64.b64decode(content)))}")
 
 
 class PanelSheet:

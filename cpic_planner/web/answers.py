@@ -119,6 +119,9 @@ def _asked(asking: Asking[Q], pairs: Pairs, sent: Sent | None) -> Iterator[Q]:
 def ranking(pairs: Pairs) -> RankResult:
     """Return the ranking of an address; the last ones are kept, and filters choose from the kept ranking of all stars.
 
+    Cuts (``v_mag_max``, ``dwarfs_only``, ``singles_only``) rank anew: they say which stars are ranked at all, so that
+    the rank in the catalogue and the hash are others, and with another number of stars at once the last digits are.
+
     Raises
     ------
     InputError

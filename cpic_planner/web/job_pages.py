@@ -26,7 +26,8 @@ DEAREST_S = 900.0
 """Longest expected processor time of a job."""
 MOST_PARAMETERS = 200
 _RESULT, _TABLE = "star_images.json", "measurements.csv"
-_MEDIA = {".json": "application/json", ".csv": "text/csv; charset=utf-8", ".png": "image/png"}
+_MEDIA = {".json": "application/json", ".csv": "text/csv; charset=utf-8", ".png": "image/png", ".svg": "image/svg+xml"}
+_DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 _MOST_BYTES = 50_000_000
 _REFRESH_S = 5
 _TITLE = "CPI-C images"
@@ -183,14 +184,18 @@ class JobPages:
     async def _file(self, request: Request, standing: Standing) -> Response:
         """Send one of the files that every job leaves, by its name among them."""
         name, folder = request.path_params["name"], self._queue.run_folder(standing.id)
-        known = {_RESULT, _TABLE, *(PANELS.format(band=band) for band in _bands())}
+        images = [PANELS.format(band=band) for band in _bands()]
+        known = {name: name for name in (_RESULT, _TABLE, *images)} | {_drawing(name): name for name in images}
         if folder is None or name not in known:
             return line("The job has no such file, or is not done.", 404)
         try:
-            body = await run_in_threadpool(_read, folder / name)
+            body = await run_in_threadpool(_read, folder / known[name])
         except InputError:
             return line("The job has no such file.", 404)
-        return Response(body, media_type=_MEDIA[name[name.rindex(".") :]], headers={"Cache-Control": "private"})
+        headers, ending = {"Cache-Control": "private"}, name[name.rindex(".") :]
+        if ending == ".svg":
+            body, headers["Content-Security-Policy"] = report.in_both_lights(body), _DRAWING_POLICY
+        return Response(body, media_type=_MEDIA[ending], headers=headers)
 
 
 async def _form(request: Request) -> Response:
@@ -210,6 +215,11 @@ async def _fields(request: Request) -> list[tuple[str, str]]:
         allowed = f"at most {MOST_PARAMETERS} fields of a form, in UTF-8"
         raise InputError("body", "another text", allowed=allowed) from None
     return [(name, value.strip()) for name, value in given]
+
+
+def _drawing(image: str) -> str:
+    """Name of images of a band as a drawing that follows dark mode."""
+    return image.removesuffix(".png") + ".svg"
 
 
 def _bands() -> Sequence[str]:
@@ -263,7 +273,7 @@ def _result_page(title: str, standing: Standing, result: StarImagesResult) -> st
     for band in target.bands:
         if band.image is not None:
             caption = f"{band.band}: summed science frames, summed reference frames, and the residual"
-            picture = f"{address}/{PANELS.format(band=band.band)}"
+            picture = f"{address}/{_drawing(PANELS.format(band=band.band))}"
             images[band.image] = Picture(picture, f"{name} in {caption}.", f"{caption}.")
     blocks = [*report.star_blocks(target, images), report.Paragraph(report.calibration_sentence(result))]
     blocks += pages.elsewhere("", image_lines(standing.pairs), result.config_hash, result.catalogue)

@@ -157,7 +157,7 @@ def our_jobs() -> dict[str, Callable[[int], float]]:
 
     def ask(turn: int, bands: tuple[str, ...]) -> float:
         planet = {"contrast": CONTRAST * (1.0 + 1e-3 * turn), "separation_arcsec": SEPARATION_ARCSEC}
-        return sum(answer.unwrap() for answer in api.exposure_time(STAR, snr=SNR, bands=bands, **planet))
+        return sum(answer.value or math.nan for answer in api.exposure_time(STAR, snr=SNR, bands=bands, **planet))
 
     return {"one": lambda turn: ask(turn, BANDS[:1]), "four": lambda turn: ask(turn, BANDS)}
 

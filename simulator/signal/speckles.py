@@ -39,7 +39,7 @@ class SpeckleLaw(NamedTuple):
 
     def scaled(self, factor: ArrayLike) -> "SpeckleLaw":
         """All of it times a factor."""
-        return SpeckleLaw(*(np.multiply(factor, part) for part in self))
+        return SpeckleLaw(np.multiply(factor, self.k0), np.multiply(factor, self.k1), np.multiply(factor, self.k2))
 
     def stretched(self, ratio: ArrayLike) -> "SpeckleLaw":
         """Return the law of visits that are ``ratio`` times as long as those that it is asked for."""

@@ -207,7 +207,7 @@ def test_figures_tell_their_values_at_the_pointer(context):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_figures_follow_the_dark(context, scheme):
     page = context(color_scheme=scheme)
-    page.goto("/star?name=eps+Eri")
+    page.goto(PAGES["answer"])
     page.wait_for_load_state("networkidle")
     for image in page.locator(".drawn img").all():
         shade = ImageStat.Stat(Image.open(io.BytesIO(image.screenshot())).convert("L")).mean[0]

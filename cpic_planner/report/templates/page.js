@@ -203,7 +203,7 @@ const spoken = (number, days) => (days ? new Date(Math.floor(number) * 864e5).to
 
 function valuesAt(panel, across, up) {
   const place = along(panel.x, across), row = Math.round(along(panel.y, up));
-  if (panel.rows.length) return [panel.rows[row], ...panel.bars.filter((bar) => bar.row === row).map((bar) => `${bar.name}: ${spoken(bar.high - bar.low)}`)];
+  if (panel.rows.length) return [`${panel.rows[row]}, ${panel.x.label}`, ...panel.bars.filter((bar) => bar.row === row).map((bar) => `${bar.name}: ${spoken(bar.high - bar.low)}`)];
   const far = panel.x.log ? (x) => Math.abs(Math.log(x / place)) : (x) => Math.abs(x - place);
   const found = panel.lines.flatMap(({ name, x, y }) => {
     const nearest = x.reduce((best, one, number) => (far(one) < far(x[best]) ? number : best), 0), inside = place >= x[0] && place <= x[x.length - 1];

@@ -1,18 +1,21 @@
 """"""
 
 import base64
+import io
 import re
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from cpic_planner.report import new_figure, place_labels, style
 from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.drawing import band_style, literal
 from cpic_planner.report.figures import detections_figure, differences_figure, plan_figures, time_figure, yields_figure
 from cpic_planner.report.image_figures import snr_figure
-from cpic_planner.report.panel_figure import PanelSheet, panel_picture, tick_labels
+from cpic_planner.report.panel_figure import PanelSheet, panel_picture, shown_in_both_lights, tick_labels
 from cpic_planner.report.panels import Mark
 from cpic_planner.report.sky_figures import map_longitude, margin_figure, marker_area, sky_map
 
@@ -78,6 +81,27 @@ def test_panel_picture_is_a_palette_png_wide_enough(panels):
     assert b"tEXt" not in data
     assert b"tIME" not in data
     assert len(data) < 160_000
+
+
+def test_a_picture_in_both_lights_is_the_same_pixels_and_turns_all_but_the_images(panels):
+    """Places of the images: where the picture has colours."""
+    picture = panel_picture(next(iter(panels.values())), "* tau Cet")
+    shown = shown_in_both_lights(picture)
+    tree = ElementTree.fromstring(content(shown).decode())
+    space = "{http://www.w3.org/2000/svg}"
+    assert tree.find(f"{space}image").get("href") == picture.uri
+    assert (shown.alt, shown.caption, shown.width_px) == (picture.alt, picture.caption, picture.width_px)
+    assert shown_in_both_lights(shown) is shown
+    pixels = np.asarray(Image.open(io.BytesIO(content(picture))).convert("RGB"), float)
+    coloured = np.ptp(pixels, axis=2) > 16
+    kept, near, (rows, columns) = np.zeros(coloured.shape, bool), np.zeros(coloured.shape, bool), coloured.shape
+    for x, y, wide, high in re.findall(r"M(\S+) (\S+)h(\d\S*?)v(\d\S*?)h-", tree.find(f"{space}path").get("d")[9:]):
+        top, bottom = (round(share * rows) for share in (float(y), float(y) + float(high)))
+        left, right = (round(share * columns) for share in (float(x), float(x) + float(wide)))
+        kept[top:bottom, left:right] = True
+        near[top - 2 : bottom + 2, left - 2 : right + 2] = True
+    assert coloured[kept].mean() > 0.5
+    assert not coloured[~near].any()
 
 
 def test_a_picture_does_not_depend_on_those_before_it_on_the_same_sheet(panels):

@@ -1,5 +1,6 @@
 """Jobs as visitors see them: form, address, progress, result, cancelling, refusals."""
 
+import base64
 import re
 import time
 
@@ -45,8 +46,9 @@ def test_a_job_runs_to_its_result_which_is_that_of_python(browser, tmp_path):
         assert (again.status, again.json["id"], again.json["token"]) == (200, told["id"], None)
         page = mine.get(address).text
         shown = mine.get(f"{address}/panels-F520.png")
+        drawing = mine.get(f"{address}/panels-F520.svg")
         table = mine.get(f"{address}/measurements.csv").text
-        for name in ("panels-F850.png", "run.json", "cpic-run.jsonl", "..%2fasked.json", "%2e%2e"):
+        for name in ("panels-F850.png", "panels-F850.svg", "run.json", "cpic-run.jsonl", "..%2fasked.json", "%2e%2e"):
             assert mine.get(f"{address}/{name}").status in (404, 405), name
     assert told["id"] == result.config_hash
     given = {}
@@ -56,13 +58,15 @@ def test_a_job_runs_to_its_result_which_is_that_of_python(browser, tmp_path):
     html5lib.HTMLParser(strict=True).parse(page)
     for words in (
         "Confirmed in F520; ETC",
-        f"{address}/panels-F520.png",
+        f"{address}/panels-F520.svg",
         f"{address}/star_images.json",
         "confirm_targets",
     ):
         assert words in page
     assert "refresh" not in page
     assert shown.body[:4] == b"\x89PNG"
+    assert drawing.headers["content-type"] == "image/svg+xml"
+    assert base64.b64encode(shown.body) in drawing.body
     assert table.splitlines()[1].startswith("tau Cet,8102,1,F520")
 
 
