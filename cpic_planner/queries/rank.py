@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 
 from pydantic import model_validator
 
-from cpic_core import InputError, read_text
+from cpic_core import InputError, read_text, unguarded
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import called
@@ -159,7 +159,8 @@ _MOST_BYTES = 1_000_000
 def read_star_names(given: Any) -> tuple[str, ...]:
     """Return names of stars from what people write: names, several between commas, and files with one name a line.
 
-    What follows a ``#`` in a file is a comment; blank lines do not count, and neither does a heading ``name``.
+    What follows a ``#`` in a file is a comment; blank lines do not count, neither does a heading ``name``, nor an
+    apostrophe that a table of ours puts before a name (`cpic_core.guarded`).
 
     Parameters
     ----------
@@ -183,6 +184,7 @@ def read_star_names(given: Any) -> tuple[str, ...]:
             written = read_text(text, key="stars", allowed=_LIST_OF_STARS, max_bytes=_MOST_BYTES)
             lines = [line.partition("#")[0] for line in written.splitlines()]
             lines = lines[bool(lines) and lines[0].strip().lower() == "name" :]
+            lines = [unguarded(name.strip()) for line in lines for name in line.split(",")]
         else:
             lines = [text]
         names |= dict.fromkeys(" ".join(name.split()) for line in lines for name in line.split(",") if name.strip())

@@ -7,6 +7,7 @@ import pytest
 from rich.console import Console
 
 from catalogs import TableBytes, open_catalogue, parse_table
+from cpic_planner.queries.rank import read_star_names
 from cpic_planner.ranking.compare import load_ranking
 from cpic_planner.report import Sheet, form_text, print_rank, ranking_csv, ranking_ecsv
 from cpic_planner.report.files import measurements_csv, targets_csv
@@ -147,3 +148,10 @@ def test_apostrophes_of_other_formats_are_theirs():
         'arraysize="*"/><DATA><TABLEDATA><TR><TD>\'=x</TD></TR></TABLEDATA></DATA></TABLE></RESOURCE></VOTABLE>'
     )
     assert parse_table(TableBytes("x.vot", text.encode(), "")).columns[0].cells == ["'=x"]
+
+
+def test_a_list_of_stars_that_was_cut_out_of_a_table_has_their_names(tmp_path):
+    path = tmp_path / "stars.txt"
+    path.write_text("'+31 Aql, tau Cet\n'=x  # mine\n'Oumuamua\n")
+    assert read_star_names(str(path)) == ("+31 Aql", "tau Cet", "=x", "'Oumuamua")
+    assert read_star_names("'=x") == ("'=x",), "what is typed is meant"
