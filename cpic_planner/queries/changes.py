@@ -229,9 +229,8 @@ def is_optical(key: str) -> bool:
 def _meets(key: str, pattern: str) -> bool:
     """Whether a key, which may hold ``*``, can mean what a pattern names or something below it."""
     ours, theirs = key.split("."), pattern.split(".")
-    if len(ours) < len(theirs):
-        return False
-    return all(fnmatchcase(a, b) or fnmatchcase(b, a) for a, b in zip(ours, theirs, strict=False))
+    pairs = zip(ours, theirs, strict=False)
+    return len(ours) >= len(theirs) and all(fnmatchcase(a, b) or fnmatchcase(b, a) for a, b in pairs)
 
 
 def long_key(key: str) -> str:
@@ -343,13 +342,10 @@ def instrument_rows(
     every = dict.fromkeys((*mine, *(theirs or ())))
     names = [name for name in every if not key or name == key or name.startswith(f"{key}.") or fnmatchcase(name, key)]
     if not names:
-        raise InputError(
-            "key", key, allowed="a key of the instrument", hint=advice(sections(instrument), key, tuple(ALIASES))
-        )
+        hint = advice(sections(instrument), key, tuple(ALIASES))
+        raise InputError("key", key, allowed="a key of the instrument", hint=hint)
     rows = []
-    for name in names:
-        if theirs is not None and mine.get(name) == theirs.get(name):
-            continue
+    for name in (name for name in names if theirs is None or mine.get(name) != theirs.get(name)):
         origin = instrument.provenance.get(name)
         rows.append(
             InstrumentValue(

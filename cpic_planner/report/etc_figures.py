@@ -319,8 +319,7 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
 
     axes.grid(visible=True)
     axes.set(xscale="log", yscale="log", xlabel="wall time allowed (h)", ylabel="SNR, significance")
-    handles = []
-    lows, highs = [], []
+    handles, lows, highs = [], [], []
     for curve, (colour, marker) in zip(curves.times, _line_looks(curves.times, looks), strict=True):
         hours = curve.time_s / 3600.0
         axes.plot(hours, curve.snr, color=colour, lw=1.7, label=f"_{curve.label}, SNR")
