@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, cast
 import typer
 from pydantic import BaseModel
 
-from cpic_core import InputError, dump_json, write_text
+from cpic_core import InputError, dump_json, one_line, write_text
 from cpic_planner import report
 from cpic_planner.cli.progress import is_quiet, progress, rest
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
@@ -39,7 +39,7 @@ R = TypeVar("R", bound=BaseModel)
 def error_line(text: str, status: int) -> int:
     """Write one line to stderr and hand back the exit status."""
     with contextlib.suppress(BrokenPipeError):
-        sys.stderr.write(f"cpic: {' '.join(text.split())}\n")
+        sys.stderr.write(f"cpic: {one_line(text)}\n")
         sys.stderr.flush()
     return status
 
@@ -53,7 +53,7 @@ def help_alone(context: typer.Context) -> None:
 def note(*texts: str) -> None:
     """Write remarks to stderr, a line each, unless quiet."""
     if not is_quiet():
-        sys.stderr.writelines(f"cpic: {text}\n" for text in texts)
+        sys.stderr.writelines(f"cpic: {one_line(text)}\n" for text in texts)
 
 
 def print_json(result: BaseModel | Mapping[str, Any]) -> None:

@@ -5,6 +5,7 @@
 ``cpic check``.
 """
 
+import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -86,7 +87,7 @@ def check(
     from simulator.products import ProductName, check_level0
 
     for path in paths:
-        if not path.exists():
+        if not os.path.exists(path):
             raise InputError("path", str(path), allowed="a file or a folder that exists")
     findings = [item for path in paths for item in check_level0(path)]
     files = {

@@ -12,7 +12,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeGuard
 
-from cpic_core import InputError, open_file
+from cpic_core import InputError, bounded_fits, open_file
 from simulator.products.units import ALL_ONES, ones_sum
 
 Header: TypeAlias = Mapping[str, Any]
@@ -138,7 +138,7 @@ def _opened(report: Report, file: BufferedReader, *, raw: bool) -> Any:
     units = None
     try:
         size = report.path.stat().st_size
-        units = fits.open(file, memmap=True, do_not_scale_image_data=True, disable_image_compression=raw)
+        units = fits.open(bounded_fits(file), memmap=True, do_not_scale_image_data=True, disable_image_compression=raw)
         last = units[len(units) - 1].fileinfo()
     except (*_DAMAGE, fits.VerifyError) as error:
         report.error(f"is not readable as FITS: {_first_line(error)}")
@@ -202,12 +202,12 @@ def check_sums(report: Report, units: Any, number: int, header: Header) -> None:
         report.error("is missing", key, number)
     if missing:
         return
+    if place["datLoc"] + place["datSpan"] > report.path.stat().st_size:
+        return  # truncated, which is a finding already
     with _file_of(report) as file:
         file.seek(place["hdrLoc"])
         head = file.read(place["datLoc"] - place["hdrLoc"])
         data = file.read(place["datSpan"])
-    if len(data) != place["datSpan"]:
-        return  # truncated, which is a finding already
     data_sum = ones_sum(data)
     stated = whole_number(header["DATASUM"])
     if stated != data_sum:
