@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError
+from cpic_core import ArrayLike, FloatArray, InputError, check_finite
 
 #: km/s of one au per Julian year (IAU 2012 au, 365.25 d).
 _KM_S_PER_AU_YR = 149597870.7 / (365.25 * 86400.0)
@@ -71,7 +71,7 @@ def propagate(
     """
     names = ("ra_deg", "dec_deg", "pm_ra_mas_yr", "pm_dec_mas_yr", "parallax_mas", "rv_km_s", "epoch_yr", "to_epoch_yr")
     given = (ra_deg, dec_deg, pm_ra_mas_yr, pm_dec_mas_yr, parallax_mas, rv_km_s, epoch_yr, to_epoch_yr)
-    values = [_finite(name, value) for name, value in zip(names, given, strict=True)]
+    values = [check_finite(name, value) for name, value in zip(names, given, strict=True)]
     ra, dec, pm_ra, pm_dec, parallax, rv, start, end = np.broadcast_arrays(*values)
     if np.any(parallax <= 0.0):
         raise InputError("parallax_mas", float(np.min(parallax)), unit="mas", allowed="> 0")
@@ -143,7 +143,7 @@ def position_angle(east: ArrayLike, north: ArrayLike) -> FloatArray:
     InputError
         If a value is not finite.
     """
-    pa = np.rad2deg(np.arctan2(_finite("east", east), _finite("north", north))) % 360.0
+    pa = np.rad2deg(np.arctan2(check_finite("east", east), check_finite("north", north))) % 360.0
     # A tiny negative angle rounds to 360 itself.
     return np.where(pa == 360.0, 0.0, pa)
 
@@ -183,7 +183,7 @@ def neighbours(ra_deg: ArrayLike, dec_deg: ArrayLike, reach_arcsec: float) -> li
     """
     from scipy.spatial import KDTree
 
-    places = _finite("ra_deg", ra_deg), _finite("dec_deg", dec_deg)
+    places = check_finite("ra_deg", ra_deg), check_finite("dec_deg", dec_deg)
     ra, dec = map(np.deg2rad, places)
     near: list[dict[int, float]] = [{} for _ in range(ra.size)]
     if not near:
@@ -220,7 +220,7 @@ def ecliptic(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, FloatAr
     InputError
         If a value is not finite.
     """
-    ra, dec = np.deg2rad(_finite("ra_deg", ra_deg)), np.deg2rad(_finite("dec_deg", dec_deg))
+    ra, dec = np.deg2rad(check_finite("ra_deg", ra_deg)), np.deg2rad(check_finite("dec_deg", dec_deg))
     cos_obl, sin_obl = np.cos(_OBLIQUITY_RAD), np.sin(_OBLIQUITY_RAD)
     x = np.cos(dec) * np.cos(ra)
     y = np.cos(dec) * np.sin(ra) * cos_obl + np.sin(dec) * sin_obl
@@ -235,19 +235,9 @@ def _differences(
 
     The differences are taken in degrees: those of neighbouring numbers are exact.
     """
-    ra, dec = _finite("ra_deg", ra_deg), _finite("dec_deg", dec_deg)
-    ra0, dec0 = _finite("ra0_deg", ra0_deg), _finite("dec0_deg", dec0_deg)
+    ra, dec = check_finite("ra_deg", ra_deg), check_finite("dec_deg", dec_deg)
+    ra0, dec0 = check_finite("ra0_deg", ra0_deg), check_finite("dec0_deg", dec0_deg)
     return np.deg2rad(dec), np.deg2rad(dec0), np.deg2rad(ra - ra0), np.deg2rad(dec - dec0)
-
-
-def _finite(name: str, value: ArrayLike) -> FloatArray:
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(name, value, allowed="finite numbers") from None
-    if not np.all(np.isfinite(array)):
-        raise InputError(name, "a value that is not finite", allowed="finite numbers")
-    return array
 
 
 def _triad(ra_deg: FloatArray, dec_deg: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -5,6 +5,7 @@ integrals of the nodes: a table of integrals, made once, serves a whole catalogu
 """
 
 import functools
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -207,7 +208,8 @@ class StellarGrid:
         photlam = self._line_photlam(np.arange(shape[0] * shape[1]), samples)
         # The ratio is a sum over knots, hence so is the integral.
         weights = self._hats(samples).T[:, :, None] * used[:, None, :]
-        moments = (photlam @ weights.reshape(samples.size, -1)).reshape(*shape, -1, used.shape[1])
+        knots = weights.shape[1:]  # sizes are said, not found: of no samples, as of an albedo of 0, none would be
+        moments = (photlam @ weights.reshape(samples.size, math.prod(knots))).reshape(*shape, *knots)
         integrals = self.ratio.astype(np.float64) @ moments[:, self._line]
         return np.asarray(integrals.reshape(self.n_nodes, used.shape[1]))
 

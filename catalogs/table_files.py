@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import InputError, read_file, unguarded
+from cpic_core import InputError, bounded_fits, read_file, unguarded
 
 _MAX_BYTES = 1_000_000_000
 _FORMATS = "CSV, ECSV, VOTable or FITS"
@@ -222,7 +222,7 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
         if kind == "fits":
             from astropy.table import Table
 
-            return Table.read(io.BytesIO(file.data), format="fits"), ()
+            return Table.read(bounded_fits(io.BytesIO(file.data)), format="fits"), ()
         from astropy.io import ascii as text_tables
 
         # As lines: a text without an end of line would be taken for the name of a file.

@@ -4,7 +4,7 @@ from cpic_core.cache import (
     clear_cache as clear_cache,
     compute_once as compute_once,
 )
-from cpic_core.errors import InputError as InputError
+from cpic_core.errors import InputError as InputError, one_line as one_line, shortened as shortened
 from cpic_core.files import (
     NPZ_ERRORS as NPZ_ERRORS,
     LockHeld as LockHeld,
@@ -43,6 +43,7 @@ from cpic_core.quantities import (
     element_name as element_name,
     in_unit as in_unit,
     real_array as real_array,
+    unit_of as unit_of,
 )
 from cpic_core.random_streams import PathPart as PathPart, stream as stream
 from cpic_core.registry import Registry as Registry
@@ -59,6 +60,9 @@ from cpic_core.runtime import (
 )
 from cpic_core.special_functions import special as special
 from cpic_core.user_files import (
+    as_path as as_path,
+    at_home as at_home,
+    bounded_fits as bounded_fits,
     digest_of as digest_of,
     file_state as file_state,
     is_file as is_file,

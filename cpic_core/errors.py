@@ -3,6 +3,39 @@
 _LONGEST = 200
 
 
+def one_line(text: str) -> str:
+    """Return a text as one line that any terminal and log may get: what prints nothing is spelled by its escape.
+
+    Parameters
+    ----------
+    text : str
+        It may quote what a user or a file said.
+    """
+    line = " ".join(text.split())
+    return line if line.isprintable() else "".join(map(_visible, line))
+
+
+def _visible(character: str) -> str:
+    return character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
+
+
+def _said(value: object) -> str:
+    try:
+        return repr(value)
+    except ValueError:  # whole numbers of more digits than Python converts to text
+        return f"a {type(value).__name__} of too many digits"
+
+
+def shortened(text: str) -> str:
+    """Return a text of at most 200 characters, the rest as dots.
+
+    Parameters
+    ----------
+    text : str
+    """
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
 class InputError(ValueError):
     """Refusal of an input value.
 
@@ -26,10 +59,7 @@ class InputError(ValueError):
         self.unit = unit
         self.allowed = allowed
         self.hint = hint
-        shown = value if isinstance(value, str) else repr(value)
-        if len(shown) > _LONGEST:
-            shown = f"{shown[:_LONGEST]}..."
-        text = f"{key} = {shown}"
+        text = f"{shortened(key)} = {shortened(value if isinstance(value, str) else _said(value))}"
         if unit:
             text += f" {unit}"
         text += ": not accepted"
@@ -37,7 +67,7 @@ class InputError(ValueError):
             text += f"; allowed: {allowed}"
         if hint:
             text += f" ({hint})"
-        super().__init__(" ".join(text.split()))
+        super().__init__(one_line(text))
 
     def __reduce__(self) -> tuple[object, ...]:
         """Survive pickling between worker processes (keyword-only arguments defeat the default)."""

@@ -172,7 +172,7 @@ def exclusive_lock(path: str | Path, *, wait: bool = True) -> Iterator[IO[str]]:
 
     path = Path(path)
     flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    with os.fdopen(os.open(path, flags, 0o666), "a+", encoding="utf-8") as file:
+    with os.fdopen(os.open(path, flags, 0o666), "a+", encoding="utf-8", errors="replace") as file:
         about = os.fstat(file.fileno())
         if not stat.S_ISREG(about.st_mode) or about.st_nlink > 1:
             raise OSError(errno.EINVAL, "not a file of its own", str(path))

@@ -1,5 +1,7 @@
 """Types of arrays, one name for each; numbers from outside, with or without a unit of `astropy.units`."""
 
+import functools
+import re
 from typing import Any
 
 import numpy as np
@@ -62,7 +64,7 @@ def real_array(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
         found = np.asarray(plain)
         # numpy would read text and truth values as numbers.
         array = found.astype(np.float64) if found.dtype.kind in "fiuO" else None
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = None
     if array is None:
         raise InputError(name, value, unit=unit, allowed="real numbers")
@@ -191,7 +193,7 @@ def checked_array(
         if array.dtype.kind not in "iuf":
             raise TypeError
         array = array.astype(np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(key, value, unit=unit, allowed=f"numbers, {allowed}") from None
     bad = ~((array >= low) & (array <= high) & np.isfinite(array))
     if bad.any():
@@ -206,3 +208,18 @@ def checked_scalar(key: str, value: ArrayLike, *, low: float, high: float, unit:
     if array.ndim:
         raise InputError(key, value, unit=unit, allowed="one number")
     return float(array)
+
+
+_UNITS = {name: name for name in ("arcsec", "au", "deg", "h", "km", "m", "mag", "mas", "nm", "pc", "s", "um")}
+_UNITS |= {"adu": "ADU", "days": "d", "e": "e-", "k": "K", "lambda_d": "lambda/D", "lsun": "L_sun", "mag_max": "mag"}
+_UNITS |= {"pixel": "px", "pixels": "px", "rjup": "R_Jup", "zodis": "zodi", "per_s_cm2": "1/s/cm2", "deg_s": "deg/s"}
+_UNITS |= {"e_adu": "e-/ADU", "e_s": "e-/s", "e_um": "e-/um", "mag_arcsec2": "mag/arcsec2", "mas_yr": "mas/yr"}
+_UNITS |= {"nm_per_sqrt_hour": "nm/sqrt(h)"}
+
+
+@functools.lru_cache(maxsize=4096)
+def unit_of(key: str) -> str:
+    """Unit named by the suffix of a key, ``""`` if none; that of an item of a list is that of the list."""
+    key = re.sub(r"(\.\d+)+$", "", key)
+    tails = (key[mark.end() :] for mark in re.finditer("_", key))
+    return next((_UNITS[tail] for tail in tails if tail in _UNITS), "")

@@ -11,11 +11,13 @@ import contextlib
 import errno
 import hashlib
 import os
+import re
 import stat
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from io import BufferedReader, BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 from cpic_core.errors import InputError
 
@@ -26,6 +28,7 @@ _KINDS = (
     (stat.S_ISREG, ""),
 )
 
+_PART_BYTES = 4_000_000
 _SENT: ContextVar[Mapping[str, bytes] | None] = ContextVar("sent", default=None)
 _PACKAGES = tuple(
     Path(__file__).resolve().parents[1] / name for name in ("cpic_core", "catalogs", "simulator", "cpic_planner")
@@ -48,6 +51,30 @@ def only_sent_files(sent: Mapping[str, bytes]) -> Iterator[None]:
         _SENT.reset(token)
 
 
+def at_home(path: str | Path) -> Path:
+    """Return a path with ``~`` as the user's home; as it is where there is no such home."""
+    return Path(os.path.expanduser(path))
+
+
+def as_path(key: str, value: object) -> Path:
+    """Return a path that Python code names.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : str or Path
+
+    Raises
+    ------
+    InputError
+        If it is of another type.
+    """
+    if not isinstance(value, str | Path):
+        raise InputError(key, value, allowed="a path")
+    return Path(value)
+
+
 def was_sent(name: str) -> bool:
     """Tell whether a file of this name was sent."""
     return name in (_SENT.get() or {})
@@ -56,7 +83,7 @@ def was_sent(name: str) -> bool:
 def is_file(path: str | Path) -> bool:
     """Tell whether there is a file of a name, among those that were sent where files are sent."""
     sent = _sent_to(path)
-    return Path(path).is_file() if sent is None else str(path) in sent
+    return os.path.isfile(path) if sent is None else str(path) in sent  # which raises for no name
 
 
 def file_state(path: str | Path) -> tuple[int, int]:
@@ -69,7 +96,7 @@ def file_state(path: str | Path) -> tuple[int, int]:
     """
     sent = _sent_to(path)
     if sent is None:
-        about = os.stat(Path(path).expanduser())
+        about = os.stat(at_home(path))
         return about.st_mtime_ns, about.st_size
     if str(path) not in sent:
         raise FileNotFoundError(errno.ENOENT, "it was not sent")
@@ -132,7 +159,7 @@ def open_file(
         _refuse_large(key, path, len(sent[str(path)]), max_bytes, too_large)
         yield BufferedReader(BytesIO(sent[str(path)]))
         return
-    place = Path(path).expanduser()
+    place = at_home(path)
     try:
         _refuse_special(os.stat(place).st_mode)  # before it is opened: that alone may act on a device
         handle = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -165,11 +192,20 @@ def read_file(path: str | Path, *, key: str, allowed: str, max_bytes: int, too_l
     """
     with open_file(path, key=key, allowed=allowed, max_bytes=max_bytes, too_large=too_large) as file:
         try:
-            data = file.read(max_bytes + 1) or b""
+            data = _up_to(file, max_bytes + 1)
         except OSError as error:
             raise InputError(key, str(path), allowed=allowed, hint=error.strerror or "") from None
     _refuse_large(key, path, len(data), max_bytes, too_large)
     return data
+
+
+def _up_to(file: BufferedReader, most: int) -> bytes:
+    """Read a file, at most so many bytes; ``read(most)`` alone would take the memory of that many first."""
+    parts: list[bytes] = []
+    while most > 0 and (part := file.read(min(most, _PART_BYTES))):
+        parts.append(part)
+        most -= len(part)
+    return b"".join(parts)
 
 
 def read_text(path: str | Path, *, key: str, allowed: str, max_bytes: int) -> str:
@@ -200,6 +236,50 @@ def digest_of(path: str | Path) -> str:
     """
     with open_file(path, key="file", allowed="a readable file", max_bytes=2**63) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+_COUNTS = re.compile(rb"(Z?NAXIS\d*|[PG]COUNT|TFIELDS) *= *([-+]?\d+)")
+_MOST_COUNTED = 999  # by the standard, of axes and of fields
+_CARD, _BLOCKS = 80, 2880 * 1000
+
+
+def bounded_fits(file: BinaryIO) -> BinaryIO:
+    """Return an open FITS file, at its start, if its headers count as FITS does.
+
+    With other counts astropy reads without end: it counts to any number of axes, and units of less than no bytes lead
+    it back to where it was.
+
+    Parameters
+    ----------
+    file : file
+        Of bytes, which can seek.
+
+    Raises
+    ------
+    OSError
+        As astropy raises for other damage.
+    """
+    file.seek(0)
+    while blocks := file.read(_BLOCKS):
+        for word in (b"NAXIS", b"COUNT", b"TFIELDS"):
+            place = blocks.find(word)
+            while place >= 0:
+                start = place - place % _CARD
+                _refuse_count(blocks[start : start + _CARD])
+                place = blocks.find(word, start + _CARD)
+    file.seek(0)
+    return file
+
+
+def _refuse_count(card: bytes) -> None:
+    found = _COUNTS.match(card)
+    if found is None:
+        return
+    name, number = found[1].decode(), int(found[2])
+    if number < 0:
+        raise OSError(errno.EINVAL, f"{name} is below 0")
+    if name in ("NAXIS", "ZNAXIS", "TFIELDS") and number > _MOST_COUNTED:
+        raise OSError(errno.EINVAL, f"{name} is above {_MOST_COUNTED}")
 
 
 def _refuse_special(mode: int) -> None:

@@ -7,14 +7,17 @@ loader resolves plain scalars by the YAML 1.2 core schema instead (https://yaml.
 import copy
 import functools
 import re
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from cpic_core.errors import InputError
+from cpic_core.quantities import checked_array
 from cpic_core.user_files import read_text
 
 MAX_BYTES = 4_000_000
@@ -73,7 +76,11 @@ for _tag, _pattern, _first in (
 
 
 def _construct_int(loader: _Strict, node: Any) -> int:
-    return int(loader.construct_scalar(node))
+    try:
+        return int(loader.construct_scalar(node))
+    except ValueError:
+        problem = f"a whole number of more than {sys.get_int_max_str_digits()} digits"
+        raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark) from None
 
 
 def _construct_float(loader: _Strict, node: Any) -> float:
@@ -126,6 +133,8 @@ def parse_yaml(text: str, *, where: str = "YAML text", quoting: bool = True) -> 
         return copy.deepcopy(_tree_of(text)) if len(text) <= _MAX_KEPT else _parsed(text)
     except RecursionError:
         raise InputError(where, "nested too deeply", allowed="one well-formed YAML document") from None
+    except (ValueError, OverflowError):  # of PyYAML, which does not check the numbers of escapes
+        raise InputError(where, "an escape of no character", allowed="one well-formed YAML document") from None
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         place = f" line {mark.line + 1} column {mark.column + 1}" if mark else ""
@@ -220,11 +229,12 @@ def split_sourced(tree: Any, path: str = "") -> tuple[Any, dict[str, Provenance]
     """
     if isinstance(tree, dict):
         if "value" in tree and set(tree) <= _SOURCED_KEYS:
-            limits = tree.get("range")
+            limits = None if tree.get("range") is None else checked_array(f"{path}.range", tree["range"], low=-np.inf)
+            if limits is not None and limits.shape != (2,):
+                raise InputError(f"{path}.range", tree["range"], allowed="two numbers")
             words = {key: str(tree.get(key, "A" if key == "confidence" else "")) for key in _WORDS}
-            return tree["value"], {
-                path: Provenance(**words, range=(float(limits[0]), float(limits[1])) if limits else None)
-            }
+            between = None if limits is None else (float(limits[0]), float(limits[1]))
+            return tree["value"], {path: Provenance(**words, range=between)}
         values: dict[Any, Any] = {}
         found: dict[str, Provenance] = {}
         for key, item in tree.items():

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from catalogs import POSITION_ERROR, Catalogue, StarTable, open_catalogue, resolve_star, stability_limit, stars_at
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_number
 from cpic_planner.queries import default_instrument
 from simulator.config import checked_utc, julian_year
 
@@ -243,9 +243,7 @@ def _sample(
 ) -> StarTable:
     """Rows of a catalogue that are left by the cuts."""
     table = chosen.table
-    limit = chosen.ranked_v_mag if v_mag_max is None else v_mag_max
-    if limit is not None and not math.isfinite(limit):
-        raise InputError("v_mag_max", limit, unit="mag", allowed="a finite magnitude")
+    limit = chosen.ranked_v_mag if v_mag_max is None else check_number("v_mag_max", v_mag_max, "mag")
     keep = np.ones(len(table), bool) if limit is None else np.asarray(table.column("v_mag"), float) <= limit
     if not keep.any():
         raise InputError("v_mag_max", limit, unit="mag", allowed="a magnitude that leaves a star in the sample")

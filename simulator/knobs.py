@@ -72,7 +72,7 @@ def resolve_knobs(fidelity: str | Knobs) -> Knobs:
     """
     if isinstance(fidelity, Knobs):
         return fidelity
-    if fidelity not in FIDELITIES:
+    if not isinstance(fidelity, str) or fidelity not in FIDELITIES:
         raise InputError("fidelity", fidelity, allowed="quick, standard, reference or a Knobs object")
     return FIDELITIES[fidelity]
 

@@ -12,6 +12,7 @@ import numpy as np
 from cpic_core import FloatArray, InputError
 from cpic_planner.api.keywords import catalogue_of, model_of, stars_named, takes
 from cpic_planner.etc import (
+    FARTHEST_ARCSEC,
     EtcModel,
     Group,
     Objective,
@@ -43,19 +44,13 @@ def as_asked(question: EtcQuestion, star: Targets) -> Targets:
         The star's luminosity follows the square of its ``distance_pc``.
     star : Targets
         One star.
-
-    Raises
-    ------
-    InputError
-        For a distance out of range.
     """
     if star.roll_deg is not question.observation_roll_deg and star.roll_deg != question.observation_roll_deg:
         star = replace(star, roll_deg=question.observation_roll_deg)
     if question.distance_pc is None:
         return star
-    there = check_range("distance_pc", question.distance_pc, 0.01, 1e5, "pc")
-    brighter = (there / star.distance_pc) ** 2
-    return replace(star, distance_pc=np.array([there]), luminosity_lsun=star.luminosity_lsun * brighter)
+    brighter = (question.distance_pc / star.distance_pc) ** 2
+    return replace(star, distance_pc=np.array([question.distance_pc]), luminosity_lsun=star.luminosity_lsun * brighter)
 
 
 def closed_forms(question: EtcQuestion, model: EtcModel, star: Targets) -> list[EtcAnswer]:
@@ -91,14 +86,16 @@ def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
     question : EtcQuestion
     star : Targets
     """
+    pc = float(star.distance_pc[0])
     if question.separation_au is not None:
-        own = [check_range("separation_au", place, 0.0, 1e5, "au") for place in question.separation_au]
-        return [place / float(star.distance_pc[0]) for place in own]
+        largest = pc * FARTHEST_ARCSEC
+        return [check_range("separation_au", place, 0.0, largest, "au") / pc for place in question.separation_au]
     if question.semi_major_axis_au is None:
         return question.separation_arcsec
-    axis = check_range("semi_major_axis_au", question.semi_major_axis_au, 1e-3, 1e5, "au")
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
-    return [axis * math.sin(math.radians(planet.phase_deg)) / float(star.distance_pc[0])]
+    across = math.sin(math.radians(planet.phase_deg)) / pc
+    largest = min(FARTHEST_ARCSEC / across, 1e5)
+    return [check_range("semi_major_axis_au", question.semi_major_axis_au, 1e-3, largest, "au") * across]
 
 
 def times_of(question: EtcQuestion, model: EtcModel, band: str) -> dict[str, float | None]:
@@ -227,7 +224,7 @@ def _answered(question: EtcQuestion) -> list[EtcAnswer]:
 
     model, plain = model_of(question), question.fidelity is None and question.tolerance is None
     try:
-        stars = [as_asked(question, star) for star in stars_named(question)]
+        stars = stars_named(question)
     except InputError:
         # A name that no star has may be that of a planet.
         answers, catalogue = [], catalogue_of(question)
@@ -242,6 +239,7 @@ def _answered(question: EtcQuestion) -> list[EtcAnswer]:
         return answers
     if not stars:
         return []
+    stars = [as_asked(question, star) for star in stars]
     together = question.separation_arcsec is not None and question.n_frames is None
     groups = [Targets.joined(stars)] if together else stars
     answers = [answer for group in groups for answer in closed_forms(question, model, group)]

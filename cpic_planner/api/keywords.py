@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from catalogs import Catalogue, catalogue_of_star
-from cpic_core import numeric_context
+from cpic_core import InputError, numeric_context
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.queries import Question, Strategy, asked_of, default_instrument, kind_of, observed_utc, spelled
 from cpic_planner.targets import Targets, as_catalogue, find_target
@@ -101,8 +101,10 @@ def takes(
             own = {name: given.pop(name) for name in of_strategy if given.get(name) is not None}
             if own:
                 base = given.get("strategy") or {}
-                tree = base.model_dump(exclude_unset=True) if isinstance(base, Strategy) else dict(base)
-                given["strategy"] = tree | own
+                tree = base.model_dump(exclude_unset=True) if isinstance(base, Strategy) else base
+                if not isinstance(tree, Mapping):
+                    raise InputError("strategy", base, allowed="a Strategy or a mapping")
+                given["strategy"] = dict(tree) | own
             return function(model.of(fixed | given))
 
         wrapped.__signature__ = signature  # type: ignore[attr-defined]

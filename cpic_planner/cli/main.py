@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from cpic_core import InputError, numeric_context, private_folder
+from cpic_core import InputError, numeric_context, private_folder, shortened
 from cpic_planner.cli import (
     catalog_command,
     etc_command,
@@ -137,7 +137,8 @@ def _failed(error: Exception) -> int:
     message = getattr(error, "format_message", None)
     if message is not None:  # what the option parser refuses
         where = getattr(getattr(error, "ctx", None), "command_path", "cpic")
-        return error_line(f"{message()} (see {where} --help)" if message() else f"see {where} --help", 2)
+        said = shortened(message())
+        return error_line(f"{said} (see {where} --help)" if said else f"see {where} --help", 2)
     if logging.getLogger("cpic_planner").isEnabledFor(logging.DEBUG):
         raise error
     if isinstance(error, OSError) and error.strerror:

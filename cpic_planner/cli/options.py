@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, cast
 import typer
 from pydantic import BaseModel
 
-from cpic_core import InputError, dump_json, fingerprint, write_text
+from cpic_core import InputError, dump_json, fingerprint, one_line, write_text
 from cpic_planner import report
 from cpic_planner.cli.progress import is_quiet, progress, rest, write_line
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
@@ -37,7 +37,7 @@ R = TypeVar("R", bound=BaseModel)
 
 def error_line(text: str, status: int) -> int:
     """Write one line to stderr and hand back the exit status."""
-    write_line(f"cpic: {' '.join(text.split())}")
+    write_line(f"cpic: {one_line(text)}")
     return status
 
 
@@ -50,7 +50,7 @@ def help_alone(context: typer.Context) -> None:
 def note(*texts: str) -> None:
     """Write remarks to stderr, a line each, unless quiet."""
     for text in () if is_quiet() else texts:
-        write_line(f"cpic: {text}")
+        write_line(f"cpic: {one_line(text)}")
 
 
 def print_json(result: BaseModel | Mapping[str, Any]) -> None:

@@ -29,7 +29,7 @@ from catalogs import (
     refresh_stars,
     set_aside,
 )
-from cpic_core import InputError, write_text
+from cpic_core import InputError, at_home, write_text
 from cpic_planner.version import DISTRIBUTION, __version__
 
 _EMBEDDED = Path(catalogs.__file__).resolve().parent
@@ -124,7 +124,7 @@ def target_path(out: str | Path | None) -> Path:
     """
     if out is None:
         return data_dir()
-    path = Path(out).expanduser()
+    path = at_home(out)
     if path.suffix != ".ecsv" or path.is_dir():
         raise InputError("--out", str(out), allowed="a file name that ends in .ecsv")
     if path.resolve().is_relative_to(_EMBEDDED):

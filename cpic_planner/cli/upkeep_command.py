@@ -5,6 +5,7 @@
 ``cpic check``.
 """
 
+import os
 import sys
 from dataclasses import asdict
 from functools import partial
@@ -92,7 +93,7 @@ def check(
     from simulator.products import ProductName
 
     for path in paths:
-        if not path.exists():
+        if not os.path.exists(path):
             raise InputError("path", str(path), allowed="a file or a folder that exists")
     findings = [item for path in paths for item in check_tree(path)]
     files = {

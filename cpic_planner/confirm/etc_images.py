@@ -219,14 +219,15 @@ def _wanted(task: validation.ConfirmTask, dial: Dial, n_apertures: int) -> int:
     aim = AIM if dial.fidelity != "custom" else _SHARE_OF_CHANCE * max(dial.tolerance.values())
     expected = task.predictions[0]
     snr = expected["snr"]
-    wanted = math.ceil((validation.snr_scatter(snr, expected["significance"], n_apertures) / (snr * aim)) ** 2)
+    scatter = validation.snr_scatter(snr, expected["significance"], n_apertures) / snr
+    if dial.fidelity == "custom" and scatter > aim * math.sqrt(MOST_FOR_TOLERANCE):
+        most = f"more than {MOST_FOR_TOLERANCE} realisations to know the SNR of images that well"
+        text = f"it takes {most}: give a larger tolerance, or fidelity standard"
+        raise _Refused(Status.INVALID, Reason.TOLERANCE_NOT_MET, text)
+    wanted = math.ceil((scatter / aim) ** 2)
     if dial.fidelity == "reference":
         whole = math.floor(MOST_FRAMES / task.n_all_frames)
         return int(max(FEWEST_BY_FRAMES, min(wanted, whole)))
-    if dial.fidelity == "custom" and wanted > MOST_FOR_TOLERANCE:
-        most = f"at most {MOST_FOR_TOLERANCE}: give a larger tolerance, or fidelity standard"
-        text = f"it takes {wanted} realisations to know the SNR of images that well, {most}"
-        raise _Refused(Status.INVALID, Reason.TOLERANCE_NOT_MET, text)
     return int(max(wanted, FEWEST) if dial.fidelity == "custom" else min(max(wanted, FEWEST), MOST))
 
 

@@ -72,6 +72,8 @@ from cpic_planner.etc.noise import (
     stack_noise as stack_noise,
 )
 from cpic_planner.etc.planet import (
+    FARTHEST_ARCSEC as FARTHEST_ARCSEC,
+    NEAREST_ARCSEC as NEAREST_ARCSEC,
     QUADRANTS as QUADRANTS,
     diagonal_pa_deg as diagonal_pa_deg,
     insolation_distance_au as insolation_distance_au,

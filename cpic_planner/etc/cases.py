@@ -28,6 +28,7 @@ from cpic_planner.etc.modes import with_modes
 from cpic_planner.etc.motion import SearchMotion
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
 from cpic_planner.etc.planet import (
+    NEAREST_ARCSEC,
     QUADRANTS,
     Planets,
     planet_offsets,
@@ -317,7 +318,7 @@ def _contrasts(model: EtcModel, targets: Targets, band: str, planets: Planets) -
         return np.asarray(spread(planets.contrast, shape))
     contrast = np.zeros(shape)
     for body in dict.fromkeys(planets.models):
-        own = np.array([other == body for other in planets.models]) & (planets.separation_arcsec > 0)
+        own = np.array([other == body for other in planets.models]) & (planets.separation_arcsec >= NEAREST_ARCSEC)
         if own.any():
             contrast[:, own] = reference_contrast(model, targets, band, planets.separation_arcsec[own], body)
     return contrast

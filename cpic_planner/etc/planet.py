@@ -29,6 +29,10 @@ from simulator.target import (
     sin_phase,
 )
 
+NEAREST_ARCSEC, FARTHEST_ARCSEC = 1e-6, 120.0
+"""Where a planet can be asked for, and the nearest place at which the light of a modelled one is worked out: inside
+it is none, as at the star itself, and no double holds the contrast of a planet at 1e-308 arcsec."""
+
 
 def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet) -> FloatArray:
     """Return the true star-planet distance in au, shape ``(n_star, n_separation)``; 1 arcsec at 1 pc is 1 au.
@@ -306,7 +310,7 @@ def planets_of(
     if len(sizes) > 1 or 0 in sizes or places.ndim != 1:
         raise InputError("separation_arcsec", len(places), allowed="as many as there are planets and contrasts, or one")
     n = max(sizes, default=1)
-    where = np.array([check_range("separation_arcsec", value, 0.0, 120.0, "arcsec") for value in places])
+    where = np.array([check_range("separation_arcsec", value, 0.0, FARTHEST_ARCSEC, "arcsec") for value in places])
     given = None
     if ratios is not None:
         given = np.broadcast_to(np.array([check_range("contrast", value, 0.0, 1.0, "") for value in ratios]), n)

@@ -147,7 +147,7 @@ def check_address(scheduler: str | None) -> str | None:
     try:
         parts = urlsplit(scheduler)
         good = parts.scheme in _PROTOCOLS and bool(parts.hostname) and bool(parts.port)
-    except (ValueError, AttributeError):
+    except (ValueError, AttributeError, TypeError):
         good = False
     if not good:
         raise InputError("--scheduler", scheduler, allowed="an address tcp://host:port")

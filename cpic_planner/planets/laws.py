@@ -240,7 +240,7 @@ def read_law(value: Any) -> Law:
     if isinstance(value, tuple(_BY_NAME.values())):
         return cast("Law", value)
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return validate(Fixed, {"value": float(value)})
+        return validate(Fixed, {"value": value})
     given = {"law": value} if isinstance(value, str) else value
     if not isinstance(given, Mapping):
         raise InputError("law", value, allowed="a number, or a mapping with law: " + ", ".join(LAWS))

@@ -126,7 +126,7 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
         0.0, "Roll of the telescope: it turns companions, and with them the quadrant that is darkest.", ge=-360, le=360
     )
     strategy: shared.Strategy = shared.asked_strategy()
-    distance_pc: float | None = asked(None, "Distance, instead of the catalogue's.")
+    distance_pc: float | None = asked(None, "Distance, instead of the catalogue's.", ge=0.01, le=1e5)
     # A star of one's own counts by what is made of it, as one of a table.
     v_mag: float | None = asked(
         None, "V of a star that is in no table; with {sp_type} or {teff_k}.", physics=False, ge=-30, le=30, unit="mag"
@@ -270,7 +270,7 @@ class OptimiseQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
 
     KIND: ClassVar[str] = "optimise"
 
-    target: shared.Texts = asked(..., "Star names.", accepts="str or sequence of str")
+    target: shared.Texts = asked(..., "Star names.", min_length=1, accepts="str or sequence of str")
     time_s: float | None = asked(
         None, "Wall time: the clearest detection within it.", unset="36000 if no goal is given"
     )

@@ -3,6 +3,7 @@
 The question of ``cpic confirm``: what simulated images of a scene show.
 """
 
+import os
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
@@ -157,7 +158,7 @@ def _scene(source: str) -> Scene:
     try:
         return load_scene(source)
     except InputError as error:
-        if error.key != "scene" or Path(source).exists():
+        if error.key != "scene" or os.path.exists(source):
             raise
         try:
             resolve_star(source)

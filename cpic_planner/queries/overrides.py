@@ -17,7 +17,7 @@ from typing import Any, Literal, TypeAlias, cast
 
 from pydantic import field_validator
 
-from cpic_core import InputError, load_mapping
+from cpic_core import InputError, is_file, load_mapping
 from cpic_planner.queries.changes import (
     ALIASES,
     COMPANIONS,
@@ -161,7 +161,7 @@ def _pairs(source: OverrideSource) -> Iterator[tuple[str, Any]]:
             raise InputError("", source, allowed="KEY=VALUE, as throughput=x0.7, or a YAML file")
         yield key.strip(), text.strip()
     elif isinstance(source, str | Path):
-        if not Path(source).is_file():
+        if not is_file(source):
             raise InputError("", str(source), allowed="KEY=VALUE, as throughput=x0.7, or a YAML file that exists")
         tree = load_mapping(source, _WHERE, (*ALIASES, COMPANIONS, *Instrument.model_fields))
         if tree.pop("kind", _WHERE) != _WHERE:

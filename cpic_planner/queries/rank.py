@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 
 from pydantic import model_validator
 
-from cpic_core import InputError, read_text, unguarded
+from cpic_core import InputError, is_file, read_text, unguarded
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import called
@@ -60,6 +60,7 @@ class VisibilityQuestion(shared.CatalogQuestion):
     target: shared.Texts = asked(
         ...,
         'Stars: "HIP 8102", "tau Cet", "alpha Cen B" ...',
+        min_length=1,
         argument=True,
         metavar="TARGET...",
         accepts="str or sequence of str",
@@ -180,7 +181,7 @@ def read_star_names(given: Any) -> tuple[str, ...]:
     names: dict[str, None] = {}
     for item in shared.several(given):
         text = str(item)
-        if "/" in text or text.lower().endswith(_LIST_ENDINGS) or Path(text).is_file():
+        if "/" in text or text.lower().endswith(_LIST_ENDINGS) or is_file(text):
             written = read_text(text, key="stars", allowed=_LIST_OF_STARS, max_bytes=_MOST_BYTES)
             lines = [line.partition("#")[0] for line in written.splitlines()]
             lines = lines[bool(lines) and lines[0].strip().lower() == "name" :]
@@ -267,7 +268,7 @@ class FilteredQuestion(shared.CutsQuestion):
         tree, folder = super().load(source), Path(source).parent
         if "stars" in tree:
             names = [str(item) for item in shared.several(tree["stars"]) or ()]
-            tree["stars"] = [str(folder / name) if (folder / name).is_file() else name for name in names]
+            tree["stars"] = [str(folder / name) if is_file(folder / name) else name for name in names]
         return tree
 
     @model_validator(mode="after")

@@ -76,7 +76,7 @@ class ReferencePlanet(FrozenModel):
     """
 
     radius_rjup: float = asked(1.0, "Planet radius in R_J = 71 492 km.", gt=0, le=10, option="--planet-radius-rjup")
-    phase_deg: float = asked(90.0, "Phase angle.", gt=0, lt=180)
+    phase_deg: float = asked(90.0, "Phase angle.", ge=0.001, le=179.999)
     albedo: config.AlbedoValue = asked(
         config.MeasuredAlbedo(model="jupiter"), "What the planet reflects.", parts=AlbedoParts
     )
@@ -268,9 +268,10 @@ Seed = Annotated[int, Field(ge=0, lt=2**63)]
 
 def several(value: Any) -> Any:
     """Return a single value as a tuple of one, and a list as a tuple."""
-    if value is None or isinstance(value, tuple):
-        return value
-    return tuple(value) if isinstance(value, list | set) or hasattr(value, "tolist") else (value,)
+    plain = value.tolist() if hasattr(value, "tolist") else value  # also of a number of numpy
+    if plain is None or isinstance(plain, tuple):
+        return plain
+    return tuple(plain) if isinstance(plain, list | set) else (plain,)
 
 
 def star_names() -> list[str]:
@@ -304,11 +305,13 @@ class InstrumentQuestion(Question):
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
         tree = super()._read(tree)
         bands = several(tree.get("bands"))
-        if bands is not None and ALL in bands:
+        if bands is None or not all(isinstance(name, str) for name in bands):
+            return tree
+        if ALL in bands:
             if len(bands) > 1:
                 raise InputError("bands", ", ".join(map(str, bands)), allowed=f"{ALL} alone, or names of bands")
             bands = tuple(tree.get("instrument", default_instrument()).bands)
-        return tree if bands is None else tree | {"bands": tuple(dict.fromkeys(bands))}
+        return tree | {"bands": tuple(dict.fromkeys(bands))}
 
     def band_names(self) -> tuple[str, ...]:
         """Return the bands that are asked for, all of the visible camera without any."""

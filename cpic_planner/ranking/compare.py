@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from catalogs import TableBytes, astropy_table, star_key
-from cpic_core import InputError, read_file
+from cpic_core import InputError, read_file, shortened
 from cpic_planner.ranking.sensitivity import tau_b
 from cpic_planner.registry import SCORES
 from cpic_planner.results import (
@@ -116,7 +116,7 @@ def load_ranking(path: str | Path, *, key: str = "other") -> Ranking:
         where = ".".join(map(str, first["loc"]))
         raise InputError(key, file.name, allowed=allowed, hint=f"{where}: {first['msg']}") from None
     except Exception as error:  # astropy refuses a damaged table in many ways
-        hint = error.hint if isinstance(error, InputError) and error.key == key else str(error)
+        hint = error.hint if isinstance(error, InputError) and error.key == key else shortened(str(error))
         raise InputError(key, file.name, allowed=allowed, hint=hint) from None
     try:
         return Ranking.of(RankResult.model_validate({**meta, "targets": rows}), file.name)

@@ -74,7 +74,7 @@ def optimise(
     body = planet or ReferencePlanet()
     names = model.named(bands)
     if separation_arcsec is not None:
-        etc.check_range("separation_arcsec", separation_arcsec, 1e-6, 120.0, "arcsec")
+        etc.check_range("separation_arcsec", separation_arcsec, etc.NEAREST_ARCSEC, etc.FARTHEST_ARCSEC, "arcsec")
     if time_s is not None:
         etc.check_range("time_s", time_s, 1e-3, 1e9, "s")
         return best_of([best_in_band(model, targets, band, time_s, body, separation_arcsec) for band in names])

@@ -6,12 +6,13 @@ What a simulation costs before it is run: time, memory and disk from the number 
 """
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from catalogs import NAMED_TABLES, Catalogue, open_catalogue, stars_at
-from cpic_core import InputError, load_mapping
+from cpic_core import InputError, at_home, load_mapping
 from cpic_planner.jobs import Cost
 from cpic_planner.results import ModellingRecord, PlannedSequenceRow, SimulationEstimate
 from cpic_planner.simulation.sequences import PlannedSequence, plan_sequences
@@ -161,9 +162,9 @@ def _read(
         return config.load_simulation(name, instrument=instrument)
     if config.preset_path("scene", name) is not None:
         return _scene(name)
-    path = Path(item).expanduser()
+    path = at_home(item)
     if name not in NAMED_TABLES:
-        if not path.exists():
+        if not os.path.exists(path):
             known = (*config.preset_names("simulation"), *config.preset_names("scene"))
             allowed = "a preset, a YAML file, or a table of stars that exists"
             raise InputError("what", name, allowed=allowed, hint=config.nearest(name, known) or _presets())

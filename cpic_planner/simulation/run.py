@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Unpack, cast
 
-from cpic_core import InputError, digest_of, dump_json, fingerprint
+from cpic_core import InputError, digest_of, dump_json, fingerprint, is_file
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.results import SimulatedProgramme, SimulatedSequence, SimulationResult, VisitRow
 from cpic_planner.simulation.inputs import check_light, disk_bytes, located, modelled, sequences_cost
@@ -145,7 +145,7 @@ def _named_files(tree: Any) -> Iterator[str]:
     elif isinstance(tree, list):
         for item in tree:
             yield from _named_files(item)
-    elif isinstance(tree, str) and 0 < len(tree) < 4096 and "\0" not in tree and Path(tree).is_file():
+    elif isinstance(tree, str) and is_file(tree):
         yield tree
 
 

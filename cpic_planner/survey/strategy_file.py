@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from catalogs import split_source
-from cpic_core import InputError, Provenance, load_yaml, split_sourced
+from cpic_core import InputError, Provenance, is_file, load_yaml, split_sourced
 from cpic_planner.queries import EXCLUSIONS, changed_instrument, get, read_exclusions
 from cpic_planner.results import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
@@ -279,7 +279,7 @@ def _beside(tree: Any, folder: Path) -> Any:
     for key, item in tree.items():
         if key in (*FILES, "population") and isinstance(item, str):
             name = split_source(item)[1] if key == "known_planets" else item
-            if name and (folder / name).is_file():
+            if name and is_file(folder / name):
                 found[key] = f"{item.removesuffix(name)}{folder / name}"
     return found
 

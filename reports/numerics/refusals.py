@@ -232,13 +232,13 @@ REFUSALS = [
         "catalogs.coordinates.separation_arcsec",
         separation_arcsec,
         (NAN, 0.0, 0.0, 0.0),
-        "ra_deg = a value that is not finite: not accepted; allowed: finite numbers",
+        "ra_deg = nan: not accepted; allowed: finite numbers",
     ),
     Refusal(
         "catalogs.coordinates.separation_arcsec",
         separation_arcsec,
         ("east", 0.0, 0.0, 0.0),
-        "ra_deg = east: not accepted; allowed: finite numbers",
+        "ra_deg = east: not accepted; allowed: real numbers",
     ),
     Refusal(
         "catalogs.coordinates.tangent_offset",
@@ -250,7 +250,7 @@ REFUSALS = [
         "catalogs.coordinates.position_angle",
         position_angle,
         (NAN, 1.0),
-        "east = a value that is not finite: not accepted; allowed: finite numbers",
+        "east = nan: not accepted; allowed: finite numbers",
     ),
     Refusal(
         "catalogs.coordinates.propagate",

@@ -1,3 +1,4 @@
+from cpic_core.quantities import unit_of as unit_of
 from simulator.config.base import (
     FrozenModel as FrozenModel,
     at as at,
@@ -10,7 +11,6 @@ from simulator.config.base import (
     limits_of as limits_of,
     nearest as nearest,
     to_unit as to_unit,
-    unit_of as unit_of,
     validate as validate,
 )
 from simulator.config.bodies import (

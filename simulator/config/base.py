@@ -4,24 +4,33 @@ Keys and values as people write them: other names of a key, near misses, units, 
 """
 
 import difflib
-import functools
 import hashlib
 import json
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Annotated, Any, ClassVar, Self, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Self, TypeVar, cast, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic._internal._model_construction import ModelMetaclass  # the public ones do not name it
 from pydantic.fields import FieldInfo
 
-from cpic_core import InputError, in_unit
+from cpic_core import InputError, in_unit, unit_of
 
 M = TypeVar("M", bound=BaseModel)
 
 
-class FrozenModel(BaseModel):
+class _Refusing(ModelMetaclass):
+    """Let models that Python makes refuse their values as those that are read from files."""
+
+    def __call__(cls, *args: Any, **values: Any) -> Any:  # noqa: N805 - of a class
+        try:
+            return super().__call__(*args, **values)
+        except ValidationError as error:
+            raise _one_line(error, "", cast("type[BaseModel]", cls)) from None
+
+
+class FrozenModel(BaseModel, metaclass=_Refusing):
     """Base of every configuration model: immutable, unknown keys refused, NaN and inf refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True, defer_build=True)
@@ -253,21 +262,6 @@ def _metadata(annotation: Any) -> Iterator[Any]:
         yield from getattr(item, "metadata", (item,))
     for item in get_args(annotation):
         yield from _metadata(item)
-
-
-_UNITS = {name: name for name in ("arcsec", "au", "deg", "h", "km", "m", "mag", "mas", "nm", "pc", "s", "um")}
-_UNITS |= {"adu": "ADU", "days": "d", "e": "e-", "k": "K", "lambda_d": "lambda/D", "lsun": "L_sun", "mag_max": "mag"}
-_UNITS |= {"pixel": "px", "pixels": "px", "rjup": "R_Jup", "zodis": "zodi", "per_s_cm2": "1/s/cm2", "deg_s": "deg/s"}
-_UNITS |= {"e_adu": "e-/ADU", "e_s": "e-/s", "e_um": "e-/um", "mag_arcsec2": "mag/arcsec2", "mas_yr": "mas/yr"}
-_UNITS |= {"nm_per_sqrt_hour": "nm/sqrt(h)"}
-
-
-@functools.lru_cache(maxsize=4096)
-def unit_of(key: str) -> str:
-    """Unit named by the suffix of a key, ``""`` if none; that of an item of a list is that of the list."""
-    key = re.sub(r"(\.\d+)+$", "", key)
-    tails = (key[mark.end() :] for mark in re.finditer("_", key))
-    return next((_UNITS[tail] for tail in tails if tail in _UNITS), "")
 
 
 def canonical_keys(

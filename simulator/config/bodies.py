@@ -6,13 +6,12 @@ Stars and planets of a scene as configuration.
 import math
 import re
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, StrictBool
 
 from catalogs import stellar_parameters
-from cpic_core import InputError
+from cpic_core import InputError, is_file
 from simulator.config.base import SpelledModel, other_names, required
 from simulator.config.light import STAR_MODELS, AlbedoValue, PlanetLight, Real, SpectrumTable, StarLight
 
@@ -167,7 +166,7 @@ class SceneStar(Body):
         """Whether the spectrum is made from parameters: by a model or a tree of them, not by a file or table."""
         if isinstance(self.spectrum, SpectrumTable):
             return False
-        return self.spectrum in STAR_MODELS or not Path(self.spectrum).is_file()
+        return self.spectrum in STAR_MODELS or not is_file(self.spectrum)
 
 
 class Planet(Body):
@@ -211,7 +210,7 @@ class Planet(Body):
                 if getattr(self, name) is None:
                     raise required(name, f"a value: {why}")
             file = getattr(self.albedo, "file", None)
-            if file is not None and not Path(file).is_file():
+            if file is not None and not is_file(file):
                 raise InputError("albedo.file", file, allowed="an existing file")
             return
         _refuse(self, ("albedo",), "light of its own", "a key of a planet in reflected light")

@@ -112,7 +112,7 @@ class Instrument(FrozenModel):
         InputError
             If the instrument has no such band.
         """
-        if name not in self.bands:
+        if not isinstance(name, str) or name not in self.bands:
             raise InputError("band", name, allowed=", ".join(self.bands))
         return self.bands[name]
 

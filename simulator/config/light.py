@@ -4,6 +4,7 @@ What reflects the star's light, as configuration: one of five kinds of geometric
 """
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, cast
@@ -111,7 +112,7 @@ def spectrum_value(value: Any, models: tuple[str, ...]) -> str | SpectrumTable:
     if isinstance(value, Mapping):
         return validate(SpectrumTable, value)
     if isinstance(value, str | Path):
-        if value in models or (str(value) and Path(value).exists()):
+        if value in models or (str(value) and os.path.exists(value)):
             return str(value)
         allowed = f"{', '.join(models)}, or an existing file"
         raise InputError("spectrum", str(value), allowed=allowed, hint=nearest(value, models))

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import Field
 
 from catalogs import position_angle, separation_arcsec, tangent_offset
-from cpic_core import InputError, load_mapping
+from cpic_core import InputError, is_file, load_mapping
 from simulator.config.base import SpelledModel, inside, other_names, required, validate
 from simulator.config.bodies import MAX_SEPARATION_ARCSEC, Body, Planet, SceneStar
 from simulator.config.light import ALBEDO_MODELS, PLANET_MODELS, STAR_MODELS
@@ -258,7 +258,7 @@ def paths_beside(tree: Any, folder: Path) -> Any:
         return tree
     return {
         key: str(folder / item)
-        if key in _FILE_KEYS and isinstance(item, str) and item not in _MODELS and (folder / item).is_file()
+        if key in _FILE_KEYS and isinstance(item, str) and item not in _MODELS and is_file(folder / item)
         else paths_beside(item, folder)
         for key, item in tree.items()
     }

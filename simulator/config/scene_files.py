@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 
-from cpic_core import InputError
+from cpic_core import InputError, is_file
 from simulator.config import scene as scene_file
 from simulator.config.base import canonical_keys, inside, required, to_unit, validate
 from simulator.config.bodies import Planet
@@ -70,6 +70,8 @@ def scenes_from_table(table: StarColumns, *, planet: Planet | Mapping[str, Any] 
     InputError
         For a missing column or the first bad row, by its number.
     """
+    if not is_table(table):
+        raise InputError("table", table, allowed="a table with named columns")
     names = _names(table)
     star, companion = _found(table, names, _STAR), _found(table, names, _COMPANION)
     if "name" not in names:
@@ -306,6 +308,6 @@ def _instrument(source: Any, folder: Path | None) -> Instrument:
 
 def _beside(source: Any, folder: Path | None) -> Any:
     """Path of a file that lies beside the simulation's, other sources as they are."""
-    if folder is not None and isinstance(source, str) and (folder / source).is_file():
+    if folder is not None and isinstance(source, str) and is_file(folder / source):
         return folder / source
     return source

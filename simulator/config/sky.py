@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeAlias, cast
 
 from pydantic import BeforeValidator, Field
 
-from cpic_core import InputError
+from cpic_core import InputError, is_file
 from simulator.config.base import FrozenModel, canonical_keys, nearest, other_names, required, validate
 from simulator.config.light import Real
 
@@ -291,7 +291,7 @@ class ImageSource(_Scattered):
 
     def _check_values(self) -> None:
         super()._check_values()
-        if not Path(self.file).is_file():
+        if not is_file(self.file):
             raise InputError("file", self.file, allowed="an existing FITS or npz file")
 
 

@@ -12,6 +12,7 @@ Values are the share of the charge in every sample, on any scale: finite, not ne
 
 import functools
 import math
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -165,7 +166,7 @@ def read_templates(path: str | Path) -> TemplateSet:
         If the file is missing, damaged or of another form, or a template is not finite, negative or empty.
     """
     place = Path(path)
-    if not place.is_file():
+    if not os.path.isfile(place):
         return _read_templates(path, None)
     return _read_templates(path, (place.stat().st_mtime_ns, place.stat().st_size))
 

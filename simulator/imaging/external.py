@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, numeric_context
+from cpic_core import FloatArray, InputError, NDArray, as_path, numeric_context
 from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.map_files import real_map
@@ -267,7 +267,9 @@ def save_psf(psf: Stamps, path: str | Path) -> Path:
     OSError
         If the file cannot be written.
     """
-    place = Path(path)
+    place = as_path("path", path)
+    if not all(hasattr(psf, name) for name in ("band", "on_axis", "off_axis", "pixel_scale_arcsec")):
+        raise InputError("psf", psf, allowed="what single_band_psf or load_psf returns")
     images = {name: np.asarray(getattr(psf, name), dtype=np.float64) for name in ("off_axis", "on_axis")}
     for name, image in images.items():
         _image(place, name, image, [])
@@ -308,12 +310,18 @@ def _pixel(path: str | Path, stated: float | None, instrument: Instrument, band:
     return detector
 
 
+LARGEST = 1e100
+"""Largest pixel value of a stamp in units of its own: sums of such stay finite."""
+
+
 def _image(path: str | Path, name: str, data: NDArray[Any], flags: list[str]) -> FloatArray:
     key = f"psf {name}"
     image = real_map(key, path, data, sides=SIDES)
     if len(image) % 2 == 0:
         allowed = "an odd number of pixels a side, the source on pixel n // 2"
         raise InputError(key, str(path), allowed=allowed, hint=f"found {len(image)}")
+    if image.max() > LARGEST:
+        raise InputError(key, str(path), allowed=f"values of at most {LARGEST:g}", hint=f"found {image.max():.3g}")
     negative = image < 0
     if negative.any():
         if image.min() < -NEGATIVE * max(float(image.max()), 0.0):

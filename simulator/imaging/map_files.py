@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cpic_core import InputError, NDArray, open_file, read_npz
+from cpic_core import InputError, NDArray, bounded_fits, open_file, read_npz
 
 MAX_BYTES = 1_000_000_000
 MAX_SIDE = 8192
@@ -83,7 +83,7 @@ def _from_fits(key: str, path: str | Path, file: BufferedReader) -> tuple[FileMa
     with warnings.catch_warnings(record=True) as complaints:
         warnings.simplefilter("always")
         try:
-            with fits.open(file, memmap=False, checksum=True) as hdus:
+            with fits.open(bounded_fits(file), memmap=False, checksum=True) as hdus:
                 found = _images(key, path, hdus)
         except InputError:
             raise

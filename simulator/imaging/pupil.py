@@ -19,7 +19,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, stream
+from cpic_core import FloatArray, InputError, NDArray, is_file, stream
 from simulator.imaging.map_files import MapFile, read_maps, real_map
 
 Kind: TypeAlias = Literal["amplitude", "intensity"]
@@ -75,7 +75,7 @@ def load_apodizer(name_or_path: str | Path, *, kind: Kind = "amplitude", samples
         if kind != "amplitude":
             raise InputError("apodizer kind", kind, allowed="amplitude for a shipped mask", hint=name)
         file = _shipped_maps(name)
-    elif Path(name).is_file():
+    elif is_file(name):
         file = read_maps("apodizer", name)
     else:
         raise InputError("apodizer", name, allowed=f"an npz or FITS file, or one of: {', '.join(shipped_apodizers())}")

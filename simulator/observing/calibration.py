@@ -150,7 +150,7 @@ def _camera(instrument: Instrument, kind: str, band: str, camera: str | None) ->
     """Name of the camera: that of the band, or the one asked for."""
     if (kind in _NEEDS_BAND) != bool(band):
         raise InputError("band", band, allowed=f"a band for {', '.join(_NEEDS_BAND)}, none for BIAS and DARK")
-    if camera not in (None, *get_args(CameraName)):
+    if camera is not None and (not isinstance(camera, str) or camera not in get_args(CameraName)):
         raise InputError("camera", camera, allowed=", ".join(get_args(CameraName)))
     if not band:
         return "NIR" if camera == "NIR" else "VIS"

@@ -9,7 +9,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-from cpic_core import InputError, read_text
+from cpic_core import InputError, as_path, read_text
 from simulator.products.check_file import FileFacts, check_file
 from simulator.products.check_headers import TIME_TOLERANCE_S
 from simulator.products.check_params import MAX_BYTES, check_params
@@ -143,12 +143,12 @@ def check_level0(path: str | Path) -> list[Finding]:
     InputError
         If there is no such file or folder.
     """
-    place = Path(path)
-    if place.is_file():
+    place = as_path("path", path)
+    if os.path.isfile(place):
         facts, findings = _check_one(place)
         return findings
-    if not place.is_dir():
-        kind = "neither: a pipe, a socket or a device" if place.exists() else ""
+    if not os.path.isdir(place):
+        kind = "neither: a pipe, a socket or a device" if os.path.exists(place) else ""
         raise InputError("path", str(place), allowed="a regular file or a folder that exists", hint=kind)
     files, findings = _below(place)
     known: list[FileFacts] = []

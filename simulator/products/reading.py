@@ -13,7 +13,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeGuard
 
-from cpic_core import InputError, open_file
+from cpic_core import InputError, bounded_fits, open_file
 from simulator.products.units import ALL_ONES, ones_sum
 
 Header: TypeAlias = Mapping[str, Any]
@@ -155,7 +155,7 @@ def _opened(report: Report, file: BufferedReader, *, raw: bool) -> Any:
     try:
         size = report.path.stat().st_size
         _refuse_endless(file, 0)
-        units = fits.open(file, memmap=True, do_not_scale_image_data=True, disable_image_compression=raw)
+        units = fits.open(bounded_fits(file), memmap=True, do_not_scale_image_data=True, disable_image_compression=raw)
         last = _last(units, file)
     except (*_DAMAGE, fits.VerifyError) as error:
         report.error(f"is not readable as FITS: {_first_line(error)}")

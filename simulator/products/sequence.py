@@ -165,6 +165,8 @@ def check_sequence(sequence: FrameSequence) -> None:
     InputError
         Naming the attribute.
     """
+    if not hasattr(sequence, "iter_full_frames"):
+        raise InputError("observation", sequence, allowed="what observe or calibrate returns")
     for name, allowed in (("camera", get_args(Camera)), ("kind", get_args(Kind))):
         if getattr(sequence, name) not in allowed:
             raise InputError(name, getattr(sequence, name), allowed=", ".join(allowed))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs import Albedo, TableBytes, parse_table
-from cpic_core import NPZ_ERRORS, InputError, open_npz, read_file
+from cpic_core import NPZ_ERRORS, InputError, at_home, open_npz, read_file
 from simulator.band_integrals import LENGTHS_NM
 from simulator.target.albedo_grid_file import LARGEST_ALBEDO, is_sqlite
 
@@ -72,7 +72,7 @@ def read_albedo(path: str | Path, *, unit: str | None = None) -> Albedo:
         If the file cannot be read, its columns or unit cannot be told, a row is broken, a wavelength is repeated, or
         an albedo is not within 0 to 2.
     """
-    place = Path(path).expanduser()
+    place = at_home(path)
     hint = "is it a grid of models? then give log10_mh and log10_fsed with it"
     data = read_file(path, key="albedo file", allowed=_FORMATS, max_bytes=_MAX_BYTES, too_large=hint)
     columns = _parse(place, data)

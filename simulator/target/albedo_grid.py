@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs import bracket
-from cpic_core import ArrayLike, InputError, refuse_sent
+from cpic_core import ArrayLike, InputError, at_home, refuse_sent
 from simulator.knobs import AlbedoFamily
 from simulator.target.albedo_grid_file import Axes, Model, Models, open_models
 from simulator.target.contrast import checked_phase
@@ -41,9 +41,8 @@ def load_albedo_grid(path: str | Path) -> "AlbedoGrid":
         If there is no such file, or it is not laid out as such a grid.
     """
     refuse_sent(path, key="albedo grid")
-    place = Path(path).expanduser()
     try:
-        place = place.resolve()
+        place = at_home(path).resolve()
         state = place.stat()
     except (OSError, ValueError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from catalogs import HC_ERG_ANGSTROM, Spectrum, TableBytes, astropy_table
-from cpic_core import InputError, read_file
+from cpic_core import InputError, bounded_fits, read_file
 from simulator.band_integrals import LENGTHS_NM, check_table
 
 _MAX_BYTES = 200_000_000
@@ -151,7 +151,7 @@ def _from_fits(path: Path, data: bytes) -> tuple[np.ndarray, str, np.ndarray, st
             warnings.simplefilter("ignore")
             from astropy.io import fits
 
-            with fits.open(io.BytesIO(data)) as hdus:
+            with fits.open(bounded_fits(io.BytesIO(data))) as hdus:
                 columns = hdus[1].columns
                 names = [name for name in ("WAVELENGTH", "FLUX") if name in columns.names]
                 names = names if len(names) == 2 else columns.names[:2]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from catalogs import Spectrum, load_stellar_grid, stellar_parameters
-from cpic_core import InputError, check_number, numeric_context
+from cpic_core import InputError, check_number, is_file, numeric_context
 from simulator.band_integrals import check_table, v_photon_rate, vega_v_photon_rate
 from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
 
@@ -183,7 +183,7 @@ def stellar_spectrum(
     name = str(model)
     if name == "pickles":
         return _from_library(magnitude, spectral_type, given)
-    if name not in STAR_MODELS and Path(name).is_file() and Path(name).name != "catalog.fits":
+    if name not in STAR_MODELS and is_file(name) and Path(name).name != "catalog.fits":
         from simulator.target.spectrum_table import read_spectrum
 
         return _from_table(magnitude, read_spectrum(name), given, name)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from catalogs import SpectralLibrary, load_pickles, parse_spectral_type
-from cpic_core import InputError, open_file
+from cpic_core import InputError, bounded_fits, open_file
 from simulator.target.spectrum_table import photon_flux
 
 _LETTERS = "OBAFGKM"
@@ -124,15 +124,15 @@ def find_tree(path: str | os.PathLike[str]) -> Path:
         If there is none, or several.
     """
     place = Path(path)
-    if str(path) in TREE_NAMES and not place.exists():
+    if str(path) in TREE_NAMES and not os.path.exists(place):
         root = os.environ.get("PYSYN_CDBS", "")
         if not root:
             raise InputError("model", str(path), allowed="the path of the tree", hint="or set PYSYN_CDBS to its root")
         place = Path(root) / place
-    if place.name == _CATALOGUE and place.is_file():
+    if place.name == _CATALOGUE and os.path.isfile(place):
         return place
     for file in (place / _CATALOGUE, place.parent / "grid" / place.name / _CATALOGUE):
-        if file.is_file():
+        if os.path.isfile(file):
             return file
     found = sorted(place.glob(f"grid/*/{_CATALOGUE}"))
     if len(found) > 1:
@@ -140,7 +140,9 @@ def find_tree(path: str | os.PathLike[str]) -> Path:
         raise InputError("model", str(path), allowed=f"one of its trees: {names}", hint=f"such as {found[0].parent}")
     if not found:
         kind = f"a folder with {_CATALOGUE} or grid/*/{_CATALOGUE}"
-        raise InputError("model", str(path), allowed=kind if place.exists() else f"grid, blackbody, pickles, or {kind}")
+        raise InputError(
+            "model", str(path), allowed=kind if os.path.exists(place) else f"grid, blackbody, pickles, or {kind}"
+        )
     return found[0]
 
 
@@ -260,7 +262,7 @@ def _table(path: str, columns: tuple[str, str]) -> dict[str, Any]:
             warnings.simplefilter("ignore")
             with (
                 open_file(path, key="model file", allowed=wanted, max_bytes=_MAX_BYTES) as file,
-                fits.open(file) as hdus,
+                fits.open(bounded_fits(file)) as hdus,
             ):
                 table = hdus[1].data
                 return {name: np.array(table[name]) for name in columns}

@@ -1,0 +1,161 @@
+"""Cases of the public functions: good calls with one to three arguments of another kind."""
+
+import functools
+import inspect
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from hypothesis import strategies as st
+
+import cpic_planner
+from tests.fuzz.values import objects
+from tests.fuzz.watched import Case, of_function
+
+NOWHERE = "/dev/null/nowhere"
+"""No folder can be made there: functions that would work for minutes refuse it after everything else."""
+_IMAGES = {"fidelity", "tolerance", "realisations"}
+"""Keywords by which the calculator makes images."""
+
+
+def good_calls(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return arguments of each public function with which it answers in milliseconds, or is refused at last.
+
+    Parameters
+    ----------
+    folder : Path
+        Of a table ``stars.csv``.
+    """
+    star = {"target": "tau Cet", "bands": ["F520"], "separation_arcsec": 0.5}
+    ranked = {"catalog": str(folder / "stars.csv"), "bands": ["F520"], "n_planets": 20}
+    body = {"separation_arcsec": 0.5, "pa_deg": 45.0, "radius_rjup": 1.0, "phase_deg": 90.0}
+    bright = {"v_mag": 4.0, "spectral_type": "G2V", "distance_pc": 5.0}
+    scene = {"name": "mine", "cstar": bright, "planets": [body]}
+    return {
+        "signal_to_noise": star | {"time_s": 1e5},
+        "exposure_time": star | {"snr": 5.0},
+        "contrast_limit": star | {"time_s": 1e5},
+        "optimise": {"target": "tau Cet", "bands": ["F520"], "snr": 5.0},
+        "rank_targets": ranked,
+        "rank_sensitivity": ranked,
+        "explain_rank": {"target": "A one"} | ranked,
+        "compare_ranks": {"other": "as_published"} | ranked,
+        "make_plan": {"out": NOWHERE} | ranked,
+        "confirm_scene": {"scene": "paper_example", "out": NOWHERE, "bands": ["F520"]},
+        "confirm_targets": {"target": "no such star", "bands": ["F520"]},
+        "simulate_products": {
+            "what": "paper_example",
+            "out": NOWHERE,
+            "band": "F520",
+            "exposure_s": 10.0,
+            "em_gain": 10.0,
+        },
+        "compare_strategies": {"strategies": "survey_default", "out": NOWHERE},
+        "star_visibility": {"target": "tau Cet", "n_days": 5},
+        "load_targets": {"source": "snapshot"},
+        "load_known_planets": {"source": "snapshot"},
+        "load_population": {"source": "jupiters"},
+        "load_strategies": {"source": "survey_default"},
+        "load_instrument": {"source": {"name": "mine"}},
+        "load_scene": {"source": scene},
+        "load_psf": {"path": "nowhere.fits", "instrument": None, "band": "F520", "energy": 1.0},
+        "load_dm_surface": {"path": "nowhere.fits", "samples": 32, "unit": "nm"},
+        "lambert_phase": {"phase_deg": 90.0},
+        "planet_contrast": {
+            "radius_rjup": 1.0,
+            "separation_ra_au": 1.0,
+            "separation_dec_au": 0.5,
+            "phase_deg": 90.0,
+            "geometric_albedo": 0.5,
+        },
+        "planet_albedo": {"wavelength_nm": 600.0, "model": "jupiter"},
+        "star_photlam": {"magnitude_v": 5.0, "spectral_type": "G2V"},
+        "spectrum_generator": {"scene": scene},
+        "scenes_from_table": {
+            "table": pd.DataFrame({"v_mag": [5.0], "sp_type": ["G2V"], "distance_pc": [5.0], "name": ["A"]})
+        },
+        "single_band_psf": {"band": "no such band", "fidelity": "quick"},
+        "save_psf": {"psf": None, "path": NOWHERE},
+        "observe": {"scene": scene, "band": "F520", "exposure_s": 10.0, "n_frames": 1, "visit": 10**9},
+        "calibrate": {"kind": "BIAS", "n_frames": 1, "em_gain": 1.0},
+        "check_level0": {"path": str(folder / "stars.csv")},
+        "write_level0": {"observation": None, "out_dir": NOWHERE},
+        "stream": {"seed": 1},
+        "Strategy": {"visits": 2},
+        "ReferencePlanet": {"radius_rjup": 1.0},
+        "Knobs": {},
+        "Planet": body,
+        "SceneStar": bright,
+        "Scene": scene,
+    }
+
+
+REFUSED = ("load_psf", "load_dm_surface", "confirm_targets", "single_band_psf", "save_psf", "write_level0", "observe")
+REFUSED += ("make_plan", "confirm_scene", "simulate_products", "compare_strategies")
+"""Of these even the good call is refused, by the last thing that is looked at: else it works for long."""
+NO_CALLS = (
+    "ExternalPsf",
+    "Instrument",
+    "Observation",
+    "Outcome",
+    "Passbands",
+    "Psf",
+    "Calibration",
+    "NotOk",
+    "InputError",
+    "Reason",
+    "Status",
+)
+"""Public names that are made by others, not called."""
+
+
+@functools.cache
+def keywords_of(name: str) -> tuple[str, ...]:
+    """Return the names of the arguments of a public function or model."""
+    function = getattr(cpic_planner, name)
+    fields = getattr(function, "model_fields", None)
+    if fields is not None:
+        return tuple(fields)
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    names = tuple(item.name for item in inspect.signature(function).parameters.values() if item.kind in kinds)
+    if name == "load_targets":
+        names += ("v_mag_max", "dwarfs_only", "singles_only", "companions", "date_utc")
+    return names
+
+
+@st.composite
+def cases(draw: Any, folder: Path) -> Case:
+    """Draw a call of a public function."""
+    good = good_calls(folder)
+    name = draw(st.sampled_from(sorted(good)))
+    known = [
+        item
+        for item in keywords_of(name)
+        if item not in _IMAGES or name not in ("signal_to_noise", "exposure_time", "contrast_limit")
+    ]
+    arguments = dict(good[name])
+    slow = {key: value for key, value in arguments.items() if value is NOWHERE or key == "visit"}
+    for _ in range(draw(st.sampled_from((1, 1, 2, 3)))):
+        key = draw(st.sampled_from(known))
+        arguments[key] = draw(st.one_of(objects, _near(good[name].get(key))))
+    if name in ("make_plan", "confirm_scene", "compare_strategies", "observe", "simulate_products"):
+        arguments |= slow
+    function = getattr(cpic_planner, name)
+    return name, arguments, lambda: of_function(lambda: function(**arguments))
+
+
+def _near(value: Any) -> st.SearchStrategy[Any]:
+    """Values that are like a good one, but in another form, or with one part of another kind."""
+    if isinstance(value, float):
+        return st.sampled_from([np.array(value), [value], [value, -value], str(value), {"value": value}, value * 1e300])
+    if isinstance(value, dict):
+        return st.builds(lambda key, item: value | {key: item}, st.sampled_from([*value, 1]), objects)
+    if isinstance(value, str | list):
+        return st.one_of(
+            st.just([value, 5]),
+            st.just([value, value]),
+            st.just([[value]]),
+            st.just({value if isinstance(value, str) else "a": value}),
+        )
+    return objects
