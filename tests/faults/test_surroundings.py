@@ -9,7 +9,7 @@ import sys
 import pytest
 
 ANSWER = ["schema", "etc"]
-TABLE = ["cache", "info"]
+TABLE = ["catalog", "info"]
 BAD = ["etc", "tau Cet", "--snr", "-5"]
 NULL = "/dev/null"
 

@@ -82,7 +82,7 @@ def test_a_check_mends_nothing(made):
 
 
 def test_other_paths_are_left_to_the_check_of_level_0(tmp_path):
-    with pytest.raises(InputError, match="a file or a folder that exists"):
+    with pytest.raises(InputError, match="a regular file or a folder that exists"):
         check_tree(tmp_path / "nowhere")
     np.savetxt(tmp_path / "a.txt", [1.0])
     assert [finding.message for finding in check_tree(tmp_path)] == ["has no Level-0 file"]
