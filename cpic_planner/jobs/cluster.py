@@ -236,7 +236,8 @@ class _Link:
             self.own.replace_dead()
         with self._lossy():
             workers = self.client.nthreads(callback_timeout=_ANSWER_S)
-        self._greet(set(workers))
+        if self.own is None:  # our own compare for themselves, at their first task
+            self._greet(set(workers))
         threads = sum(workers.values())
         self._next_look_s = time.monotonic() + _PULSE_S
         self.room = _IN_FLIGHT * max(threads, 1)

@@ -1,7 +1,7 @@
 """Workers say what they are before they do anything: those of other code, data or libraries are refused.
 
-The client asks every worker that a scheduler has, at the start and when one joins. A worker that joins and gets a task
-before it was asked compares the fingerprints itself. Only the processor may differ.
+The client asks every worker of a given scheduler, at the start and when one joins. A worker that gets a task before it
+was asked, as our own do, compares the fingerprints itself. Only the processor may differ.
 """
 
 from collections.abc import Collection
