@@ -10,6 +10,7 @@ what the package ships.
 import contextlib
 import errno
 import hashlib
+import math
 import os
 import re
 import stat
@@ -238,45 +239,61 @@ def digest_of(path: str | Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-_COUNTS = re.compile(rb"(Z?NAXIS\d*|[PG]COUNT|TFIELDS) *= *([-+]?\d+)")
+_COUNT = re.compile(rb"(BITPIX|Z?NAXIS\d*|[PG]COUNT|TFIELDS) *= *([-+]?\d+)")
 _MOST_COUNTED = 999  # by the standard, of axes and of fields
-_CARD, _BLOCKS = 80, 2880 * 1000
+_CARD, _BLOCK, _MOST_OF_HEADER = 80, 2880, 4_000_000
 
 
 def bounded_fits(file: BinaryIO) -> BinaryIO:
-    """Return an open FITS file, at its start, if its headers count as FITS does.
+    """Return an open FITS file, at its start, if its headers end and count as FITS does.
 
-    With other counts astropy reads without end: it counts to any number of axes, and units of less than no bytes lead
-    it back to where it was.
+    With others astropy reads without end: to the end of the file for the end of a header, to any number of axes, and
+    units of less than no bytes lead it back to where it was.
 
     Parameters
     ----------
     file : file
-        Of bytes, which can seek.
+        Of bytes, which can seek. Only headers are read.
 
     Raises
     ------
     OSError
         As astropy raises for other damage.
     """
-    file.seek(0)
-    while blocks := file.read(_BLOCKS):
-        for word in (b"NAXIS", b"COUNT", b"TFIELDS"):
-            place = blocks.find(word)
-            while place >= 0:
-                start = place - place % _CARD
-                _refuse_count(blocks[start : start + _CARD])
-                place = blocks.find(word, start + _CARD)
+    end, place = file.seek(0, os.SEEK_END), 0
+    while place < end and (cards := _cards(file, place)):
+        counts: dict[str, int] = {}
+        for card in cards:
+            if (found := _COUNT.match(card)) is not None:
+                counts.setdefault(found[1].decode(), int(found[2]))
+                _refuse_count(found[1].decode(), int(found[2]))
+        axes = [counts.get(f"NAXIS{axis + 1}", 0) for axis in range(counts.get("NAXIS", 0))]
+        if len(axes) > 1 and axes[0] == 0 and any(re.match(rb"GROUPS *= *T", card) for card in cards):
+            axes = axes[1:]
+        values = counts.get("GCOUNT", 1) * (counts.get("PCOUNT", 0) + (math.prod(axes) if axes else 0))
+        length = len(cards) * _CARD + abs(counts.get("BITPIX", 8)) * values // 8
+        place += -(-length // _BLOCK) * _BLOCK
     file.seek(0)
     return file
 
 
-def _refuse_count(card: bytes) -> None:
-    found = _COUNTS.match(card)
-    if found is None:
-        return
-    name, number = found[1].decode(), int(found[2])
-    if number < 0:
+def _cards(file: BinaryIO, place: int) -> list[bytes]:
+    """Cards of the header at a place, all of its last block; none where no header ends before the file does."""
+    file.seek(place)
+    cards: list[bytes] = []
+    while len(cards) * _CARD < _MOST_OF_HEADER:
+        block = file.read(_BLOCK)
+        if len(block) < _BLOCK:
+            return []
+        new = [block[start : start + _CARD] for start in range(0, _BLOCK, _CARD)]
+        cards += new
+        if any(card.rstrip() == b"END" for card in new):
+            return cards
+    raise OSError(errno.EINVAL, f"it has a header of more than {_MOST_OF_HEADER} bytes")
+
+
+def _refuse_count(name: str, number: int) -> None:
+    if number < 0 and name != "BITPIX":
         raise OSError(errno.EINVAL, f"{name} is below 0")
     if name in ("NAXIS", "ZNAXIS", "TFIELDS") and number > _MOST_COUNTED:
         raise OSError(errno.EINVAL, f"{name} is above {_MOST_COUNTED}")

@@ -33,7 +33,7 @@ def image(side):
         (SIMPLE.ljust(80).encode(), 10**10, "header of more than 4000000 bytes"),
         (SIMPLE.ljust(80).encode(), 10**12, "at most 200000000000 bytes"),
         (PRIMARY + b"XTENSION= 'IMAGE   '", 10**10, "header of more than 4000000 bytes"),
-        (PRIMARY + image(70_000), 10**11, "unit 1 has 9800000640 bytes"),
+        (PRIMARY + image(70_000), 9_801_000_000, "unit 1 has 9800000640 bytes"),
         (b"\0", 10**11, "not readable as FITS"),
     ],
 )
