@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
-from cpic_core import InputError, digest_of, read_file, write_text
+from cpic_core import InputError, digest_of, parse_json, read_file, write_text
 from cpic_planner.version import DISTRIBUTION
 
 _LOG = logging.getLogger(__name__)
@@ -94,7 +94,7 @@ class WrittenFiles:
         whole = text[: text.rfind(b"\n") + 1]
         lines = whole.splitlines()
         try:
-            head = dict(json.loads(lines[0]))
+            head = dict(parse_json(lines[0]))
             if head["software"] != DISTRIBUTION:
                 raise ValueError("not a list of this program")
             if head["schema_version"] != SCHEMA_VERSION:
@@ -102,7 +102,7 @@ class WrittenFiles:
                 raise refused(root, "a folder of this version of the program", hint)
             listed = cls(root, str(head["kind"]), str(head["config_hash"]))
             for line in lines[1:]:
-                listed._note(json.loads(line))
+                listed._note(parse_json(line))
         except InputError:
             raise
         except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
