@@ -143,6 +143,20 @@ class LockHeld(RuntimeError):
         super().__init__(f"{path} is held by another process: {text}")
 
 
+def parse_json(text: str | bytes) -> Any:
+    """Return what a JSON text of somebody else's says.
+
+    Raises
+    ------
+    ValueError
+        For every text that is none, brackets in brackets without end among them.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
 @contextlib.contextmanager
 def exclusive_lock(path: str | Path, *, wait: bool = True) -> Iterator[IO[str]]:
     """Hold an operating-system lock on ``path`` (created if absent, left in place afterwards, its content as it was).

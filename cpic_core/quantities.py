@@ -2,6 +2,7 @@
 
 import functools
 import re
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -135,6 +136,20 @@ def check_whole(name: str, value: Any, low: int, high: int) -> int:
     if not (low <= number <= high and number.is_integer()):
         raise InputError(name, value, allowed=f"an integer from {low} to {high}")
     return int(number)
+
+
+def check_word(name: str, value: Any, words: Collection[str]) -> None:
+    """Refuse what is none of some words.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : object
+    words : collection of str
+    """
+    if not isinstance(value, str) or value not in words:
+        raise InputError(name, value, allowed=", ".join(words))
 
 
 def check_pair(name: str, value: Any, limit: float, unit: str = "", *, why: str = "") -> tuple[float, float]:

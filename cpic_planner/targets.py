@@ -376,6 +376,9 @@ def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
     for key in cuts:
         if key not in known:
             raise InputError(key, cuts[key], allowed="no such cut", hint=f"known cuts: {', '.join(known)}")
+    for key in {"dwarfs_only", "singles_only"} & set(cuts):
+        if not isinstance(cuts[key], bool | np.bool_):
+            raise InputError(key, cuts[key], allowed="true or false")
     catalogue = as_catalogue(source)
     where = {name: cuts.pop(name) for name in ("companions", "date_utc") if name in cuts}
     table = _sample(catalogue, **cuts)

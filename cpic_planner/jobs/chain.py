@@ -4,12 +4,11 @@ The list of the run names the fingerprint of the process that began it, and thos
 Every part, FITS file, table and result says which process made it, and must say one of these.
 """
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from cpic_core import InputError, differing_words, open_file, read_file
+from cpic_core import InputError, differing_words, open_file, parse_json, read_file
 from cpic_planner.jobs.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list
 from simulator.products import Finding, check_level0
 
@@ -65,12 +64,12 @@ def _chain(root: Path, listed: WrittenFiles) -> Iterator[Finding]:
 
 def _of_part(path: Path) -> str:
     with open_file(path, key="part", allowed="a part", max_bytes=_MOST_BYTES) as file:
-        return str(json.loads(file.readline(_MOST_CARDS))["fingerprint"])
+        return str(parse_json(file.readline(_MOST_CARDS))["fingerprint"])
 
 
 def _of_json(path: Path) -> str | None:
     """Return what a result says; None for one that is no result of its own (a list of files covers it)."""
-    tree: Any = json.loads(read_file(path, key="result", allowed="a result", max_bytes=_MOST_BYTES))
+    tree: Any = parse_json(read_file(path, key="result", allowed="a result", max_bytes=_MOST_BYTES))
     about = tree.get("software") if "obsid" in tree else tree
     return None if about is None or "fingerprint" not in about else str(about["fingerprint"])
 
@@ -91,7 +90,7 @@ def _of_table(path: Path) -> str:
     import pyarrow.parquet as pq
 
     with open_file(path, key="table", allowed="a table", max_bytes=_MOST_BYTES) as file:
-        return str(json.loads(pq.read_schema(file).metadata[b"cpic_planner"])["fingerprint"])
+        return str(parse_json(pq.read_schema(file).metadata[b"cpic_planner"])["fingerprint"])
 
 
 _READERS: Mapping[str, Callable[[Path], str | None]] = {

@@ -34,6 +34,7 @@ from cpic_core import (
     dump_json,
     exclusive_lock,
     fingerprint as own_fingerprint,
+    parse_json,
     read_file,
     write_bytes,
 )
@@ -92,7 +93,7 @@ class RunFolder:
         if not os.path.lexists(path):
             return None
         try:
-            return dict(json.loads(self.read_blob(path)[1]))
+            return dict(parse_json(self.read_blob(path)[1]))
         except DamagedPartError as error:
             _LOG.warning("%s: doing it again", error)
             return None
@@ -109,7 +110,7 @@ class RunFolder:
         """
         text = dump_json(body)
         self._save(key, ".json", text.encode())
-        return dict(json.loads(text))
+        return dict(parse_json(text))
 
     def save_blob(self, key: str, content: bytes) -> None:
         """Store a finished piece of work that is bytes whole."""
@@ -135,7 +136,7 @@ class RunFolder:
         try:
             content = read_file(path, key="part", allowed="a readable file", max_bytes=_MAX_PART_BYTES)
             line, _, content = content.partition(b"\n")
-            head = json.loads(line)
+            head = parse_json(line)
             good = (
                 head["sha256"] == hashlib.sha256(content).hexdigest()
                 and head["config_hash"] == self.config_hash

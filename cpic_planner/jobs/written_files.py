@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
-from cpic_core import InputError, digest_of, read_file, write_text
+from cpic_core import InputError, digest_of, parse_json, read_file, write_text
 from cpic_planner.version import DISTRIBUTION
 
 _LOG = logging.getLogger(__name__)
@@ -108,7 +108,7 @@ class WrittenFiles:
         whole = text[: text.rfind(b"\n") + 1]
         lines = whole.splitlines()
         try:
-            head = dict(json.loads(lines[0]))
+            head = dict(parse_json(lines[0]))
             if head["software"] != DISTRIBUTION:
                 raise ValueError("not a list of this program")
             if head["schema_version"] != SCHEMA_VERSION:
@@ -117,7 +117,7 @@ class WrittenFiles:
             kind, config_hash, begun = (str(head[name]) for name in ("kind", "config_hash", "fingerprint"))
             listed = cls(root, kind, config_hash, [begun])
             for line in lines[1:]:
-                listed._note(json.loads(line))
+                listed._note(parse_json(line))
         except InputError:
             raise
         except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:

@@ -4,7 +4,6 @@
 are filled was observed, the others are still to be made.
 """
 
-import json
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +24,7 @@ from catalogs import (
     read_rows,
     star_key,
 )
-from cpic_core import BoolArray, FloatArray, InputError
+from cpic_core import BoolArray, FloatArray, InputError, parse_json
 from cpic_planner.etc import EtcModel
 from cpic_planner.results import PlannedVisitRow, columns_of
 from cpic_planner.survey.calendar import sun_position_angle_deg
@@ -209,7 +208,7 @@ def _raw_table(file: TableBytes) -> RawTable:
         return parse_table(file)
     allowed = "JSON with a list of visits, as cpic whatif writes it"
     try:
-        rows = json.loads(file.data)["visits"]
+        rows = parse_json(file.data)["visits"]
         names = list(dict.fromkeys(name for row in rows for name in dict(row)))
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(file.name, "not a table of visits", allowed=allowed, hint=type(error).__name__) from None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
-from cpic_core import InputError, read_text
+from cpic_core import InputError, parse_json, read_text
 from cpic_planner.report import new_figure, place_labels, style
 from cpic_planner.results import MachineRecord, TradeoffResult, TradeoffRow, csv_text as table_text, names_of
 from cpic_planner.tradeoff.points import REFERENCE
@@ -361,7 +360,7 @@ def read_result(folder: Path) -> TradeoffResult | None:
         return None
     try:
         text = read_text(path, key="--out", allowed="a folder of an earlier tradeoff", max_bytes=_MAX_BYTES)
-        return TradeoffResult.model_validate(json.loads(text))
+        return TradeoffResult.model_validate(parse_json(text))
     except (ValueError, ValidationError):
         allowed = "a folder of an earlier tradeoff, or a new one"
         raise InputError("--out", str(folder), allowed=allowed, hint=f"its {RESULT} is something else") from None

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import logging
 import os
 import re
@@ -31,7 +30,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from cpic_core import THREAD_VARIABLES, InputError, LockHeld, dump_json, exclusive_lock, read_text, write_text
+from cpic_core import (
+    THREAD_VARIABLES,
+    InputError,
+    LockHeld,
+    dump_json,
+    exclusive_lock,
+    parse_json,
+    read_text,
+    write_text,
+)
 from cpic_planner.web.asking import Pairs
 
 _LOG = logging.getLogger(__name__)
@@ -359,7 +367,7 @@ def _read(folder: Path) -> _Job | None:
 def _json(path: Path) -> dict[str, Any] | None:
     """Return what a file of the folder holds; None where there is none, or it is damaged."""
     try:
-        tree = json.loads(read_text(path, key="--jobs", allowed="a file of the queue", max_bytes=_MOST_BYTES))
+        tree = parse_json(read_text(path, key="--jobs", allowed="a file of the queue", max_bytes=_MOST_BYTES))
     except (InputError, ValueError):
         return None
     return tree if isinstance(tree, dict) else None

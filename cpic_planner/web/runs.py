@@ -5,7 +5,6 @@ A request names a run by its hash and a file by one of the names in `FILES`; bot
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import time
@@ -21,7 +20,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from cpic_core import InputError, digest_of, read_file, read_text
+from cpic_core import InputError, digest_of, parse_json, read_file, read_text
 from cpic_planner import report
 from cpic_planner.jobs import written_files
 from cpic_planner.web import pages
@@ -160,9 +159,9 @@ def _run_of(place: Path) -> Run | None:
     """The run of a folder; None for one of another kind, or a damaged list."""
     try:
         lines = _text(place / written_files.LIST_NAME).splitlines()
-        head = json.loads(lines[0])
+        head = parse_json(lines[0])
         kind, config_hash = str(head["kind"]), str(head["config_hash"])
-        listed = [json.loads(text) for text in lines[1:] if text.startswith('{"file"') and text.endswith("}")]
+        listed = [parse_json(text) for text in lines[1:] if text.startswith('{"file"') and text.endswith("}")]
         digests: dict[str, set[str]] = {}
         for entry in listed:
             digests.setdefault(str(entry["file"]), set()).add(str(entry["sha256"]))
@@ -202,7 +201,7 @@ def _beginning(path: Path) -> str:
 
 def _date(path: Path) -> str:
     try:
-        return str(json.loads(_text(path))["finished_utc"])[:25]
+        return str(parse_json(_text(path))["finished_utc"])[:25]
     except (InputError, ValueError, KeyError, TypeError):
         return ""
 

@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, check_number, check_pair, check_whole, numeric_context
+from cpic_core import FloatArray, InputError, check_number, check_pair, check_whole, check_word, numeric_context
 from simulator.config import CameraName, Instrument, checked_utc, declination_deg, load_instrument, right_ascension_deg
 from simulator.effects import sky_rate_e_s_arcsec2, stray_light_parts
 from simulator.imaging import apodizer_energy, single_band_psf, sky_transmission, window_of
@@ -92,8 +92,7 @@ def calibrate(
     effect, and on nothing else. Sequences that differ only in exposure, gain, level or switches therefore draw common
     random numbers; give each its own ``realisation`` (or ``seed``) where their noise has to be independent.
     """
-    if kind not in get_args(CalibrationKind):
-        raise InputError("kind", kind, allowed=", ".join(get_args(CalibrationKind)))
+    check_word("kind", kind, get_args(CalibrationKind))
     config = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
     for key, value, unit, kinds in (
         ("level_e", level_e, "e-", ("FLAT", "LASER")),
@@ -148,10 +147,10 @@ def calibrate(
 
 def _camera(instrument: Instrument, kind: str, band: str, camera: str | None) -> CameraName:
     """Name of the camera: that of the band, or the one asked for."""
-    if (kind in _NEEDS_BAND) != bool(band):
+    if not isinstance(band, str) or (kind in _NEEDS_BAND) != bool(band):
         raise InputError("band", band, allowed=f"a band for {', '.join(_NEEDS_BAND)}, none for BIAS and DARK")
-    if camera is not None and (not isinstance(camera, str) or camera not in get_args(CameraName)):
-        raise InputError("camera", camera, allowed=", ".join(get_args(CameraName)))
+    if camera is not None:
+        check_word("camera", camera, get_args(CameraName))
     if not band:
         return "NIR" if camera == "NIR" else "VIS"
     own = instrument.band(band).camera

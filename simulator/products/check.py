@@ -3,13 +3,12 @@
 Check Level-0 products: one file, or a whole tree of them.
 """
 
-import json
 import os
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-from cpic_core import InputError, as_path, read_text
+from cpic_core import InputError, as_path, parse_json, read_text
 from simulator.products.check_file import FileFacts, check_file
 from simulator.products.check_headers import TIME_TOLERANCE_S
 from simulator.products.check_params import MAX_BYTES, check_params
@@ -242,9 +241,9 @@ def _check_place(file: Path, facts: FileFacts) -> list[Finding]:
 def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
     """Check that the visits of a programme are there, and say of themselves what its list says."""
     try:
-        tree: Any = json.loads(read_text(path, key="file", allowed="a readable file", max_bytes=MAX_BYTES))
+        tree: Any = parse_json(read_text(path, key="file", allowed="a readable file", max_bytes=MAX_BYTES))
         rows = [{"file": str(row["file"])} | {key: row[key] for key in _OF_VISIT.values()} for row in tree["sequences"]]
-    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
+    except (OSError, ValueError, LookupError, TypeError) as error:
         return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
     headers = {facts.path.resolve(): facts.primary for facts in known}
     table, found = load_keywords(), []

@@ -12,7 +12,7 @@ import pytest
 from astropy.io import fits
 
 import cpic_planner as cp
-from cpic_core import InputError, Reason, parse_yaml
+from cpic_core import InputError, Reason, parse_json, parse_yaml
 from cpic_planner.cli.main import main
 from cpic_planner.confirm import etc_images
 from simulator.knobs import dial_of
@@ -90,6 +90,10 @@ PLACED = {"bands": ["F520"], "separation_arcsec": 0.5, "time_s": 1e5}
         (lambda: cp.optimise("tau Cet", snr=5.0, strategy=5, visits=2), "strategy = 5"),
         (lambda: cp.star_visibility([]), "target = "),
         (lambda: cp.load_targets(v_mag_max=[1.0]), "v_mag_max = "),
+        (lambda: cp.load_targets(dwarfs_only=NotImplemented), "dwarfs_only = NotImplemented"),
+        (lambda: cp.calibrate(np.array([])), "kind = "),
+        (lambda: cp.calibrate("BIAS", band=np.array([])), "band = "),
+        (lambda: cp.calibrate("BIAS", camera=np.ones(2)), "camera = "),
         (lambda: cp.planet_albedo(10**400), "wavelength_nm = 1000"),
         (lambda: cp.single_band_psf(["F520"]), "band = "),
         (lambda: cp.single_band_psf("F520", fidelity=[["quick"]]), "fidelity = "),
@@ -136,6 +140,11 @@ def test_more_images_than_anybody_draws_are_an_answer():
             etc_images._wanted(task, dial_of(tolerance=tolerance), 50)
         assert caught.value.reason is Reason.TOLERANCE_NOT_MET
     assert etc_images.FEWEST <= etc_images._wanted(task, dial_of(tolerance=0.2), 50) <= etc_images.MOST_FOR_TOLERANCE
+
+
+def test_json_in_brackets_without_end_is_none():
+    with pytest.raises(ValueError, match="nested too deeply"):
+        parse_json("[" * 100_000)
 
 
 def test_headers_that_count_without_end_are_damage(tmp_path):
