@@ -76,7 +76,7 @@ class ReferencePlanet(FrozenModel):
     """
 
     radius_rjup: float = asked(1.0, "Planet radius in R_J = 71 492 km.", gt=0, le=10, option="--planet-radius-rjup")
-    phase_deg: float = asked(90.0, "Phase angle.", ge=0.001, le=179.999)
+    phase_deg: float = asked(90.0, "Phase angle.", ge=1e-12, lt=180)
     albedo: config.AlbedoValue = asked(
         config.MeasuredAlbedo(model="jupiter"), "What the planet reflects.", parts=AlbedoParts
     )

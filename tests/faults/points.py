@@ -114,11 +114,11 @@ class Steps:
         self.step("sync", handle)
         _FSYNC(handle)
 
-    def _os_fdopen(self, handle, mode="r", buffering=-1, encoding=None, *rest):
+    def _os_fdopen(self, handle, mode="r", buffering=-1, encoding=None, errors=None, *rest):
         if "+" not in mode:
-            return open(handle, mode, buffering, encoding, *rest)
+            return open(handle, mode, buffering, encoding, errors, *rest)
         file = io.BufferedRandom(_Raw(self, handle, mode.replace("b", "")))
-        return file if "b" in mode else io.TextIOWrapper(file, encoding)
+        return file if "b" in mode else io.TextIOWrapper(file, encoding, errors)
 
 
 class _Raw(io.FileIO):

@@ -37,7 +37,7 @@ OWN = ("etc", "--v-mag", "5", "--sp-type", "G2V", "--band", "F520", "--snr", "5"
         ((*STAR, "--sigma", "1e308"), ("--sigma = 1e+308", "1e-06 to 1e+06")),
         ((*STAR, "--snr", "5", "--exposure-s", "1e-308"), ("--exposure-s = 1e-308 s", "0.01 to 1e+06")),
         ((*STAR, "--snr", "5", "--tolerance=1e308"), ("--tolerance = 1e+308", "0 to 0.5")),
-        ((*STAR, "--snr", "5", "--phase-deg=1e-308"), ("--phase-deg = 1e-308 deg", "0.001 to 179.999")),
+        ((*STAR, "--snr", "5", "--phase-deg=1e-308"), ("--phase-deg = 1e-308 deg", "at least 1e-12, below 180")),
         ((*STAR, "--snr", "5", "--separation-au", "1e308"), ("--separation-au = 1e+308 au", "0 to 43")),
         ((*STAR, "--snr", "5", "--semi-major-axis-au", "1e4"), ("--semi-major-axis-au = 10000.0 au", "0.001 to 43")),
         ((*OWN, "--distance-pc", "1e308"), ("--distance-pc = 1e+308 pc", "0.01 to 100000")),
