@@ -159,6 +159,8 @@ def _listed(values: Any, digits: int = _DIGITS) -> list[float | None]:
 def values_blocks(panels: Iterable[Panel]) -> Iterator[doc.Block]:
     """Yield the values of panels as tables: lines that share their places, and rows with all that stands in them.
 
+    Places before the first value of any line and behind the last are left out.
+
     Parameters
     ----------
     panels : iterable of Panel
@@ -178,10 +180,12 @@ def values_blocks(panels: Iterable[Panel]) -> Iterator[doc.Block]:
 
 def _line_table(panel: Panel, lines: list[Line]) -> doc.Table:
     scale, names = panel["x"], ", ".join(line["name"] for line in lines)
+    told = [at for at in range(len(lines[0]["x"])) if any(line["y"][at] is not None for line in lines)]
     columns = [doc.Column[int](scale["label"], lambda at: _place(scale, lines[0]["x"][at]), look="row")]
     columns += [doc.Column(line["name"], partial(_height, line)) for line in lines]
     caption = f"{panel['y']['label']}{': ' * bool(panel['title'])}{panel['title']}"
-    return doc.table(f"{panel['y']['label']}: {names}", f"{caption}.", columns, range(len(lines[0]["x"])))
+    shown = range(told[0], told[-1] + 1) if told else ()
+    return doc.table(f"{panel['y']['label']}: {names}", f"{caption}.", columns, shown)
 
 
 def _row_table(panel: Panel) -> doc.Table:

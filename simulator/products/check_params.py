@@ -86,7 +86,7 @@ def check_params(file: Path, folder: Path, facts: FileFacts) -> list[Finding]:
             report.error(f"is not what was written: its sum is {sum_of(content)[: len(stated)]}, {where} says {stated}")
         try:
             readers[name](report, content, facts)
-        except (ValueError, LookupError, TypeError) as error:
+        except (ValueError, LookupError, TypeError, csv.Error) as error:
             report.error(f"cannot be read: {type(error).__name__}")
         found += report.findings
     return found + _surplus(folder)

@@ -32,6 +32,7 @@ def good_calls(folder: Path) -> dict[str, dict[str, Any]]:
     body = {"separation_arcsec": 0.5, "pa_deg": 45.0, "radius_rjup": 1.0, "phase_deg": 90.0}
     bright = {"v_mag": 4.0, "spectral_type": "G2V", "distance_pc": 5.0}
     scene = {"name": "mine", "cstar": bright, "planets": [body]}
+    rates = {"planet_rate": 0.02, "background_rate": 0.2, "floor_rate": 1e-6, "convention": "ayo"}
     return {
         "signal_to_noise": star | {"time_s": 1e5},
         "exposure_time": star | {"snr": 5.0},
@@ -82,8 +83,11 @@ def good_calls(folder: Path) -> dict[str, dict[str, Any]]:
         "check_level0": {"path": str(folder / "stars.csv")},
         "write_level0": {"observation": None, "out_dir": NOWHERE},
         "stream": {"seed": 1},
+        "time_for_rates": rates | {"snr": 7.0},
+        "snr_for_rates": rates | {"time_s": 1e4},
         "Strategy": {"visits": 2},
         "ReferencePlanet": {"radius_rjup": 1.0},
+        "RateConvention": {"planet_noise": 1.0, "background_noise": 2.0},
         "Knobs": {},
         "Planet": body,
         "SceneStar": bright,
@@ -99,6 +103,7 @@ NO_CALLS = (
     "Instrument",
     "Observation",
     "Outcome",
+    "Outcomes",
     "Passbands",
     "Psf",
     "Calibration",

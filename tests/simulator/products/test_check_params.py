@@ -66,6 +66,7 @@ def test_parameters_without_sums_are_compared_with_the_headers(tree, good, param
         ("attitude.csv", "utc,ra_deg", "utc,right", "no column ra_deg"),
         ("attitude.csv", "30.000000", "31.000000", "pos_ang_deg = 31.000000 in its first row, POS_ANG0 is 30"),
         ("attitude.csv", ",30.", ",30 deg", "cannot be read"),
+        ("attitude.csv", "utc,ra_deg", '"x"utc,ra_deg', "cannot be read"),
         ("temperature.csv", "193.0", "293.0", "293.0 K in row 1, CCDTEMP is 193.0"),
         ("temperature.csv", "193.0", "nan", "no number in row 1, column detector_k"),
         ("temperature.csv", "193.0", "193.0,7", "another number of cells in row 1"),
