@@ -313,7 +313,7 @@ def checked_quantities(quantity: Quantity | Sequence[Quantity] | None, *, planet
     possible = known if planets else tuple(name for name in known if name == "pixel_map")
     if quantity is None:
         return possible
-    names = (quantity,) if isinstance(quantity, str) else tuple(quantity)
+    names = tuple(quantity) if isinstance(quantity, list | tuple | set | frozenset) else (quantity,)
     for name in names:
         if name not in possible:
             hint = "" if planets or name not in known else "the scene has no planet"
