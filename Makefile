@@ -13,7 +13,7 @@ SEED ?= 1
 MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test test-long browser lint mutants hostile kills flat load bench bench-baseline data reports readme wheel clean check-python
+.PHONY: help plan test test-long browser lint mutants fuzz hostile kills flat load bench bench-baseline data reports readme wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -56,6 +56,9 @@ lint: $(VENV)/installed  ## check style, types, who imports whom, and the figure
 
 mutants: $(VENV)/installed  ## change the code in one place at a time; fails where no test sees it (SEED, MUTANTS, WORKERS)
 	$(BIN)/python tests/mutants/run.py --seed $(SEED) --count $(MUTANTS) --workers $(WORKERS)
+
+fuzz: $(VENV)/installed  ## draw 5000 cases of each surface that is open to others; fails where one is not answered or refused in one line
+	$(BIN)/python -m pytest -q -m fuzz --numprocesses 2 tests/fuzz
 
 hostile: $(VENV)/installed  ## send 600 hostile requests to cpic serve; fails where one is not refused in one line (SEED)
 	$(BIN)/python tests/cpic_planner/web/hostile.py --seed $(SEED)

@@ -98,6 +98,8 @@ def load_known_planets(source: str | Path = "snapshot", *, candidates: bool = Fa
     >>> float(before.number("eccentricity")[before.row_of("eps Eri b")])
     0.702
     """
+    if not isinstance(candidates, bool | np.bool_):
+        raise InputError("candidates", repr(candidates), allowed="True or False")
     base, name = split_source(source)
     table = _with_file(base, name) if name else _base(base)[1]
     return table.with_candidates() if candidates else table

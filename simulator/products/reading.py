@@ -102,7 +102,7 @@ _PIECE_BYTES = 1 << 22
 _MOST_BYTES, _MOST_OF_UNIT = 200_000_000_000, 200_000_000
 _MOST_UNITS, _MOST_FINDINGS = 50_000, 1000
 # What astropy raises over files that lie about themselves.
-_DAMAGE = (OSError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError)
+_DAMAGE = (OSError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, AssertionError)
 
 
 @contextlib.contextmanager

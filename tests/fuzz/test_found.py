@@ -104,6 +104,7 @@ PLACED = {"bands": ["F520"], "separation_arcsec": 0.5, "time_s": 1e5}
         (lambda: cp.Strategy(n_modes="x"), "n_modes = x"),
         (lambda: cp.Scene(star=5), "star"),
         (lambda: cp.load_population({"radius_rjup": 10**400}), "radius_rjup"),
+        (lambda: cp.load_known_planets(candidates=NotImplemented), "candidates = NotImplemented"),
     ],
 )
 def test_values_of_another_type_are_refused_by_functions_and_models(call, words):
