@@ -190,7 +190,7 @@ def _arrays_of(data: bytes, key: str) -> Arrays:
 
 
 def _head_of(data: bytes) -> dict[str, Any] | None:
-    """What an entry says of itself: key, version, sum; None where it says nothing."""
+    """Return what an entry says of itself: key, version, sum; None where it says nothing."""
     if not data.startswith(_MAGIC):
         return None
     try:
@@ -273,7 +273,7 @@ def _leftovers() -> Iterator[Path]:
 
 @dataclass(frozen=True)
 class CacheInfo:
-    """What the cache holds, and how much it may hold."""
+    """Return what the cache holds, and how much it may hold."""
 
     folder: Path
     n_entries: int
@@ -282,7 +282,7 @@ class CacheInfo:
 
 
 def cache_info() -> CacheInfo:
-    """Folder, number of entries, their size and its limit.
+    """Return folder, number of entries, their size and its limit.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What made a number: the code, presets and catalogue as installed, the numerical libraries, and the processor.
+"""Say what made a number: the code, presets and catalogue as installed, the numerical libraries, and the processor.
 
 A fingerprint is written as five words of eight hexadecimal digits, ``code-presets-catalogue-libraries-processor``. The
 same question gives the same bytes where all five are equal. Where only the processor differs, numpy, BLAS and the
@@ -31,19 +31,19 @@ TOLERANCE = 1e-9
 """Largest relative difference of computed numbers between processors; ``tests/cpic_planner/test_same_bytes.py``
 measures it."""
 TOLERANCE_SIGMA = 0.05
-"""The same for what is measured in drawn images, in units of its own error."""
+"""Largest difference of what is measured in drawn images between processors, in units of its own error."""
 PROMISES = (
     "same bytes",
     f"computed numbers equal within {TOLERANCE:.0e}, measurements of images within {TOLERANCE_SIGMA:g} of their errors",
 )
-"""What holds between runs whose fingerprints are equal, and between those that differ in the processor alone."""
+"""Promises between runs whose fingerprints are equal, and between those that differ in the processor alone."""
 _COMPILED = (".so", ".pyd", ".dylib", ".dll")
 _TUNED = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "GLIBC_TUNABLES")  # other code than the processor's own
 
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """What made a number; ``str`` writes it as five words.
+    """Record of what made a number; ``str`` writes it as five words.
 
     Attributes
     ----------
