@@ -13,7 +13,7 @@ SEED ?= 1
 MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test test-long browser lint mutants fuzz hostile kills flat load bench bench-baseline data reports readme wheel clean check-python
+.PHONY: help plan test test-long browser lint mutants fuzz hostile kills flat load bench bench-baseline data reports readme installs lock wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -83,13 +83,24 @@ bench-baseline: $(VENV)/installed  ## the same, and keep its figures as the base
 data: $(VENV)/installed  ## rebuild catalogs/data from the pinned packages and compare
 	$(BIN)/python -m tools.build_catalogue.build --check
 
-# The comparison with other simulators installs them and wants a quiet machine: reports/camera_speed/make.py --install
-reports: $(VENV)/installed  ## regenerate every committed report but the comparison of speeds
-	@for make in $(filter-out reports/camera_speed/make.py reports/benchmarks/make.py,$(wildcard reports/*/make.py)); do \
+# Not made here: what installs other packages or wants a quiet machine (camera_speed, benchmarks, installs).
+reports: $(VENV)/installed  ## regenerate every committed report but comparisons of speed and installs
+	@for make in $(filter-out reports/camera_speed/make.py reports/benchmarks/make.py reports/installs/make.py,$(wildcard reports/*/make.py)); do \
 		echo "$$make"; $(BIN)/python $$make || exit 1; done
 
 readme: $(VENV)/installed  ## fill README.md with the figures of the reports
 	$(BIN)/python -m tools.readme
+
+installs: $(VENV)/installed  ## install the built package with every Python that is found, and ask it questions there
+	$(BIN)/python reports/installs/make.py
+
+lock: $(VENV)/installed  ## write the lock with hashes, requirements-lock.txt, from constraints.txt
+	@$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[release]'
+	@{ echo '# Checked by hashes: pip install --require-hashes --requirement requirements-lock.txt, then pip install --no-deps'; \
+		echo '# cpic-planner. The versions of constraints.txt, extra "web" included; written by make lock.'; \
+		$(BIN)/uv pip compile pyproject.toml --extra web --universal --python-version 3.11.5 --generate-hashes \
+		--constraint constraints.txt --no-emit-index-url --no-header --no-annotate --quiet; } > requirements-lock.new
+	@mv requirements-lock.new requirements-lock.txt
 
 wheel: $(VENV)/installed  ## build the wheel
 	$(BIN)/python -m build --wheel --outdir dist

@@ -29,11 +29,29 @@ def test_versions_agree():
     assert f"version: {__version__}" in text("CITATION.cff")
 
 
-def test_readme_commands_and_files_exist():
-    readme = text("README.md")
+def _pins(name):
+    return dict(re.findall(r"^([A-Za-z0-9._-]+)==(\S+)", text(name).lower().replace("_", "-"), re.M))
+
+
+def test_locked_versions_are_those_that_the_suite_runs_with():
+    locked, run_with = _pins("requirements-lock.txt"), _pins("constraints.txt")
+    differing = {name: version for name, version in locked.items() if run_with.get(name, version) != version}
+    assert not differing
+    named = re.findall(
+        r'^    "([A-Za-z0-9._-]+)', text("pyproject.toml").split("\ndependencies = [")[1].split("\n]")[0], re.M
+    )
+    assert len(named) > 20
+    assert set(named) <= set(locked)
+    hashes = text("requirements-lock.txt").count("--hash=sha256:")
+    assert hashes >= len(locked)
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "ARCHITECTURE.md"])
+def test_commands_and_files_of_a_page_exist(page):
+    page_text = text(page)
     targets = set(re.findall(r"^([a-z-]+):", text("Makefile"), re.M))
-    assert set(re.findall(r"`make ([a-z-]+)", readme)) <= targets
-    for link in re.findall(r"\]\(([^)#]+)\)", readme):
+    assert set(re.findall(r"(?:`|\$ )make ([a-z-]+)", page_text)) <= targets
+    for link in re.findall(r"\]\(([^)#]+)\)", page_text):
         assert link.startswith("http") or (ROOT / link).exists(), link
 
 

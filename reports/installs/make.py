@@ -1,0 +1,154 @@
+"""Install the built package into fresh environments, ask it three questions in each, and write ``report.md``.
+
+``python reports/installs/make.py`` builds wheel and source distribution and tries every interpreter from 3.11 that it
+finds on the path and among pyenv's, with the wheel, the source distribution, and the wheel on the lowest versions that
+the project states. It needs a network or a cache of packages, and some minutes an environment; ``--python PATH`` and
+``--kind KIND`` try one. Questions are asked without a network, in a folder that is empty.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+LEAST = (3, 11)
+KINDS = ("wheel", "sdist", "lowest")
+QUESTIONS = {
+    "etc": ("etc", "tau Cet", "--snr", "5", "--json"),
+    "rank": ("rank", "--limit", "5"),
+    "plan": ("plan", "--top", "1", "--out", "plan"),
+}
+# A proxy where nobody listens: a question that opened a connection would fail.
+NO_NETWORK = dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9")
+DROPPED = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "PYTHONDONTWRITEBYTECODE", "CPIC_CACHE_DIR", "NUMBA_CACHE_DIR")
+
+
+def run(command: list[str], **about: Any) -> subprocess.CompletedProcess[str]:
+    """Run a command and keep what it says; it may fail."""
+    return subprocess.run(command, check=False, capture_output=True, text=True, **about)
+
+
+def interpreters() -> list[Path]:
+    """Return one interpreter of each version from the least that the project states, ascending."""
+    folders = [Path(part) for part in os.environ.get("PATH", "").split(os.pathsep)]
+    folders += sorted(Path.home().glob(".pyenv/versions/*/bin"))
+    found: dict[tuple[int, ...], Path] = {}
+    for minor in range(LEAST[1], 30):
+        for path in (folder / f"python3.{minor}" for folder in folders):
+            code = "import sys, ensurepip; print(*sys.version_info[:2])"
+            if not path.exists():
+                continue
+            answer = run([str(path), "-c", code])
+            if answer.returncode == 0:
+                found.setdefault(tuple(int(part) for part in answer.stdout.split()), path)
+    return [found[version] for version in sorted(found) if version >= LEAST]
+
+
+def built(folder: Path) -> dict[str, Path]:
+    """Build both distributions into a folder and return where they are."""
+    subprocess.run([sys.executable, "-m", "build", "--outdir", str(folder), str(ROOT)], check=True, capture_output=True)
+    return {"wheel": next(folder.glob("*.whl")), "sdist": next(folder.glob("*.tar.gz"))}
+
+
+def tried(python: Path, kind: str, files: dict[str, Path], folder: Path) -> dict[str, object]:
+    """Install one kind with one interpreter, ask the questions, and return what was seen."""
+    clean = {key: value for key, value in os.environ.items() if key not in DROPPED}
+    clean |= {"XDG_CACHE_HOME": str(folder / "cache"), "OMP_NUM_THREADS": "1"}
+    version = subprocess.run([str(python), "--version"], check=True, capture_output=True, text=True).stdout.split()[1]
+    row: dict[str, object] = {"python": version, "kind": kind}
+    environment = folder / "environment"
+    subprocess.run([str(python), "-m", "venv", str(environment)], check=True, env=clean)
+    own = environment / "bin"
+    bare = size_mb(environment)
+    limits = ("--constraint", str(ROOT / "constraints-lowest.txt")) if kind == "lowest" else ()
+    began = time.monotonic()
+    command = [str(own / "python"), "-m", "pip", "install", "--quiet", *limits]
+    command.append(str(files["sdist" if kind == "sdist" else "wheel"]))
+    done = run(command, env=clean)
+    row["install_s"] = round(time.monotonic() - began)
+    if done.returncode:
+        return row | {"failed": "install", "says": done.stderr.strip().splitlines()[-1:]}
+    row["installed_mb"] = round(size_mb(environment) - bare)
+    empty = folder / "asked"
+    empty.mkdir()
+    for name, words in QUESTIONS.items():
+        began = time.monotonic()
+        done = run([str(own / "cpic"), *words], env=clean | NO_NETWORK, cwd=empty)
+        row[f"{name}_s"] = round(time.monotonic() - began, 1)
+        if done.returncode:
+            return row | {"failed": name, "says": done.stderr.strip().splitlines()[-1:]}
+        if name == "etc":
+            found = json.loads(done.stdout)
+            best = next(answer for answer in found["answers"] if answer["band"] == found["best_band"])
+            row["answer_s"] = f"{best['value']:.10g}"
+    return row
+
+
+def size_mb(folder: Path) -> float:
+    """Return the size of all files of a folder in megabytes."""
+    return sum(path.lstat().st_size for path in folder.rglob("*") if path.is_file()) / 1e6
+
+
+def report(rows: list[dict[str, object]], files: dict[str, Path]) -> str:
+    """Return the text of the report."""
+    names = ("python", "kind", "install_s", "installed_mb", "etc_s", "rank_s", "plan_s", "answer_s", "failed")
+    heads = (
+        "Python",
+        "kind",
+        "install (s)",
+        "installed (MB)",
+        "etc (s)",
+        "rank (s)",
+        "plan (s)",
+        "answer (s)",
+        "failed",
+    )
+    lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
+    lines += [f"| {' | '.join(str(row.get(name, '')) for name in names)} |" for row in rows]
+    sizes = ", ".join(f"{kind} {path.stat().st_size / 1e6:.1f} MB" for kind, path in files.items())
+    date = datetime.datetime.now(datetime.UTC).date().isoformat()
+    table = "\n".join(lines)
+    return f"""# Installs
+
+Written by `python reports/installs/make.py` on {date}: {files["wheel"].name.split("-py3")[0]}, {sizes}. Each row is an
+environment of its own with nothing of the project's sources; `lowest` is the wheel with `constraints-lowest.txt`. The
+questions are `{"`, `".join("cpic " + " ".join(words) for words in QUESTIONS.values())}`, asked one after the other
+without a network; the first of each kind compiles and fills caches. Times are wall time on a machine that may have had
+other work; `answer` is the time for SNR 5 that the first question gave, the same in every environment.
+
+{table}
+"""
+
+
+def main() -> None:
+    """Run what was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--python", type=Path, action="append", help="an interpreter (all that are found)")
+    parser.add_argument("--kind", choices=KINDS, action="append", help="what is installed (all)")
+    asked = parser.parse_args()
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        files = built(Path(name))
+        for python in asked.python or interpreters():
+            for kind in asked.kind or KINDS:
+                with tempfile.TemporaryDirectory() as folder:
+                    rows.append(tried(python, kind, files, Path(folder)))
+                print(json.dumps(rows[-1]), flush=True)
+        text = report(rows, files)
+    (HERE / "report.md").write_text(text, encoding="utf-8")
+    if any("failed" in row for row in rows):
+        sys.exit("an environment does not answer: see the report")
+
+
+if __name__ == "__main__":
+    main()
