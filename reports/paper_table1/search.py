@@ -36,6 +36,9 @@ AGREES = 0.05  # of the SNR; the scatter that Eq. 4 takes from some hundred pixe
 RADII_PX, SIDES_PX = np.geomspace(0.3, 30.0, 60), np.arange(1.0, 42.0, 2.0)
 DRIFTS_NM = np.geomspace(0.003, 10.0, 12)
 N_VALUES, N_PAIR, ZOOMS = 1001, 41, 4
+AS_PRESET, OWN_CONTRASTS = "as in the preset", "our contrasts instead of those of Table 1"
+MEAN_FRAME = "counts of the mean frame in Eq. 4"
+WIDE, READ_NOISE = "wide aperture, same λ/D", "read noise, or any at the output"
 
 
 @dataclass(frozen=True)
@@ -200,10 +203,12 @@ class Choice:
     Attributes
     ----------
     name, unit : str
+    ours : str
+        What the preset has.
     fields : callable
         What of `Choices` a value changes.
     searched, held : tuple of float
-        Values that are tried, and those that are held possible; of ``held`` none, where the choice has no number.
+        Values that are tried, and those that are held possible; the same one twice where the paper states it.
     why : str
         Why those.
     magnitude : bool
@@ -212,6 +217,7 @@ class Choice:
 
     name: str
     unit: str
+    ours: str
     fields: Callable[[Any], dict[str, Any]]
     searched: tuple[float, float]
     held: tuple[float, float]
@@ -222,79 +228,82 @@ class Choice:
         return np.linspace(low, high, number) if self.magnitude else np.geomspace(low, high, number)
 
 
-def _plain(name: str) -> Callable[[Any], dict[str, Any]]:
-    return lambda value: {name: value}
-
-
-def _width_of(band: str) -> Callable[[Any], dict[str, Any]]:
-    mine = np.array([name == band for name in BANDS])
-    return lambda value: {"width_nm": np.where(mine, value, preset().width_nm)}
-
-
 def choices() -> list[Choice]:
     """Every choice that has a number."""
-    own = "of the data sheet"
-    circle = {
-        name: (low, high)
-        for name, low, high in (("small circle", 0.1, 0.7), ("wide circle", 0.7, 5.0))
-    }
-    found = [
-        Choice(
-            f"{name}, same in λ/D",
-            "λ/D",
-            lambda value: {"aperture_px": value * light().lambda_d_px},
-            span,
-            (max(span[0], 0.35), min(span[1], 2.5)),
-            "an \"appropriate radius\"",
-        )
-        for name, span in circle.items()
-    ]
-    return found + [
-        Choice("small circle, same in pixels", "px", _plain("aperture_px"), (0.35, 3.0), (1.0, 3.0), found[0].why),
-        Choice("wide circle, same in pixels", "px", _plain("aperture_px"), (3.0, 25.0), (3.0, 15.0), found[0].why),
-        Choice("square instead (1: peak pixel)", "px", _plain("square_px"), (1.0, 41.0), (1.0, 21.0), found[0].why),
-        Choice("background area", "px", _plain("background_px"), (1.0, 1e5), (50.0, 1200.0), "a square in a quadrant"),
-        Choice("read noise, or any at the output", "e-", _plain("read_noise_e"), (1.0, 1e4), (43.0, 200.0), own),
-        Choice("EM gain", "", _plain("em_gain"), (1.0, 1000.0), (1.0, 1000.0), "1, 20, 300 in its figures"),
-        Choice("clock-induced charge", "e-/px", _plain("cic_e"), (1e-3, 1e4), (2e-3, 0.2), own),
-        Choice("dark current", "e-/s/px", _plain("dark_e_s"), (1e-5, 1e4), (1e-5, 0.055), f"{own}, at most -40 °C"),
-        Choice("sky and stray light", "mag/arcsec²", _plain("sky_mag"), (5.0, 23.0), (19.0, 22.0), "21 stated", True),
-        Choice("throughput", "", _plain("t_opt"), (1e-3, 1.0), (0.02, 0.46), "elements of such an instrument"),
-        Choice("one width for all bands", "nm", _plain("width_nm"), (1.0, 300.0), (5.0, 100.0), "1 to 20 %"),
+    now, one, config = preset(), light(), instrument()
+    circle, sheet, widths = 'a radius that is "appropriate"', "data sheet of such a detector", "1 to 20 %"
+    pixels = " to ".join(f"{size:.1f}" for size in (now.aperture_px.min(), now.aperture_px.max()))
+    areas = " to ".join(f"{size:.0f}" for size in (now.background_px.min(), now.background_px.max()))
+    centers = np.array([config.band(band).center_nm for band in BANDS])
+    relative = " to ".join(f"{f(now.width_nm / centers):.3f}" for f in (np.min, np.max))
+
+    def radius(value: Any) -> dict[str, Any]:
+        return {"aperture_px": value * one.lambda_d_px}
+
+    def width(band: str) -> Choice:
+        mine = np.array([name == band for name in BANDS])
+        ours = f"{config.band(band).width_nm:g}"
+        fields = {"fields": lambda value: {"width_nm": np.where(mine, value, now.width_nm)}}
+        return Choice(f"width of {band}", "nm", ours, **fields, searched=(1, 300), held=(5, 100), why=widths)
+
+    def plain(name: str, field: str, unit: str, *spans: Any, ours: str = "", magnitude: bool = False) -> Choice:
+        return Choice(name, unit, ours or f"{getattr(now, field):.3g}", lambda value: {field: value}, *spans, magnitude)
+
+    return [
+        Choice("small aperture, same λ/D", "λ/D", "0.7", radius, (0.1, 0.7), (0.35, 0.7), circle),
+        Choice(WIDE, "λ/D", "0.7", radius, (0.7, 5.0), (0.7, 2.5), circle),
+        plain("small aperture, same pixels", "aperture_px", "px", (0.35, 3.0), (1.0, 3.0), circle, ours=pixels),
+        plain("wide aperture, same pixels", "aperture_px", "px", (3.0, 25.0), (3.0, 15.0), circle, ours=pixels),
+        plain("side of a square aperture", "square_px", "px", (1.0, 41.0), (1.0, 21.0), "1: peak pixel", ours="circle"),
+        plain(
+            "background area", "background_px", "px", (1.0, 1e5), (50.0, 1200.0), "a square in a quadrant", ours=areas
+        ),
+        plain(READ_NOISE, "read_noise_e", "e-", (1.0, 1e4), (43.0, 200.0), sheet),
+        plain("EM gain", "em_gain", "", (1.0, 1000.0), (1.0, 1000.0), "1, 20 and 300 in its figures"),
+        plain("clock-induced charge", "cic_e", "e-/px", (1e-3, 1e4), (2e-3, 0.2), sheet),
+        plain("dark current", "dark_e_s", "e-/s/px", (1e-5, 1e4), (1e-5, 0.055), f"{sheet}, -40 °C at most"),
+        plain(
+            "sky and stray light", "sky_mag", "mag/arcsec²", (5.0, 23.0), (19.0, 22.0), '"usually" 21', magnitude=True
+        ),
+        plain("throughput of the optics", "t_opt", "", (1e-3, 1.0), (0.02, 0.46), "what the elements can have"),
+        plain("one width for all bands", "width_nm", "nm", (1.0, 300.0), (5.0, 100.0), widths, ours="20 to 55"),
         Choice(
             "one relative width for all bands",
             "",
-            lambda value: {"width_nm": value * np.array([instrument().band(band).center_nm for band in BANDS])},
+            relative,
+            lambda value: {"width_nm": value * centers},
             (1e-3, 0.5),
             (0.01, 0.2),
-            "1 to 20 %",
+            widths,
         ),
-        *(Choice(f"width of {band}", "nm", _width_of(band), (1.0, 300.0), (5.0, 100.0), "1 to 20 %") for band in BANDS),
-        Choice("core of the PSF (Strehl, jitter)", "of ours", _plain("core"), (0.01, 3.0), (0.3, 2.0), "an apodizer"),
-        Choice("star light in the hole", "of ours", _plain("halo"), (0.01, 1e5), (0.5, 20.0), "1e-8 at most"),
-        Choice("star-only frames", "per frame", _plain("references"), (1e-3, 1e3), (1 / 30, 100.0), "a \"library\""),
-        Choice("drift between the sets", "nm", _plain("drift_nm"), (3e-3, 10.0), (3e-3, 1.0), "none is mentioned"),
-        Choice("star light that is left", "of all", _plain("speckle_share"), (1e-3, 100.0), (1e-3, 1.0), "all at most"),
-        Choice("planet left by the SVD", "", _plain("left"), (0.05, 1.0), (0.9, 1.0), "30 modes take 7 % at most"),
-        Choice("variance of the planet's electrons", "", _plain("own_noise"), (1.0, 1e4), (1.0, 2.0), "excess noise"),
-        Choice("pixels that go together", "", _plain("correlation"), (0.1, 100.0), (1.0, 13.0), "as large as the PSF"),
-        Choice(
-            "V of the calibration star, its error counted",
+        *map(width, BANDS),
+        plain("light in the core (Strehl, jitter)", "core", "of ours", (0.01, 3.0), (0.3, 2.0), "other apodizers"),
+        plain("starlight in the hole", "halo", "of ours", (0.01, 1e5), (0.5, 20.0), "1e-8 at most"),
+        plain("star-only frames", "references", "per frame", (1e-3, 1e3), (1 / 30, 100.0), 'a "library"'),
+        plain("drift between the sets", "drift_nm", "nm", (3e-3, 10.0), (3e-3, 1.0), "none is mentioned"),
+        plain("starlight that is left", "speckle_share", "of all", (1e-3, 100.0), (1e-3, 1.0), "all at most"),
+        plain("planet that the SVD leaves", "left", "", (0.05, 1.0), (0.9, 1.0), "30 modes take 7 % at most"),
+        plain("variance of the planet's electrons", "own_noise", "", (1.0, 1e4), (1.0, 2.0), "excess noise"),
+        plain("variance of sums over that of pixels", "correlation", "", (0.1, 100.0), (1.0, 13.0), "the PSF's size"),
+        plain(
+            "V of the calibration star, its error added",
+            "calibrator_mag",
             "mag",
-            _plain("calibrator_mag"),
             (10.0, 25.0),
             (12.0, 21.0),
-            "it is seen",
-            True,
+            "it is seen in its figure",
+            ours="not added",
+            magnitude=True,
         ),
-        Choice("frames added up", "", _plain("frames"), (1.0, 300.0), (30.0, 30.0), "30 stated"),
+        plain("frames added up", "frames", "", (1.0, 300.0), (30.0, 30.0), "stated", ours="30"),
         Choice(
             "contrast (radius, phase, albedo, distance)",
             "of Table 1",
+            "1",
             lambda value: {"contrast": value * CONTRAST},
             (0.1, 1.5),
             (1.0, 1.0),
-            "Table 1 states it",
+            "stated",
         ),
     ]
 
@@ -302,12 +311,12 @@ def choices() -> list[Choice]:
 def variants() -> dict[str, dict[str, Any]]:
     """Other readings of the text, which have no number."""
     return {
-        "as the preset": {},
-        "our contrasts instead of Table 1's": {"contrast": np.array([true_contrast(band) for band in BANDS])},
+        AS_PRESET: {},
+        OWN_CONTRASTS: {"contrast": np.array([true_contrast(band) for band in BANDS])},
         "17 x 30 s are 17 frames of 30 s": {"frames": EXPOSURE_S, "exposure_s": FRAMES},
-        "17 s are the sum of 30 frames": {"exposure_s": EXPOSURE_S / FRAMES},
+        "17 x 30 s are 30 frames of 17/30 s": {"exposure_s": EXPOSURE_S / FRAMES},
         "the ratio is that of one frame": {"frames": 1.0},
-        "counts of the mean frame in Eq. 4": {"own_noise": FRAMES},
+        MEAN_FRAME: {"own_noise": FRAMES},
         "scatter left in ADU in Eq. 4": {"in_adu": True},
         "excess noise in Eq. 4": {"own_noise": float(noise_factor2(preset().em_gain, 604))},
         "star-only frames without noise": {"references": 1e9},
@@ -373,16 +382,19 @@ def _changes(fields: dict[str, Any]) -> set[str]:
     return {"aperture_px" if name == "square_px" else name for name in fields}
 
 
-def pairs() -> list[Found]:
-    """Every two choices, and every reading with every choice, within what is held possible; the best first."""
+def pairs(always: dict[str, Any]) -> list[Found]:
+    """Every two choices, and every reading with every choice, within what is held possible; the best first.
+
+    What stands in ``always`` is changed in all of them.
+    """
     free = [(one, _changes(one.fields(1.0))) for one in choices() if one.held[0] < one.held[1]]
     found = [
-        best((one, other), {}, held=True)
+        best((one, other), always, held=True)
         for (one, mine), (other, its) in itertools.combinations(free, 2)
         if not mine & its
     ]
     for name, fields in variants().items():
-        if name not in ("as the preset", "our contrasts instead of Table 1's"):
-            changed = _changes(fields)
-            found += [best((one,), fields, held=True, names=(name,)) for one, mine in free if not mine & changed]
+        if name not in (AS_PRESET, OWN_CONTRASTS):
+            others, base = _changes(fields), always | fields
+            found += [best((one,), base, held=True, names=(name,)) for one, mine in free if not mine & others]
     return sorted(found, key=lambda one: one.worst)

@@ -10,14 +10,13 @@ from reports.external.comparison import Reference, Row
 TITLE = "The paper of the simulator CPISM"
 REFERENCE = Reference("Zhu et al. 2025", "LaTeX source", "arXiv 2511.09862")
 TEXT = """
-Contrasts and signal-to-noise ratios are those of its Table 1, ours under the instrument preset `paper_table1`; the
-others are ours under the default instrument. Its contrasts were measured once, so that each has the error which its own
-ratio gives: that is their tolerance. No one number that the paper leaves open makes all four of our ratios its own, and
-of two together only those do that widen F850 and make all bands noisier or dimmer alike: see
-[the report of Table 1](../paper_table1/report.md), which also has the paper's figures beside ours. Nothing can be said of
-what it only draws (flow chart, spectra, cosmic rays, images) in numbers, and these are not stated: throughput, widths and
-transmission curves of the bands, gain and read noise, charge without light, apertures, size of the library and number
-of modes, drift, magnitude of the calibration star, grid of albedos.
+Every number of the paper that can be worked out anew. Contrasts and signal-to-noise ratios are those of its Table 1,
+ours under the instrument preset `paper_table1`; the others are ours under the default instrument. Its contrasts were
+measured once: their tolerance is the error that its own ratios give them. No one number that the paper leaves open
+makes all four of our ratios its own: [the report of Table 1](../paper_table1/report.md) varies each of them, and has
+the paper's figures beside ours. Not stated, so that nothing can be compared: throughput, widths and transmission of the
+bands, gain and read noise, charge without light, apertures, size of the library and number of modes, drift, brightness
+of the calibration star and of the other sources in its images, grid of albedos.
 """
 R_JUPITER_KM, AU_KM = 71492.0, 149597870.7
 SEED, DRAWINGS, SIDE_PX = 1, 4, 1024
