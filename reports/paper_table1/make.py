@@ -1,7 +1,7 @@
 """Regenerate this report: ``python reports/paper_table1/make.py`` (about a minute).
 
 Table 1 of the paper (Zhu et al. 2025): its planet at alpha Cen B in four bands, simulated, reduced and measured under
-the instrument preset ``paper_table1``; its signal-to-noise ratios beside ours, and a search for what would explain them.
+the instrument preset ``paper_table1``; its signal-to-noise ratios beside ours, and a search for what explains them.
 """
 
 from __future__ import annotations
@@ -321,13 +321,14 @@ prediction would be the paper's number, all else equal. Ratios are reported, not
 
 The paper does not state what its ratios hang on. Its Eqs. 3 and 4 are written out with every such number as an argument
 (`search.py`; at the preset's numbers they are the calculator's within {own:.1%}), at the contrasts of Table 1, and each
-number is varied alone, then with each other one. A choice explains the table if one value of it brings all four ratios
+number is varied alone, then with each other one. All else is as in the preset, whose widths were inferred from Table 1
+themselves. A choice explains the table if one value of it brings all four ratios
 within {searched.AGREES:.0%}: the scatter in Eq. 4 comes from some hundred pixels and is uncertain by as much.
 
 ![our ratios over those of Table 1 for each choice](search.png)
 
 *Each line: the value of a choice that fits the four rows best together, whether it is possible or not. Grey:
-{searched.AGREES:.0%}. Two choices: all pairs of possible values that fit.*
+{searched.AGREES:.0%}. Two choices: all pairs of possible values that fit. Readings beyond the axis are in the table.*
 
 {searched.conclusion(tried)}
 

@@ -251,7 +251,7 @@ def choices() -> list[Choice]:
 
     return [
         Choice("small aperture, same λ/D", "λ/D", "0.7", radius, (0.1, 0.7), (0.35, 0.7), circle),
-        Choice(WIDE, "λ/D", "0.7", radius, (0.7, 5.0), (0.7, 2.5), circle),
+        Choice(WIDE, "λ/D", "0.7", radius, (0.7, 5.0), (0.7, 3.0), circle),
         plain("small aperture, same pixels", "aperture_px", "px", (0.35, 3.0), (1.0, 3.0), circle, ours=pixels),
         plain("wide aperture, same pixels", "aperture_px", "px", (3.0, 25.0), (3.0, 15.0), circle, ours=pixels),
         plain("side of a square aperture", "square_px", "px", (1.0, 41.0), (1.0, 21.0), "1: peak pixel", ours="circle"),

@@ -176,16 +176,17 @@ def conclusion(found: Searched) -> str:
     asked = {choice.name: needed for choice, needed in zip(found.choices, found.needed, strict=True)}
     wide, read = (", ".join(_digits(value) for value in asked[name]) for name in (search.WIDE, search.READ_NOISE))
     own_fitting = [one for one in found.own_pairs if one.worst <= AGREES]
+    assumed = instrument().band("F850").width_nm
     mean_frame = next(one for one in found.readings if one.names[0] == search.MEAN_FRAME)
     return _bullets(
         f"**No single choice explains all four rows.** At the contrasts of Table 1 our ratios are {now.over.min():.2f} "
         f"to {now.over.max():.2f} times the paper's. The best of {len(found.choices)} choices, whatever its value, is "
         f"{_valued(best, by_name)}: one row is {best.worst:.0%} off. What acts on all bands alike leaves what the rows "
         f"differ by, and that hangs on the widths of the bands, four numbers that are not published.",
-        f"**The odd row is F850.** The other three ask for nearly the same: a circle of {wide} λ/D radius, or a read "
-        f"noise of {read} e- (F520, F662, F720, F850).",
+        f"**The odd row is F850.** The other three ask for nearly the same: in the order of the bands, a circle with a "
+        f"radius of {wide} λ/D, or a read noise of {read} e-.",
         f"**Of {len(found.pairs)} pairs {len(found.fitting)} fit within {AGREES:.0%}, each with F850 "
-        f"{min(widths):.0f} to {max(widths):.0f} nm wide instead of {instrument().band('F850').width_nm:g}** and one of: "
+        f"{min(widths):.0f} to {max(widths):.0f} nm wide instead of {assumed:g}** and one of: "
         f"{'; '.join(others)}. These cannot be told apart, and two free numbers for four ratios prove none of them.",
         f"With our contrasts in place of the paper's the best single choice is {own.worst:.0%} off "
         f"({_valued(own, by_name)}), and {len(own_fitting)} of {len(found.own_pairs)} pairs fit; but then the contrast "
