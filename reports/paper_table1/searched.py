@@ -180,8 +180,8 @@ def conclusion(found: Searched) -> str:
     mean_frame = next(one for one in found.readings if one.names[0] == search.MEAN_FRAME)
     return _bullets(
         f"**No single choice explains all four rows.** At the contrasts of Table 1 our ratios are {now.over.min():.2f} "
-        f"to {now.over.max():.2f} times the paper's. The best of {len(found.choices)} choices, whatever its value, is "
-        f"{_valued(best, by_name)}: one row is {best.worst:.0%} off. What acts on all bands alike leaves what the rows "
+        f"to {now.over.max():.2f} times the paper's. The best of {len(found.choices)} choices, whatever its value, "
+        f"leaves one row {best.worst:.0%} off ({_valued(best, by_name)}). What acts on all bands alike leaves what the rows "
         f"differ by, and that hangs on the widths of the bands, four numbers that are not published.",
         f"**The odd row is F850.** The other three ask for nearly the same: in the order of the bands, a circle with a "
         f"radius of {wide} λ/D, or a read noise of {read} e-.",
