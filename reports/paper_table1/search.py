@@ -382,19 +382,19 @@ def _changes(fields: dict[str, Any]) -> set[str]:
     return {"aperture_px" if name == "square_px" else name for name in fields}
 
 
-def pairs(always: dict[str, Any]) -> list[Found]:
-    """Every two choices, and every reading with every choice, within what is held possible; the best first.
+def pairs(always: dict[str, Any], *, held: bool) -> list[Found]:
+    """Every two choices, and every reading with every choice; the best first.
 
-    What stands in ``always`` is changed in all of them.
+    What stands in ``always`` is changed in all of them. Values are those held possible, or all that are searched.
     """
-    free = [(one, _changes(one.fields(1.0))) for one in choices() if one.held[0] < one.held[1]]
+    free = [(one, _changes(one.fields(1.0))) for one in choices() if not held or one.held[0] < one.held[1]]
     found = [
-        best((one, other), always, held=True)
+        best((one, other), always, held=held)
         for (one, mine), (other, its) in itertools.combinations(free, 2)
         if not mine & its
     ]
     for name, fields in variants().items():
         if name not in (AS_PRESET, OWN_CONTRASTS):
             others, base = _changes(fields), always | fields
-            found += [best((one,), base, held=True, names=(name,)) for one, mine in free if not mine & others]
+            found += [best((one,), base, held=held, names=(name,)) for one, mine in free if not mine & others]
     return sorted(found, key=lambda one: one.worst)

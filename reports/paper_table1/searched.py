@@ -26,13 +26,14 @@ GRID = (np.linspace(0.0, 2.0, 9), [*np.linspace(-2.0, 0.778, 8), None], (0.5, 1.
 
 @dataclass(frozen=True)
 class Searched:
-    """Everything found; `singles` of all values that were tried, pairs of those held possible, the best first."""
+    """Everything found; `singles` and `all_pairs` of all values, `pairs` of those held possible; the best first."""
 
     readings: list[Found]
     choices: list[Choice]
     needed: list[FloatArray]
     singles: list[Found]
     pairs: list[Found]
+    all_pairs: list[Found]
     own_singles: list[Found]
     own_pairs: list[Found]
 
@@ -50,9 +51,10 @@ def searched() -> Searched:
         choices=many,
         needed=[search.needed(one, {}) for one in many],
         singles=[search.best((one,), {}, held=False) for one in many],
-        pairs=search.pairs({}),
+        pairs=search.pairs({}, held=True),
+        all_pairs=search.pairs({}, held=False),
         own_singles=[search.best((one,), own, held=False) for one in many],
-        own_pairs=search.pairs(own),
+        own_pairs=search.pairs(own, held=True),
     )
 
 
@@ -170,7 +172,7 @@ def conclusion(found: Searched) -> str:
     now, best, own = found.readings[0], min(found.singles, key=_worst), min(found.own_singles, key=_worst)
     by_name, wider = {one.name: one for one in found.choices}, "width of F850"
     assert best.worst > AGREES, "a choice explains the table: say which"
-    assert all(wider in one.names for one in found.fitting), "other pairs fit too: say which"
+    assert all(wider in one.names for one in found.all_pairs if one.worst <= AGREES), "other pairs fit too: say which"
     widths = [one.values[one.names.index(wider)] for one in found.fitting]
     others = [next(name for name in one.names if name != wider) for one in found.fitting]
     asked = {choice.name: needed for choice, needed in zip(found.choices, found.needed, strict=True)}
@@ -181,13 +183,14 @@ def conclusion(found: Searched) -> str:
     return _bullets(
         f"**No single choice explains all four rows.** At the contrasts of Table 1 our ratios are {now.over.min():.2f} "
         f"to {now.over.max():.2f} times the paper's. The best of {len(found.choices)} choices, whatever its value, "
-        f"leaves one row {best.worst:.0%} off ({_valued(best, by_name)}). What acts on all bands alike leaves what the rows "
-        f"differ by, and that hangs on the widths of the bands, four numbers that are not published.",
+        f"leaves one row {best.worst:.0%} off ({_valued(best, by_name)}). What acts on all bands alike leaves "
+        f"what the rows differ by, and that hangs on the widths of the bands, four numbers that are not published.",
         f"**The odd row is F850.** The other three ask for nearly the same: in the order of the bands, a circle with a "
         f"radius of {wide} λ/D, or a read noise of {read} e-.",
         f"**Of {len(found.pairs)} pairs {len(found.fitting)} fit within {AGREES:.0%}, each with F850 "
         f"{min(widths):.0f} to {max(widths):.0f} nm wide instead of {assumed:g}** and one of: "
-        f"{'; '.join(others)}. These cannot be told apart, and two free numbers for four ratios prove none of them.",
+        f"{'; '.join(others)}. No values of any other pair fit, possible or not. These cannot be told apart, and two "
+        f"free numbers for four ratios prove none of them.",
         f"With our contrasts in place of the paper's the best single choice is {own.worst:.0%} off "
         f"({_valued(own, by_name)}), and {len(own_fitting)} of {len(found.own_pairs)} pairs fit; but then the contrast "
         f"of F850 is one that Table 1 excludes. That our ratios exceed the paper's by nearly one factor with our "
