@@ -212,6 +212,27 @@ def camera() -> Figures:
     }
 
 
+def paper() -> Figures:
+    """Return how the numbers of the paper that the project follows stand beside ours."""
+    beside = report("external")
+    counts = search(r"^\| The paper of .*?\| (\d+) \| (\d+) \| (\d+) \| 0 \|$", beside)
+    text = report("paper_table1")
+    ratios = search(r"At the contrasts of Table 1 our ratios are ([\d.]+) to\s+([\d.]+) times", text)
+    off = search(r"leaves\s+one\s+row\s+(\d+)%\s+off", text)
+    pairs = search(r"Of (\d+) pairs (\d+) fit within 5%", text)
+    return {
+        "numbers": counts[1],
+        "agree": counts[2],
+        "known": counts[3],
+        "taken": str(beside.count("| taken from the paper") + beside.count("; taken from the paper")),
+        "least": ratios[1],
+        "most": ratios[2],
+        "off": off[1],
+        "pairs": pairs[1],
+        "fitting": pairs[2],
+    }
+
+
 FIGURES: dict[str, Callable[[], Figures]] = {
     "table": tables,
     "plan": plan,
@@ -222,6 +243,7 @@ FIGURES: dict[str, Callable[[], Figures]] = {
     "imaging": imaging,
     "dial": dial,
     "camera": camera,
+    "paper": paper,
 }
 """Figures of the README by the name of their group."""
 

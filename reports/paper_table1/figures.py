@@ -12,18 +12,20 @@ from matplotlib.colors import AsinhNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
-from measure import Case, Measured, Predicted, instrument, science_scene, sky_pixels, true_contrast
 from numpy.typing import NDArray
 
 from cpic_planner.report import new_figure
 from cpic_planner.report.drawing import BAND_STYLE, RESIDUAL_COLOURS, STACK_COLOURS
 from cpic_planner.report.panel_figure import robust_sigma, stack_scale
+from reports.external.comparison import recorded
+from reports.paper_table1.measure import Case, Measured, Predicted, instrument, science_scene, sky_pixels, true_contrast
+from reports.paper_table1.search import AGREES, BANDS, Found
 from simulator import planet_albedo, planet_contrast
 
-__all__ = ["PAPER", "level0_figure", "panels_figure", "png", "spectrum_figure"]
+__all__ = ["PAPER", "level0_figure", "panels_figure", "png", "search_figure", "spectrum_figure"]
 
 # Zhu et al. 2025, Table 1: contrast and signal-to-noise ratio.
-PAPER = {"F520": (5.163e-8, 8.870), "F662": (4.737e-8, 4.451), "F720": (3.533e-8, 5.480), "F850": (2.138e-8, 5.488)}
+PAPER = {band: (row["contrast"], row["snr"]) for band, row in recorded("paper")["table1"].items()}
 VIEW_ARCSEC, MIDDLE_ARCSEC = 0.86, 1.15
 RESIDUAL_SIGMA, TICKS_E = 4.0, (0, 100, 300, 1000, 3000)
 LINEAR_ADU, TICKS_ADU = 10.0, (0, 10, 30, 100, 300, 1000, 3000)
@@ -191,3 +193,33 @@ def _contrasts(axes: Axes, found: list[Measured]) -> None:
     axes.set(xlabel="wavelength (nm)", ylabel="contrast (10⁻⁸)", ylim=(0, None))
     axes.grid(visible=True)
     axes.legend(loc="lower left")
+
+
+def search_figure(groups: dict[str, list[tuple[str, Found]]]) -> Figure:
+    """Our ratios over those of Table 1 in the four bands, a line for each choice, in groups with a heading."""
+    number = sum(len(lines) + 1 for lines in groups.values())
+    figure = new_figure(0.245 * number + 0.9)
+    axes = figure.subplots()
+    axes.axvspan(1.0 / (1.0 + AGREES), 1.0 + AGREES, color="#DDDDDD", lw=0)
+    axes.axvline(1.0, color="#444444", lw=0.8)
+    places, labels, place = [], [], 0
+    for heading, lines in groups.items():
+        axes.text(-0.005, place, heading, transform=axes.get_yaxis_transform(), ha="right", va="center", weight="bold")
+        for name, found in lines:
+            place += 1
+            places.append(place)
+            labels.append(name)
+            axes.plot([found.over.min(), found.over.max()], [place, place], color="#999999", lw=1.0, zorder=1)
+            for (colour, marker), over in zip(BAND_STYLE, found.over, strict=False):
+                axes.plot(over, place, marker=marker, color=colour, ms=6, ls="", mec="white", mew=0.6)
+        place += 1
+    for band, (colour, marker) in zip(BANDS, BAND_STYLE, strict=False):
+        axes.plot([], [], marker=marker, color=colour, ls="", ms=6, label=band)
+    ticks = (0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
+    axes.set(xscale="log", ylim=(place - 0.4, -0.7), xlabel="our SNR over that of Table 1, Eq. 4")
+    axes.set_yticks(places, labels=labels, fontsize=8.5)
+    axes.set_xticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
+    axes.grid(visible=True, axis="x")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=len(BANDS))
+    return figure
