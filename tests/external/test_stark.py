@@ -6,7 +6,7 @@ import pytest
 
 from reports.external import comparison
 from reports.external.comparisons import stark
-from reports.external.comparisons.stark import Star
+from reports.external.star_in_band import Star
 
 CASES = comparison.recorded("stark")["cases"]
 PLACES = sorted({(case["star"], case["wavelength_nm"]) for case in CASES})

@@ -6,7 +6,7 @@ import pytest
 from cpic_planner import Passbands
 from reports.external import comparison
 from reports.external.comparisons import stellar_flux
-from reports.external.comparisons.stark import Star
+from reports.external.star_in_band import Star
 from simulator.target import stellar_spectrum
 
 SUN = comparison.recorded("stellar_flux")["sun"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from reports.external import comparison
 from reports.external.comparison import Reference, Row
-from reports.external.comparisons.stark import Star
+from reports.external.star_in_band import Star
 
 TITLE = "Light of stars"
 REFERENCE = Reference(
