@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -250,7 +251,7 @@ def in_range(what: str, theirs: Iterable[float], ours: float, slack: float, know
     low, high = min(values), max(values)
     shown = ", ".join(f"{code.upper()} {value:.4g}" for code, value in zip(CODES, values, strict=True))
     middle = 0.5 * (low + high)
-    tolerance = 0.5 * (high - low) / middle + slack
+    tolerance = math.ceil(1e4 * (0.5 * (high - low) / middle + slack)) / 1e4
     return Row(f"{what}: {shown}", middle, ours, tolerance, known or "", expected=known is None)
 
 
