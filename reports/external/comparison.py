@@ -13,7 +13,7 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 NEGLIGIBLE = 0.01  # part of a tolerance below which differences are not shown
-ORDER = ("paper", "rates")  # of the sections of the report; the modules in `comparisons`
+ORDER = ("rates", "stark", "stellar_flux", "paper")  # of the sections of the report; the modules in `comparisons`
 
 
 @dataclass(frozen=True)

@@ -155,7 +155,9 @@ def stellar_spectrum(
     model : str, path or Spectrum
         - ``"grid"``: the shipped surface fluxes (PHOENIX lines at R = 1000 on PHOENIX-ACES broadband fluxes, CK04
           broadband trends with metallicity and, below 3.5, gravity), interpolated linearly in flux over log g, [M/H]
-          and Teff. 3500-8000 K, log g 0-5 (from 0.5 above 6000 K, from 1 above 7400 K), [M/H] -2.5 to 0.5.
+          and Teff. 3500-8000 K, log g 0-5 (from 0.5 above 6000 K, from 1 above 7400 K), [M/H] -2.5 to 0.5. Scaled in
+          V, it has the Sun's light within 2.5 % from 450 to 1100 nm, 3 % more at 1265 and 4 % more at 1400-1600 nm
+          (TSIS-1 HSRS, ``reports/external``).
         - ``"blackbody"``: Planck's law, 100 K to 1e6 K.
         - ``"pickles"``: measured spectra by spectral type (Pickles 1998), A0-M6.
         - the path of a CK04, Kurucz or PHOENIX tree, see `simulator.target.stellar_libraries.find_tree`.
