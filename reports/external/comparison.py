@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,8 +85,10 @@ def comparisons() -> Iterator[tuple[str, ModuleType]]:
 
     A module has ``TITLE`` (str), ``TEXT`` (str, what is compared and what follows from it), ``REFERENCE``
     (`Reference`) and ``rows(recorded)``, which works ours out anew and returns `Row` objects; ``recorded`` is what
-    ``recorded/NAME.json`` holds. Where the other code can be run, ``peer()`` runs it and returns what is recorded; it
-    is called in the other's environment, so that such a module imports nothing of ours at its top.
+    ``recorded/NAME.json`` holds. One with many numbers has ``MAIN``, a regular expression that the quantities of its
+    main ones match; the others stand on a page of their own. Where the other code can be run, ``peer()`` runs it and
+    returns what is recorded; it is called in the other's environment, so that such a module imports nothing of ours at
+    its top.
     """
     for name in ORDER:
         yield name, importlib.import_module(f"reports.external.comparisons.{name}")
@@ -101,25 +104,42 @@ def shown(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:.4g}"
 
 
-def section(module: ModuleType, rows: list[Row]) -> str:
-    """Return the section of the report about one comparison."""
-    reference = module.REFERENCE
-    lines = [f"## {module.TITLE}", "", f"{reference.name} {reference.version}; {reference.source}.", ""]
-    lines += [
-        module.TEXT.strip(),
-        "",
-        "| quantity | theirs | ours | difference | tolerance | agrees | why they differ |",
-    ]
-    lines += ["|---|---|---|---|---|---|---|"]
+def anchor(title: str) -> str:
+    """Return the fragment by which a page links to one of its headings."""
+    return re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
+
+
+def table(rows: list[Row]) -> str:
+    """Return rows as a table."""
+    heads = ("quantity", "theirs", "ours", "difference", "tolerance", "agrees", "why they differ")
+    lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
     for row in rows:
         words = isinstance(row.ours, str) or isinstance(row.theirs, str)
         scale = 1.0 if row.absolute else 100.0
         unit = "" if row.absolute else " %"
         size = scale * row.difference
         least = NEGLIGIBLE * scale * row.tolerance  # what lies below hangs on the processor
-        differs = "" if words else f"{size:+.2g}{unit}" if abs(size) > least else f"below {least:g}{unit}"
+        differs = "" if words else f"{size:+.2g}{unit}" if abs(size) > least else f"below {least:.2g}{unit}"
         answer = "yes" if row.agrees else "**no**" if row.expected else "no, known"
-        tolerance = "" if words else f"{scale * row.tolerance:g}{unit}"
+        tolerance = "" if words else f"{scale * row.tolerance:.3g}{unit}"
         cells = (row.what, shown(row.theirs), shown(row.ours), differs, tolerance, answer, row.why)
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def section(name: str, module: ModuleType, rows: list[Row]) -> str:
+    """Return the section of the report about one comparison: its main rows where it has many."""
+    reference = module.REFERENCE
+    lines = [f"## {module.TITLE}", "", f"{reference.name} {reference.version}; {reference.source}.", ""]
+    lines += [module.TEXT.strip(), ""]
+    main = [row for row in rows if re.search(getattr(module, "MAIN", ""), row.what)]
+    if len(main) < len(rows):
+        lines += [f"{len(main)} of {len(rows)} numbers; the others are in [rows/{name}.md](rows/{name}.md).", ""]
+    return "\n".join([*lines, table(main)])
+
+
+def page(module: ModuleType, rows: list[Row]) -> str:
+    """Return the page with every number of one comparison."""
+    return (
+        f"# {module.TITLE}: every number\n\nWhat is compared is said in [the report](../report.md).\n\n{table(rows)}\n"
+    )

@@ -58,18 +58,21 @@ def answer(name: str) -> None:
 
 def summary(counted: list[tuple[str, str, int, int, int]]) -> str:
     """Return the table at the head of the report."""
-    lines = ["| compared with | numbers | agree | known to disagree | disagree |", "|---|---|---|---|---|"]
+    lines = ["| compared | with | numbers | agree | known to disagree | disagree |", "|---|---|---|---|---|---|"]
     for title, reference, agree, known, wrong in counted:
-        lines.append(f"| {title} ({reference}) | {agree + known + wrong} | {agree} | {known} | {wrong} |")
+        link = f"[{title}](#{comparison.anchor(title)})"
+        lines.append(f"| {link} | {reference} | {agree + known + wrong} | {agree} | {known} | {wrong} |")
     return "\n".join(lines)
 
 
 def report() -> str:
-    """Return the text of the report."""
+    """Write the pages of all numbers, and return the text of the report."""
+    (HERE / "rows").mkdir(exist_ok=True)
     sections, counted = [], []
     for name, module in comparison.comparisons():
         rows = module.rows(comparison.recorded(name))
-        sections.append(comparison.section(module, rows))
+        sections.append(comparison.section(name, module, rows))
+        (HERE / f"rows/{name}.md").write_text(comparison.page(module, rows), encoding="utf-8")
         agree = sum(row.agrees for row in rows)
         known = sum(not row.agrees and not row.expected for row in rows)
         about = f"{module.REFERENCE.name} {module.REFERENCE.version}"

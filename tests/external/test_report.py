@@ -18,5 +18,6 @@ def test_every_number_agrees_or_is_known_to_differ(name):
         assert row.tolerance > 0, row.what
         assert row.agrees or not row.expected, f"{row.what}: {row.ours} beside {row.theirs}, {row.why}"
         assert row.agrees or row.why, f"{row.what}: nothing says why they differ"
-    # The page is as new as the code.
-    assert comparison.section(module, rows) in REPORT.read_text(encoding="utf-8")
+    # The pages are as new as the code.
+    assert comparison.section(name, module, rows) in REPORT.read_text(encoding="utf-8")
+    assert comparison.page(module, rows) == REPORT.with_name("rows").joinpath(f"{name}.md").read_text(encoding="utf-8")

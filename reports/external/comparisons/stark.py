@@ -12,6 +12,7 @@ from reports.external.comparison import Reference, Row
 from reports.external.star_in_band import Star
 
 TITLE = "An Earth twin from the name of its star to the time"
+MAIN = "^(t_science|F_star|F_exozodi|CR_p)"
 REFERENCE = Reference(
     "AYO, EBS and EXOSIMS in the comparison of Stark et al. 2025",
     "sheet of 2025-09-23",
