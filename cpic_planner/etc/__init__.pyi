@@ -87,6 +87,7 @@ from cpic_planner.etc.planet import (
     reflected_contrast as reflected_contrast,
 )
 from cpic_planner.etc.programmes import Programmes as Programmes, Span as Span
+from cpic_planner.etc.prospects import Prospect as Prospect, prospect_of as prospect_of
 from cpic_planner.etc.questions import (
     contrast_limit as contrast_limit,
     contrast_limits as contrast_limits,
