@@ -92,6 +92,7 @@ from cpic_planner.etc.questions import (
     contrast_limit as contrast_limit,
     contrast_limits as contrast_limits,
     groups_of as groups_of,
+    signal_to_noise as signal_to_noise,
 )
 from cpic_planner.etc.rates import (
     ApertureRates as ApertureRates,

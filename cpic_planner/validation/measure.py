@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,8 +20,9 @@ from cpic_planner.validation.photometry import (
 )
 from cpic_planner.validation.rdi import paying_modes, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
+from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.roll import roll_photometry
-from cpic_planner.validation.speckle_maps import mirror_share, speckle_maps, whole_kernels
+from cpic_planner.validation.speckle_maps import SpeckleMaps, mirror_share, speckle_maps, whole_kernels
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
 from simulator.imaging import BandGeometry
@@ -29,6 +31,10 @@ from simulator.target import scene_sources
 
 LEAST_COVERED = 0.9
 """Share of an aperture that must be left by limits and rejection."""
+
+
+Place: TypeAlias = tuple[float, float]
+"""Offsets x and y from the star on the detector, arcsec."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +140,7 @@ class Measurement:
 def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
     """The planets that the task measures, in its order, with what the measurement of each needs."""
     geometry, task = visits.geometry, visits.task
-    radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
-    side = geometry.stamp_pixels
-    edge_arcsec = side // 2 * geometry.pixel_scale_arcsec
+    edge_arcsec = geometry.stamp_pixels // 2 * geometry.pixel_scale_arcsec
     shown = (visits.plan.science, visits.plan.reference)[: 2 if visits.plan.shows_planet else 1]
     every = [
         scene_sources(visits.plan.science_scene, visits.instrument, task.band, roll_deg=visit["roll_deg"])[1:]
@@ -153,23 +157,41 @@ def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
             for number, other in enumerate(sources)
             if number != index and max(abs(other.x_arcsec), abs(other.y_arcsec)) < edge_arcsec
         ]
-        others = tuple(_pixels(geometry, place) for place in beside)
-        templates = tuple(visits.optics.at(*place) for place in places)
-        apertures = tuple(aperture_weights((side, side), *_pixels(geometry, place), radius) for place in places)
-        annulus = geometry.annulus(float(np.hypot(*places[0])), visits.strategy.annulus_lambda_d)
-        background = outside_discs(annulus, others, EXCLUSION_RADII * radius)
-        planet = PlanetTemplate(
-            name=source.name,
-            places_arcsec=places,
-            templates=templates,
-            apertures=apertures,
-            cores=tuple(float(np.sum(image * weights)) for image, weights in zip(templates, apertures, strict=True)),
-            background=background,
-            others=others,
-            neighbours=tuple(visits.optics.at(*place) for place in beside),
-        )
-        found.append(planet)
+        found.append(template_at(visits, source.name, places, beside))
     return tuple(found)
+
+
+def template_at(
+    visits: VisitPair, name: str, places_arcsec: tuple[Place, ...], beside: Sequence[Place] = ()
+) -> PlanetTemplate:
+    """Return what the measurement of a planet needs.
+
+    Parameters
+    ----------
+    visits : VisitPair
+    name : str
+    places_arcsec : tuple of (x, y)
+        Offsets on the detector, one a roll.
+    beside : sequence of (x, y)
+        Offsets of other sources on the stamp.
+    """
+    geometry = visits.geometry
+    radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
+    side = geometry.stamp_pixels
+    others = tuple(_pixels(geometry, place) for place in beside)
+    templates = tuple(visits.optics.at(*place) for place in places_arcsec)
+    apertures = tuple(aperture_weights((side, side), *_pixels(geometry, place), radius) for place in places_arcsec)
+    annulus = geometry.annulus(float(np.hypot(*places_arcsec[0])), visits.strategy.annulus_lambda_d)
+    return PlanetTemplate(
+        name=name,
+        places_arcsec=places_arcsec,
+        templates=templates,
+        apertures=apertures,
+        cores=tuple(float(np.sum(image * weights)) for image, weights in zip(templates, apertures, strict=True)),
+        background=outside_discs(annulus, others, EXCLUSION_RADII * radius),
+        others=others,
+        neighbours=tuple(visits.optics.at(*place) for place in beside),
+    )
 
 
 def _pixels(geometry: BandGeometry, place_arcsec: tuple[float, float]) -> tuple[float, float]:
@@ -207,6 +229,37 @@ def _tells_noise(region: BoolArray, planet: PlanetTemplate) -> bool:
     return bool(np.count_nonzero(planet.background & region) >= 0.5 * whole > 0)
 
 
+def maps_of(visits: VisitPair) -> SpeckleMaps:
+    """Return what a blind search of the visits knows of their speckles."""
+    return speckle_maps(visits.optics, visits.instrument.drift)
+
+
+def search_stack(
+    visits: VisitPair, stack: ReducedStack, star_rate_e_s: float, maps: SpeckleMaps | None = None
+) -> BlindSearch:
+    """Search a residual of a programme blind, at the level of its strategy.
+
+    Parameters
+    ----------
+    visits : VisitPair
+    stack : ReducedStack
+    star_rate_e_s : float
+        Detected rate of the star on the clear pupil, above 0.
+    maps : SpeckleMaps, optional
+        `maps_of` the visits, where they are at hand.
+    """
+    return search(
+        stack,
+        visits.optics,
+        maps or maps_of(visits),
+        star_rate_e_s=star_rate_e_s,
+        sigma=visits.strategy.sigma,
+        visits=visits.plan.visits,
+        reference_visits=visits.plan.reference_visits,
+        common_fraction=visits.instrument.drift.common_fraction,
+    )
+
+
 def measure_planets(
     visits: VisitPair,
     realisation: Realisation,
@@ -239,17 +292,7 @@ def measure_planets(
     stack, geometry = realisation.reduced, visits.geometry
     blind: BlindSearch | None = None
     if searched and realisation.roll is None:
-        maps = speckle_maps(visits.optics, visits.instrument.drift)
-        blind = search(
-            stack,
-            visits.optics,
-            maps,
-            star_rate_e_s=star.rate_e_s,
-            sigma=visits.strategy.sigma,
-            visits=visits.plan.visits,
-            reference_visits=visits.plan.reference_visits,
-            common_fraction=visits.instrument.drift.common_fraction,
-        )
+        blind = search_stack(visits, stack, star.rate_e_s)
     model = SpeckleModel.of(visits, star.rate_e_s) if visits.strategy.filter == "whitened" else None
     found: list[Measurement | None] = []
     for planet, expected in zip(planets, visits.task.predictions, strict=True):
