@@ -40,7 +40,8 @@ N_AZIMUTHS = 24
 """Azimuths whose mean stands for a circle."""
 N_INJECTED = 5, 6
 """Separations and contrasts of injected planets."""
-FAINTEST_INJECTED, BRIGHTEST_INJECTED = 0.4, 4.0
+FAINTEST_INJECTED, BRIGHTEST_INJECTED = 0.5, 3.0
+"""Their contrasts, over the faintest limit."""
 _TRIAL = 1e-9
 
 
@@ -113,7 +114,7 @@ def _programme(
 ) -> tuple[EtcAnswer, Observed | None]:
     """The programme of faintest limit, at the best separation, and the answer that chose it."""
     grid = question.separation_arcsec or separation_grid(model, band).tolist()
-    times = {"time_s": question.programme_s, "visit_time_s": question.visit_time_s}
+    times: dict[str, Any] = {"time_s": question.programme_s, "visit_time_s": question.visit_time_s}
     answers = etc.contrast_limit(model, asked.target, separation_arcsec=grid, bands=[band], **times)
     best = min(answers, key=lambda answer: math.inf if answer.value is None else answer.value)
     return best, observed(model, asked.target, best)
@@ -123,8 +124,8 @@ def _curve(question: CurveQuestion, answer: EtcAnswer, seen: Observed | None) ->
     """Limits of a programme by closed forms."""
     if seen is None:
         return []
-    ends = separation_grid(seen.model, seen.band)[[0, -1]]
-    places = question.separation_arcsec or np.geomspace(*ends, N_PLACES).tolist()
+    inner, *_, outer = separation_grid(seen.model, seen.band).tolist()
+    places = [*(question.separation_arcsec or np.geomspace(inner, outer, N_PLACES).tolist())]
     fixed: dict[str, Any] = {"visit_time_s": seen.visit_time_s, "exact": True}
     fixed |= {"exposure_s": seen.frames.exposure_s, "em_gain": seen.frames.em_gain}
     limits = []
@@ -189,7 +190,8 @@ def _map(seen: Observed, rows: Sequence[CurveRow]) -> list[CompletenessMap]:
 
 def _spread(angle: FloatArray) -> FloatArray:
     """Azimuths that stand for all of them, in the middles of equal parts."""
-    return angle[((np.arange(N_AZIMUTHS) + 0.5) / N_AZIMUTHS * len(angle)).astype(int)]
+    middles = (np.arange(N_AZIMUTHS) + 0.5) / N_AZIMUTHS
+    return np.asarray(angle[(middles * len(angle)).astype(int)])
 
 
 def _injected(question: CurveQuestion, rows: Sequence[CurveRow]) -> Planets:
@@ -230,7 +232,7 @@ def _recovered(seen: Observed, planets: Planets, images: Searched) -> list[Recov
         for number, contrast in enumerate(contrasts if n else []):
             hits = int(images.detected(alarms[:, number], seen.model.strategy.sigma).sum())
             low, high = fraction_interval(hits, n)
-            expected = seen.prospect_in_images(*offsets.T, np.full(n, contrast)).found[0]
+            expected = seen.prospect_in_images(offsets[:, 0], offsets[:, 1], np.full(n, contrast)).found[0]
             row = RecoveredRow(
                 band=seen.band,
                 separation_arcsec=place,

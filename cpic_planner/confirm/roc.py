@@ -97,7 +97,7 @@ def _programme(
     """The programme that shows the planet clearest, at its separation or the best one, and the answer that chose it."""
     given = question.separation_arcsec
     grid = separation_grid(model, band).tolist() if given is None else [given]
-    times = {"time_s": question.programme_s, "visit_time_s": question.visit_time_s}
+    times: dict[str, Any] = {"time_s": question.programme_s, "visit_time_s": question.visit_time_s}
     light: dict[str, Any] = {"planet": question.planet, "contrast": question.contrast}
     answers = etc.signal_to_noise(model, asked.target, separation_arcsec=grid, bands=[band], **times, **light)
     best = max(answers, key=lambda one: -math.inf if one.value is None else (one.significance or 0.0) / _of(one))

@@ -104,8 +104,9 @@ class Observed:
         self, model: etc.EtcModel, x: FloatArray, y: FloatArray, contrast: FloatArray, **how: Any
     ) -> etc.Prospect:
         visits = etc.Programme.of(model.strategy, self.frames.visits, gap_s(model, self.band, self.frames))
-        planets = (np.asarray(part, float)[None] for part in (x, y, contrast))
-        return etc.prospect_of(model, self.star, self.band, *planets, self.setting, visits, **how)
+        planets = [np.asarray(part, float)[None] for part in (x, y, contrast)]
+        place, light = (planets[0], planets[1]), planets[2]
+        return etc.prospect_of(model, self.star, self.band, *place, light, self.setting, visits, **how)
 
 
 def observed(model: etc.EtcModel, star: Targets, answer: EtcAnswer) -> Observed | None:
@@ -121,7 +122,7 @@ def observed(model: etc.EtcModel, star: Targets, answer: EtcAnswer) -> Observed 
 def programme_row(kind: type[SearchedProgramme], answer: EtcAnswer, seen: Observed | None, **given: Any) -> Any:
     """Return the row of a programme."""
     elements = None if seen is None else seen.elements
-    status = {"status": answer.status.value, "reason": answer.reason.value, "message": answer.message}
+    status: dict[str, Any] = {"status": answer.status.value, "reason": answer.reason.value, "message": answer.message}
     return kind.of(answer, **status, resolution_elements=elements, **given)
 
 

@@ -142,14 +142,14 @@ def roc_pictures(result: RocResult) -> dict[str, Picture]:
     return found
 
 
-def _picture(panels: Sequence[Panel], height: float, **words: str) -> Picture:
+def _picture(panels: Sequence[Panel], height: float, *, alt: str, caption: str) -> Picture:
     with style():
         columns = min(len(panels), 2)
         rows = math.ceil(len(panels) / columns)
         figure = new_figure(height * rows)
         for number, draw in enumerate(panels):
             draw(figure.add_subplot(rows, columns, number + 1))
-        return save(figure, **words)
+        return save(figure, alt=alt, caption=caption)
 
 
 def _title(result: CurveResult | RocResult) -> str:
@@ -182,7 +182,8 @@ def _draw_curves(axes: Axes, result: CurveResult) -> None:
         look = {"color": _GREY, "marker": "o", "ms": 5, "ls": "none"}
         handles.append(Line2D([], [], label=f"the same in images ({result.images} a band)", **look))
     _of_contrasts(axes, [row.separation_arcsec for row in result.points], shown)
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    below: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 3.6, "columnspacing": 1.6}
+    axes.legend(handles=handles, ncols=4, **below)
 
 
 def _of_contrasts(axes: Axes, separations: Sequence[float], contrasts: Sequence[float]) -> None:
@@ -202,15 +203,16 @@ def _line(rows: Sequence[CurveRow], name: str) -> tuple[np.ndarray, np.ndarray]:
 
 def _map_panel(result: CurveResult, one: CompletenessMap) -> Panel:
     rows = [row for row in result.points if row.band == one.band]
-    return lambda axes: _draw_map(axes, one, rows)
+    top = max(share for other in result.maps for share in other.azimuth_share)
+    return lambda axes: _draw_map(axes, one, rows, math.ceil(10.0 * top) / 10.0)
 
 
-def _draw_map(axes: Axes, one: CompletenessMap, rows: Sequence[CurveRow]) -> None:
+def _draw_map(axes: Axes, one: CompletenessMap, rows: Sequence[CurveRow], top: float) -> None:
     contrast_axes(axes)
     axes.grid(visible=False)
     place, contrast = np.array(one.separation_arcsec), np.array(one.contrast)
     chance = np.array(one.azimuth_share)[:, None] * np.array(one.chance)
-    look: Look = {"cmap": drawing.STACK_COLOURS, "vmin": 0.0, "vmax": 1.0, "shading": "nearest", "rasterized": True}
+    look: Look = {"cmap": drawing.STACK_COLOURS, "vmin": 0.0, "vmax": top, "shading": "nearest", "rasterized": True}
     if len(place) > 1:
         mesh = axes.pcolormesh(place, contrast, chance.T, **look)
         lines = axes.contour(place, contrast, chance.T, levels=_CONTOURS, colors="white", linewidths=0.8)
@@ -219,7 +221,7 @@ def _draw_map(axes: Axes, one: CompletenessMap, rows: Sequence[CurveRow]) -> Non
         separation_ticks(axes, place[0], place[-1])
     else:
         axes.plot(np.full(contrast.shape, place[0]), contrast, color=_GREY, lw=0.5)
-        axes.scatter(np.full(contrast.shape, place[0]), contrast, c=chance[0], cmap=look["cmap"], vmin=0.0, vmax=1.0)
+        axes.scatter(np.full(contrast.shape, place[0]), contrast, c=chance[0], cmap=look["cmap"], vmin=0.0, vmax=top)
         separation_ticks(axes, place[0] / 1.2, place[0] * 1.2)
     x, y = _line(rows, "contrast_limit_blind")
     axes.plot(x, y, color="#D55E00", ls=(0, (4, 2)), lw=2.0)

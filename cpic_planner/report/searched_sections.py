@@ -200,14 +200,9 @@ def _roc_programmes(page: RocReport) -> Iterator[doc.Block]:
 
 
 def _ending(note: str, result: CurveResult | RocResult) -> Iterator[doc.Block]:
+    yield doc.Fold("Glossary", [doc.Facts(terms(_WORDS))])
     yield from doc.reproduced_blocks(result, doc.marked(note))
     yield doc.Items(method_credits())
-
-
-@doc.section_of(CURVE_SECTIONS, "glossary", "Glossary")
-@doc.section_of(ROC_SECTIONS, "glossary", "Glossary")
-def _glossary(page: CurveReport | RocReport) -> Iterator[doc.Block]:
-    yield doc.Facts(terms(_WORDS))
 
 
 @doc.section_of(CURVE_SECTIONS, "reproduce", "Reproducing this")

@@ -80,9 +80,9 @@ def roc_sentences(result: RocResult) -> list[str]:
             continue
         said.append(
             f"{band.band}: a planet of contrast {band.contrast:.2e} at {band.separation_arcsec:.2f} arcsec is found "
-            f"blind with {share_text(row.detection_probability)} and at its known place with "
-            f"{share_text(row.detection_probability_known_place)}, at {result.sigma:g}σ ({row.false_alarms:.1e} false "
-            f"alarms a search), in {_programme_text(band)}."
+            f"blind with {share_text(row.detection_probability)} % and at its known place with "
+            f"{share_text(row.detection_probability_known_place)} %, at {result.sigma:g}σ ({row.false_alarms:.1e} "
+            f"false alarms a search), in {_programme_text(band)}."
         )
         if row.n_planets:
             said.append(
