@@ -117,7 +117,13 @@ def test_what_was_counted_is_what_a_level_allows():
     assert images.detected(np.array([np.inf]), 3.0).tolist() == [False]
 
 
-SMALL = {"target": "tau Cet", "bands": ["F662"], "time_s": 7200.0, "separation_arcsec": [0.6], "strategy": {"visits": 1}}
+SMALL = {
+    "target": "tau Cet",
+    "bands": ["F662"],
+    "time_s": 7200.0,
+    "separation_arcsec": [0.6],
+    "strategy": {"visits": 1},
+}
 
 
 def test_images_measure_the_limit_and_find_bright_planets_alone():

@@ -4,8 +4,8 @@ import base64
 
 import numpy as np
 import pytest
-
 from cpic_planner.report.validation_figures import completeness_figure, contrast_curve_figure, roc_figure
+
 from cpic_planner.validation import CompletenessMap, ContrastCurve, RocCurve
 
 SEPARATION = np.linspace(0.3, 0.9, 7)

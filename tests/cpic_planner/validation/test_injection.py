@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from cpic_planner.validation.roc import roc_curve
 
 from cpic_planner.validation import CompletenessMap, RdiResult, ReducedStack
 from cpic_planner.validation.injection import completeness_map, inject
-from cpic_planner.validation.roc import roc_curve
 from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
 from simulator import single_band_psf
 from simulator.config import Drift

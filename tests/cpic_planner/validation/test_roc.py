@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from cpic_planner.validation.roc import contrast_curve
 
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.validation import RdiResult, ReducedStack, aperture_weights
-from cpic_planner.validation.roc import contrast_curve
 from simulator import single_band_psf
 
 SIGMA_E, STAR_E_S, TIME_S = 10.0, 1.0e9, 100.0
