@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _LIMITS: tuple[tuple[str, str, Any, float], ...] = (
     ("contrast_limit_blind", "half found blind", "-", 2.0),
     ("contrast_limit_known_place", "half found at a known place", (0, (4, 2)), 1.5),
-    ("contrast_limit_threshold", "at the threshold of small samples", ":", 1.7),
+    ("contrast_limit_threshold", "at the threshold", ":", 1.7),
 )
 _HIGH, _LOW = 4.6, 4.2
 """Heights of the curves and of a row of smaller panels, inches."""
@@ -49,7 +49,8 @@ def curve_figure(result: CurveResult) -> Figure:
         grid = figure.add_gridspec(1 + rows, 2, height_ratios=[_HIGH, *[_LOW] * rows])
         _draw_curves(figure.add_subplot(grid[0, :]), result)
         for number, draw in enumerate(panels):
-            draw(figure.add_subplot(grid[1 + number // 2, number % 2]))
+            last = number == len(panels) - 1 and number % 2 == 0
+            draw(figure.add_subplot(grid[1 + number // 2, slice(None) if last else number % 2]))
         figure.suptitle(literal(_title(result)), fontsize=12)
     return figure
 
@@ -180,10 +181,10 @@ def _draw_curves(axes: Axes, result: CurveResult) -> None:
     handles += [Line2D([], [], color=_GREY, ls=ls, lw=lw, label=label) for _, label, ls, lw in _LIMITS]
     if any(row.measured_limit is not None for row in result.points):
         look = {"color": _GREY, "marker": "o", "ms": 5, "ls": "none"}
-        handles.append(Line2D([], [], label=f"the same in images ({result.images} a band)", **look))
+        handles.append(Line2D([], [], label=f"measured in {result.images} images", **look))
     _of_contrasts(axes, [row.separation_arcsec for row in result.points], shown)
     below: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 3.6, "columnspacing": 1.6}
-    axes.legend(handles=handles, ncols=4, **below)
+    axes.legend(handles=handles, ncols=3, **below)
 
 
 def _of_contrasts(axes: Axes, separations: Sequence[float], contrasts: Sequence[float]) -> None:
