@@ -38,9 +38,7 @@ from cpic_planner.validation.libraries import (
 )
 from cpic_planner.validation.measure import (
     Measurement as Measurement,
-    PlanetTemplate as PlanetTemplate,
     measure_planets as measure_planets,
-    planet_templates as planet_templates,
 )
 from cpic_planner.validation.modelling import (
     Modelling as Modelling,
@@ -97,6 +95,10 @@ from cpic_planner.validation.task import (
     star_scene as star_scene,
     target_scene as target_scene,
     task_of as task_of,
+)
+from cpic_planner.validation.templates import (
+    PlanetTemplate as PlanetTemplate,
+    planet_templates as planet_templates,
 )
 from cpic_planner.validation.verdict import (
     contrasts_of as contrasts_of,

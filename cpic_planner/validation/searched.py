@@ -8,19 +8,12 @@ from cpic_core import FloatArray, InputError, Status, announce, stream
 from cpic_planner.etc import diagonal
 from cpic_planner.validation.detection import MATCH_LAMBDA_D
 from cpic_planner.validation.injection import draw_place, inject, recovered
-from cpic_planner.validation.measure import (
-    PlanetTemplate,
-    forced_photometry,
-    maps_of,
-    obstacle,
-    reduced_around,
-    search_stack,
-    template_at,
-)
+from cpic_planner.validation.measure import forced_photometry, maps_of, reduced_around, search_stack
 from cpic_planner.validation.modelling import modelling_of
 from cpic_planner.validation.realise import Realisation, VisitPair, visit_pair
 from cpic_planner.validation.speckle_maps import SpeckleMaps
 from cpic_planner.validation.task import ConfirmTask
+from cpic_planner.validation.templates import PlanetTemplate, obstacle, template_at
 from cpic_planner.validation.whitened import SpeckleModel
 
 
