@@ -18,6 +18,7 @@ from cpic_planner.api.runs import (
     simulate_products as simulate_products,
     star_visibility as star_visibility,
 )
+from cpic_planner.api.searches import contrast_curve as contrast_curve, roc_curve as roc_curve
 from cpic_planner.etc.from_rates import (
     CONVENTIONS as CONVENTIONS,
     RateConvention as RateConvention,

@@ -19,6 +19,7 @@ from cpic_planner.cli import (
     known_command,
     rank_command,
     refresh_command,
+    searched_commands,
     serve_command,
     study_commands,
     upkeep_command,
@@ -76,6 +77,8 @@ def _add(run: Callable[..., None], *more: str) -> None:
 _add(image_commands.plan, DIAL_HELP, OVERRIDES_HELP)
 _add(rank_command.rank)
 _add(etc_command.etc)
+_add(searched_commands.curve)
+_add(searched_commands.roc)
 _add(known_command.known)
 _add(image_commands.confirm, DIAL_HELP, OVERRIDES_HELP)
 _add(image_commands.simulate)

@@ -87,10 +87,12 @@ from cpic_planner.etc.planet import (
     reflected_contrast as reflected_contrast,
 )
 from cpic_planner.etc.programmes import Programmes as Programmes, Span as Span
+from cpic_planner.etc.prospects import Prospect as Prospect, prospect_of as prospect_of
 from cpic_planner.etc.questions import (
     contrast_limit as contrast_limit,
     contrast_limits as contrast_limits,
     groups_of as groups_of,
+    signal_to_noise as signal_to_noise,
 )
 from cpic_planner.etc.rates import (
     ApertureRates as ApertureRates,

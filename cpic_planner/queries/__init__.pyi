@@ -67,6 +67,11 @@ from cpic_planner.queries.runs import (
     TradeoffQuestion as TradeoffQuestion,
     WhatIfQuestion as WhatIfQuestion,
 )
+from cpic_planner.queries.searched import (
+    CurveQuestion as CurveQuestion,
+    RocQuestion as RocQuestion,
+    SearchedQuestion as SearchedQuestion,
+)
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S as DEFAULT_TIME_S,
     EXCLUSIONS as EXCLUSIONS,

@@ -72,6 +72,14 @@ from cpic_planner.report.priorities import (
     known_blocks as known_blocks,
     priority_blocks as priority_blocks,
 )
+from cpic_planner.report.searched_figures import curve_figure as curve_figure, roc_figure as roc_figure
+from cpic_planner.report.searched_sections import (
+    CURVE_PRODUCTS as CURVE_PRODUCTS,
+    ROC_PRODUCTS as ROC_PRODUCTS,
+    write_curve as write_curve,
+    write_roc as write_roc,
+)
+from cpic_planner.report.searched_words import print_curve as print_curve, print_roc as print_roc
 from cpic_planner.report.sky_figures import MOST_STARS as MOST_STARS, rank_figure as rank_figure
 from cpic_planner.report.summary import calibration_sentence as calibration_sentence
 from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure

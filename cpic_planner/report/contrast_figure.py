@@ -49,6 +49,22 @@ class HoleEdges:
     outer_arcsec: float
 
 
+def contrast_axes(axes: Axes) -> None:
+    """Make a plane of separation and contrast, both logarithmic."""
+    axes.set(xscale="log", yscale="log")
+    axes.grid(visible=True)
+    axes.set_xlabel("projected separation (arcsec)")
+    axes.set_ylabel("planet-to-star contrast (flux ratio)")
+
+
+def separation_ticks(axes: Axes, low: float, high: float) -> None:
+    """Set the limits of the axis of separations, arcsec, and write plain numbers at it."""
+    axes.set_xlim(low, high)
+    ticks = [tick for tick in _TICKS_ARCSEC if low <= tick <= high]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.set_xticks([], minor=True)
+
+
 def contrast_diagram(
     rank: RankResult,
     *,
@@ -75,10 +91,7 @@ def contrast_diagram(
     with style():
         figure = new_figure(5.8)
         axes = figure.add_subplot()
-        axes.set(xscale="log", yscale="log")
-        axes.grid(visible=True)
-        axes.set_xlabel("projected separation (arcsec)")
-        axes.set_ylabel("planet-to-star contrast (flux ratio)")
+        contrast_axes(axes)
         handles: list[Artist] = []
         texts: list[str] = []
         for status in reversed(drawing.STATUS_STYLE):
@@ -135,11 +148,7 @@ def _frame(axes: Axes, rows: Sequence[RankedTarget], limits: Sequence[LimitCurve
         # The limit climbs without bound at the edges; its bulk decides the frame.
         contrasts += np.percentile(curve.contrast[good], [0, 90]).tolist() if good.any() else []
     if separations:
-        low, high = min(separations) / 1.06, max(separations) * 1.06
-        axes.set_xlim(low, high)
-        ticks = [tick for tick in _TICKS_ARCSEC if low <= tick <= high]
-        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-        axes.set_xticks([], minor=True)
+        separation_ticks(axes, min(separations) / 1.06, max(separations) * 1.06)
     if contrasts:
         axes.set_ylim(min(contrasts) / 2.0, max(contrasts) * 2.5)
 

@@ -209,6 +209,23 @@ def plain_ticks(axis: Axis, *steps: float, **limits: int) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def power_ticks(axis: Axis) -> None:
+    """Write powers of ten at a logarithmic axis, and 2 and 5 times them where it spans less than two decades."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))
+
+    def written(value: float, _: float) -> str:
+        power = int(np.floor(np.log10(value) + 1e-9))
+        factor = round(value / 10.0**power)
+        times = "" if factor == 1 else rf"{factor} \times "
+        return f"${times}10^{{{power}}}$"
+
+    axis.set_major_formatter(FuncFormatter(written))
+    axis.set_minor_formatter(NullFormatter())
+
+
 def plain_log_axis(axes: Axes) -> None:
     """Make the x axis logarithmic, with few ticks that are written as everyday numbers."""
     axes.set_xscale("log")

@@ -110,6 +110,17 @@ from cpic_planner.results.runs import (
     TradeoffScene as TradeoffScene,
     VisitRow as VisitRow,
 )
+from cpic_planner.results.searched import (
+    CompletenessMap as CompletenessMap,
+    CurveResult as CurveResult,
+    CurveRow as CurveRow,
+    RecoveredRow as RecoveredRow,
+    RocProgramme as RocProgramme,
+    RocResult as RocResult,
+    RocRow as RocRow,
+    SearchedProgramme as SearchedProgramme,
+    SearchedResult as SearchedResult,
+)
 from cpic_planner.results.shown import (
     StarResult as StarResult,
     TwoInstrumentsResult as TwoInstrumentsResult,

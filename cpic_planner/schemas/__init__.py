@@ -14,6 +14,7 @@ _WHERE = {
     "queries.rank": {"rank": "RankQuestion", "visibility": "VisibilityQuestion", "known": "KnownQuestion"},
     "queries.runs": {"plan": "PlanQuestion", "whatif": "WhatIfQuestion", "tradeoff": "TradeoffQuestion"},
     "queries.images": {"confirm": "ConfirmQuestion"},
+    "queries.searched": {"curve": "CurveQuestion", "roc": "RocQuestion"},
     "queries.simulate": {"simulate": "SimulateQuestion"},
 }
 QUESTIONS = {name: f"cpic_planner.{room}:{model}" for room, models in _WHERE.items() for name, model in models.items()}
@@ -26,6 +27,8 @@ RESULTS = {
         ("explanation", "Explanation"),
         ("comparison", "RankComparison"),
         ("etc", "EtcResult"),
+        ("curve", "CurveResult"),
+        ("roc", "RocResult"),
         ("plan", "PlanResult"),
         ("confirm", "ConfirmResult"),
         ("star_images", "StarImagesResult"),

@@ -25,7 +25,12 @@ from cpic_planner.validation.findings import (
     snr_scatter as snr_scatter,
 )
 from cpic_planner.validation.frames import CalibratedFrames as CalibratedFrames, calibrated_frames as calibrated_frames
-from cpic_planner.validation.injection import CompletenessMap as CompletenessMap
+from cpic_planner.validation.injection import (
+    INTERVAL as INTERVAL,
+    azimuth_share as azimuth_share,
+    azimuths_inside as azimuths_inside,
+    fraction_interval as fraction_interval,
+)
 from cpic_planner.validation.libraries import (
     LibraryPlan as LibraryPlan,
     library_plan as library_plan,
@@ -33,9 +38,7 @@ from cpic_planner.validation.libraries import (
 )
 from cpic_planner.validation.measure import (
     Measurement as Measurement,
-    PlanetTemplate as PlanetTemplate,
     measure_planets as measure_planets,
-    planet_templates as planet_templates,
 )
 from cpic_planner.validation.modelling import (
     Modelling as Modelling,
@@ -68,12 +71,12 @@ from cpic_planner.validation.rejection import (
     filled as filled,
     reject_cosmic_rays as reject_cosmic_rays,
 )
-from cpic_planner.validation.roc import ContrastCurve as ContrastCurve, RocCurve as RocCurve
 from cpic_planner.validation.roll import (
     RollResult as RollResult,
     roll_photometry as roll_photometry,
     roll_subtract as roll_subtract,
 )
+from cpic_planner.validation.searched import SearchTask as SearchTask, search_task as search_task
 from cpic_planner.validation.speckle_maps import SpeckleMaps as SpeckleMaps
 from cpic_planner.validation.star_flux import (
     StarFlux as StarFlux,
@@ -86,11 +89,16 @@ from cpic_planner.validation.task import (
     Frames as Frames,
     ImageSettings as ImageSettings,
     expected_of as expected_of,
+    gap_s as gap_s,
     images_of as images_of,
     prepare_task as prepare_task,
     star_scene as star_scene,
     target_scene as target_scene,
     task_of as task_of,
+)
+from cpic_planner.validation.templates import (
+    PlanetTemplate as PlanetTemplate,
+    planet_templates as planet_templates,
 )
 from cpic_planner.validation.verdict import (
     contrasts_of as contrasts_of,

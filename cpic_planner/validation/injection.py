@@ -1,95 +1,25 @@
-"""Injection and recovery: how often the blind detector finds planets of known place and contrast."""
+"""Planets put into residuals, what a search finds of them, and how well a fraction of trials is known."""
 
 import dataclasses
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, IntArray, stream
-from cpic_planner.validation.apertures import require
-from cpic_planner.validation.detection import BlindSearch, Candidate, search
+from cpic_core import ArrayLike, FloatArray, InputError
+from cpic_planner.ranking import inside_zone
+from cpic_planner.validation.detection import BlindSearch, Candidate
 from cpic_planner.validation.reduced import ReducedStack
-from cpic_planner.validation.speckle_maps import SpeckleMaps
 from simulator.detectors import excess_noise_factor2
-from simulator.imaging import AnyPsf
+from simulator.imaging import BandGeometry
 
 _MATCH_LAMBDA_D = 1.0
-_RING_PIXELS = 0.7
-
-
-@dataclass(frozen=True, eq=False)
-class CompletenessMap:
-    """Planets recovered by a blind search.
-
-    Attributes
-    ----------
-    separation_arcsec : ndarray, shape (s,)
-    contrast : ndarray, shape (c,)
-        Ascending.
-    n_recovered : ndarray of int, shape (s, c)
-        Injected planets that were detected within lambda/D of their place.
-    n_injected : int
-        Planets in each cell.
-    sigma : float
-        Level of the search.
-    """
-
-    separation_arcsec: FloatArray
-    contrast: FloatArray
-    n_recovered: IntArray
-    n_injected: int
-    sigma: float
-
-    @property
-    def fraction(self) -> FloatArray:
-        """Recovered over injected, shape (s, c)."""
-        return self.n_recovered / self.n_injected
-
-    @property
-    def error(self) -> FloatArray:
-        """Standard deviation of the fraction, from its posterior under a uniform prior; never 0. Shape (s, c)."""
-        return fraction_error(self.n_recovered, self.n_injected)
-
-    def contrast_at(self, fraction: float = 0.5) -> FloatArray:
-        """Contrast that is recovered that often, one per separation: a logistic curve in the logarithm of the contrast.
-
-        ``inf`` where the curve does not rise or the level lies beyond the contrasts that were tried.
-        """
-        if not 0.0 < fraction < 1.0:
-            raise InputError("fraction", fraction, allowed="between 0 and 1")
-        level, wanted = np.log(self.contrast), math.log(fraction / (1.0 - fraction))
-        found = np.full(self.separation_arcsec.shape, np.inf)
-        for row, hits in enumerate(self.n_recovered):
-            middle, slope = _logistic(level, hits.astype(float), float(self.n_injected))
-            place = middle + wanted / slope if slope > 0 else math.inf
-            if level[0] <= place <= level[-1]:
-                found[row] = math.exp(place)
-        return found
-
-
-def fraction_error(hits: IntArray, trials: int) -> FloatArray:
-    """Standard deviation of a fraction of trials, from its posterior under a uniform prior; never 0.
-
-    Parameters
-    ----------
-    hits : ndarray of int
-        Trials that succeeded.
-    trials : int
-        All of them.
-    """
-    more, total = hits + 1.0, trials + 2.0
-    return np.sqrt(more * (total - more) / (total**2 * (total + 1.0)))
+_AZIMUTHS = 3600
+INTERVAL = 0.68
+"""Probability inside the intervals of fractions."""
 
 
 def inject(
-    stack: ReducedStack,
-    psf: AnyPsf,
-    x_arcsec: float,
-    y_arcsec: float,
-    total_e: float,
-    rng: np.random.Generator | None = None,
+    stack: ReducedStack, image: FloatArray, total_e: float, rng: np.random.Generator | None = None
 ) -> ReducedStack:
     """Add a planet to a residual.
 
@@ -97,9 +27,8 @@ def inject(
     ----------
     stack : ReducedStack
         Without that planet.
-    psf : Psf
-    x_arcsec, y_arcsec : float
-        Place on the detector, inside the stamp.
+    image : ndarray, shape (n, n)
+        Of a unit source at its place (`simulator.imaging.Psf.at`).
     total_e : float
         Electrons on the clear disc, at least 0.
     rng : Generator, optional
@@ -113,7 +42,7 @@ def inject(
     """
     if not (math.isfinite(total_e) and total_e >= 0):
         raise InputError("total_e", total_e, unit="e-", allowed="finite and at least 0")
-    mean = np.where(stack.region, total_e * np.asarray(psf.at(x_arcsec, y_arcsec), float), 0.0)
+    mean = np.where(stack.region, total_e * np.asarray(image, float), 0.0)
     light = mean
     if rng is not None:
         light = rng.poisson(np.maximum(mean, 0.0)).astype(float)
@@ -137,95 +66,79 @@ def recovered(found: BlindSearch, x_arcsec: float, y_arcsec: float, lambda_d_arc
     return max(near, key=lambda one: one.significance, default=None)
 
 
-def completeness_map(
-    stacks: Sequence[ReducedStack],
-    psf: AnyPsf,
-    maps: SpeckleMaps,
-    *,
-    star_rate_e_s: float,
-    separations_arcsec: ArrayLike,
-    contrasts: ArrayLike,
-    sigma: float = 5.0,
-    seed: int = 0,
-) -> CompletenessMap:
-    """Inject one planet at a time into planet-free residuals and search for it.
+def fraction_interval(hits: ArrayLike, trials: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return the interval of a probability that so many hits in so many trials leave open.
 
     Parameters
     ----------
-    stacks : sequence of ReducedStack
-        Residuals of independent visits without planets. Each serves one planet in every cell: cells share their
-        speckles, planets of one cell do not.
-    psf, maps, star_rate_e_s, sigma
-        As in `cpic_planner.validation.detection.search`.
-    separations_arcsec : array_like, shape (s,)
-        Circles of which some pixels lie in the hole; the azimuth of every planet is drawn among these.
-    contrasts : array_like, shape (c,)
-        Above 0, ascending.
-    seed : int
-        Of azimuths and photons.
+    hits : array_like of int
+        0 to ``trials``.
+    trials : array_like of int
+        At least 1; broadcasts.
 
-    Raises
-    ------
-    InputError
-        If an argument is out of range.
+    Returns
+    -------
+    low, high : ndarray
+        Ends of the interval of Jeffreys that holds `INTERVAL`; 0 without a hit, and 1 without a miss (Brown, Cai &
+        DasGupta 2001, Stat. Sci. 16, 101).
     """
-    places = np.atleast_1d(np.asarray(separations_arcsec, float))
-    ratios = np.atleast_1d(np.asarray(contrasts, float))
-    if not len(stacks):
-        raise InputError("stacks", 0, allowed="at least one residual")
-    if not (np.isfinite(ratios).all() and (ratios > 0).all() and (np.diff(ratios) > 0).all()):
-        raise InputError("contrasts", contrasts, allowed="above 0 and ascending")
-    geometry = psf.geometry
-    hits = np.zeros((places.size, ratios.size), np.int64)
-    for visit, stack in enumerate(stacks):
-        for row, place in enumerate(places):
-            rng = stream(seed, "injection", visit, row)
-            x, y = draw_place(stack, float(place), geometry.pixel_scale_arcsec, rng)
-            for column, ratio in enumerate(ratios):
-                planet = inject(stack, psf, x, y, ratio * star_rate_e_s * stack.integration_s, rng)
-                found = search(planet, psf, maps, star_rate_e_s=star_rate_e_s, sigma=sigma)
-                best = recovered(found, x, y, geometry.lambda_d_arcsec)
-                hits[row, column] += best is not None and best.detected
-    return CompletenessMap(places, ratios, hits, len(stacks), sigma)
+    from scipy.special import betaincinv
+
+    won, all_of = np.asarray(hits, float), np.asarray(trials, float)
+    tail = 0.5 * (1.0 - INTERVAL)
+    ends = (betaincinv(won + 0.5, all_of - won + 0.5, share) for share in (tail, 1.0 - tail))
+    low, high = ends
+    return np.where(won == 0.0, 0.0, low), np.where(won == all_of, 1.0, high)
+
+
+def azimuths_inside(geometry: BandGeometry, separation_arcsec: float) -> FloatArray:
+    """Return the angles of a circle at which the whole aperture of a planet lies in the dark hole, radians.
+
+    Parameters
+    ----------
+    geometry : BandGeometry
+    separation_arcsec : float
+        Radius of the circle, above 0.
+
+    Returns
+    -------
+    ndarray
+        From the +x axis of the detector towards +y, evenly spread, of `_AZIMUTHS` on the whole circle; the diagonals
+        are among them.
+    """
+    angle = 2.0 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
+    x, y = separation_arcsec * np.cos(angle), separation_arcsec * np.sin(angle)
+    # A hair less than the aperture: rounding shall not hide the diagonal at the corners.
+    return angle[inside_zone(geometry.zone, x, y, geometry.aperture_radius_arcsec * (1.0 - 1e-9))]
+
+
+def azimuth_share(geometry: BandGeometry, separation_arcsec: float) -> float:
+    """Return the share of a circle on which the whole aperture of a planet lies in the dark hole.
+
+    Parameters
+    ----------
+    geometry : BandGeometry
+    separation_arcsec : float
+        Radius of the circle, above 0.
+    """
+    return len(azimuths_inside(geometry, separation_arcsec)) / _AZIMUTHS
 
 
 def draw_place(
-    stack: ReducedStack, separation_arcsec: float, pixel_scale_arcsec: float, rng: np.random.Generator
-) -> tuple[float, float]:
-    """Random place in the hole at a separation, x and y in arcsec on the detector.
+    geometry: BandGeometry, separation_arcsec: float, rng: np.random.Generator
+) -> tuple[float, float] | None:
+    """Return a random place at a separation where the whole aperture lies in the dark hole; None without one.
 
     Parameters
     ----------
-    stack : ReducedStack
+    geometry : BandGeometry
     separation_arcsec : float
         Projected separation from the star, arcsec, above 0.
-    pixel_scale_arcsec : float
-        Side of a pixel, arcsec.
     rng : numpy.random.Generator
         Source of random numbers; a seed gives the same draws.
     """
-    y, x = (np.asarray(part, float) - len(stack.region) // 2 for part in np.nonzero(stack.region))
-    radius = separation_arcsec / pixel_scale_arcsec
-    ring = np.flatnonzero(np.abs(np.hypot(x, y) - radius) <= _RING_PIXELS)
-    require("separations_arcsec", separation_arcsec, ring.size > 0, "arcsec", "circles that cross the hole")
-    chosen = int(rng.choice(ring))
-    angle = math.atan2(y[chosen], x[chosen])
+    angles = azimuths_inside(geometry, separation_arcsec)
+    if not angles.size:
+        return None
+    angle = float(rng.choice(angles))
     return separation_arcsec * math.cos(angle), separation_arcsec * math.sin(angle)
-
-
-def _logistic(level: FloatArray, hits: FloatArray, trials: float) -> tuple[float, float]:
-    """Middle and slope of the most probable logistic curve; a half success and failure at either end keep it finite."""
-    from scipy.optimize import minimize
-
-    width = max(float(level[-1] - level[0]), 1e-6)
-    beyond = np.concatenate([[level[0] - 3.0 * width], level, [level[-1] + 3.0 * width]])
-    won = np.concatenate([[0.0], hits, [0.5]])
-    lost = np.concatenate([[0.5], trials - hits, [0.0]])
-
-    def cost(shape: FloatArray) -> float:
-        score = np.exp(shape[1]) * (beyond - shape[0])
-        return float(np.sum(won * np.logaddexp(0.0, -score) + lost * np.logaddexp(0.0, score)))
-
-    starts = [minimize(cost, np.array([middle, math.log(8.0 / width)]), method="Nelder-Mead") for middle in level]
-    best = min(starts, key=lambda one: float(one.fun))
-    return float(best.x[0]), float(np.exp(best.x[1]))

@@ -5,91 +5,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, Reason
 from cpic_planner.queries import FluxFilter
-from cpic_planner.validation.apertures import aperture_weights, edge_crossed, outside_discs
+from cpic_planner.validation.apertures import outside_discs
 from cpic_planner.validation.detection import BlindSearch, search
 from cpic_planner.validation.photometry import (
     EXCLUSION_RADII,
     Photometry,
     aperture_photometry,
-    kernel_at,
     sum_weights,
     without_source,
 )
 from cpic_planner.validation.rdi import paying_modes, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
+from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.roll import roll_photometry
-from cpic_planner.validation.speckle_maps import mirror_share, speckle_maps, whole_kernels
+from cpic_planner.validation.speckle_maps import SpeckleMaps, mirror_share, speckle_maps, whole_kernels
 from cpic_planner.validation.star_flux import StarFlux
+from cpic_planner.validation.templates import PlanetTemplate, is_covered, pixels_of, tells_noise
 from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
 from simulator.imaging import BandGeometry
 from simulator.signal import REGION_LAMBDA_D
-from simulator.target import scene_sources
-
-LEAST_COVERED = 0.9
-"""Share of an aperture that must be left by limits and rejection."""
-
-
-@dataclass(frozen=True, eq=False)
-class PlanetTemplate:
-    """A planet to be measured: where it stands, and its image there, in one or two rolls.
-
-    Attributes
-    ----------
-    name : str
-    places_arcsec : tuple
-        Offsets (x, y) on the detector, one a roll.
-    templates : tuple of ndarray, shape (n, n)
-        Image of a unit source there.
-    apertures : tuple of ndarray, shape (n, n)
-        Weights of the aperture there.
-    cores : tuple of float
-        Core throughput.
-    background : ndarray of bool, shape (n, n)
-        Annulus that measures background and scatter; other sources are out of it.
-    others : tuple
-        Places of other sources, pixels (x, y).
-    neighbours : tuple of ndarray, shape (n, n)
-        Images of unit sources there.
-    """
-
-    name: str
-    places_arcsec: tuple[tuple[float, float], ...]
-    templates: tuple[FloatArray, ...]
-    apertures: tuple[FloatArray, ...]
-    cores: tuple[float, ...]
-    background: BoolArray
-    others: tuple[tuple[float, float], ...]
-    neighbours: tuple[FloatArray, ...] = ()
-
-    @property
-    def core(self) -> float:
-        """Mean core throughput over the rolls."""
-        return float(np.mean(self.cores))
-
-    def kernels(self, geometry: BandGeometry, filter_name: FluxFilter) -> tuple[FloatArray, ...]:
-        """Weights of the sum that measures it around its pixel in every roll.
-
-        Those of the matched filter are scaled so that they find as much of its light as the aperture.
-
-        Parameters
-        ----------
-        geometry : BandGeometry
-        filter_name : {"aperture", "matched", "mirror", "whitened"}
-            Of the last two the sums of apertures.
-        """
-        found = []
-        for place, template, aperture in zip(self.places_arcsec, self.templates, self.apertures, strict=True):
-            pixel, scale = _pixels(geometry, place), geometry.pixel_scale_arcsec
-            if filter_name == "matched":
-                kernel = kernel_at(template, *pixel, geometry.lambda_d_arcsec / scale)
-                weights = sum_weights(template.shape, *pixel, 1.0, kernel)
-                kernel *= np.sum(template * aperture) / np.sum(template * weights)
-            else:
-                kernel = kernel_at(aperture, *pixel, geometry.aperture_radius_arcsec / scale + 1.0)
-            found.append(kernel)
-        return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -131,80 +66,35 @@ class Measurement:
     search_threshold: float | None
 
 
-def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
-    """The planets that the task measures, in its order, with what the measurement of each needs."""
-    geometry, task = visits.geometry, visits.task
-    radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
-    side = geometry.stamp_pixels
-    edge_arcsec = side // 2 * geometry.pixel_scale_arcsec
-    shown = (visits.plan.science, visits.plan.reference)[: 2 if visits.plan.shows_planet else 1]
-    every = [
-        scene_sources(visits.plan.science_scene, visits.instrument, task.band, roll_deg=visit["roll_deg"])[1:]
-        for visit in shown
-    ]
-    found = []
-    for index, source in enumerate(every[0]):
-        if source.kind != "planet" or source.name not in task.planets:
-            continue
-        places = tuple((sources[index].x_arcsec, sources[index].y_arcsec) for sources in every)
-        beside = [
-            (other.x_arcsec, other.y_arcsec)
-            for sources in every
-            for number, other in enumerate(sources)
-            if number != index and max(abs(other.x_arcsec), abs(other.y_arcsec)) < edge_arcsec
-        ]
-        others = tuple(_pixels(geometry, place) for place in beside)
-        templates = tuple(visits.optics.at(*place) for place in places)
-        apertures = tuple(aperture_weights((side, side), *_pixels(geometry, place), radius) for place in places)
-        annulus = geometry.annulus(float(np.hypot(*places[0])), visits.strategy.annulus_lambda_d)
-        background = outside_discs(annulus, others, EXCLUSION_RADII * radius)
-        planet = PlanetTemplate(
-            name=source.name,
-            places_arcsec=places,
-            templates=templates,
-            apertures=apertures,
-            cores=tuple(float(np.sum(image * weights)) for image, weights in zip(templates, apertures, strict=True)),
-            background=background,
-            others=others,
-            neighbours=tuple(visits.optics.at(*place) for place in beside),
-        )
-        found.append(planet)
-    return tuple(found)
+def maps_of(visits: VisitPair) -> SpeckleMaps:
+    """Return what a blind search of the visits knows of their speckles."""
+    return speckle_maps(visits.optics, visits.instrument.drift)
 
 
-def _pixels(geometry: BandGeometry, place_arcsec: tuple[float, float]) -> tuple[float, float]:
-    """Column and row of a place on the stamp."""
-    middle, pixel = geometry.stamp_pixels // 2, geometry.pixel_scale_arcsec
-    return middle + place_arcsec[0] / pixel, middle + place_arcsec[1] / pixel
-
-
-def obstacle(planet: PlanetTemplate, geometry: BandGeometry) -> tuple[Reason, str] | None:
-    """Why a planet cannot be measured whatever the frames hold, in a word and a sentence; None where it can.
+def search_stack(
+    visits: VisitPair, stack: ReducedStack, star_rate_e_s: float, maps: SpeckleMaps | None = None
+) -> BlindSearch:
+    """Search a residual of a programme blind, at the level of its strategy.
 
     Parameters
     ----------
-    planet : PlanetTemplate
-    geometry : BandGeometry
+    visits : VisitPair
+    stack : ReducedStack
+    star_rate_e_s : float
+        Detected rate of the star on the clear pupil, above 0.
+    maps : SpeckleMaps, optional
+        `maps_of` the visits, where they are at hand.
     """
-    for (x, y), weights in zip(planet.places_arcsec, planet.apertures, strict=True):
-        if not _is_covered(geometry.hole, weights):
-            rolls = " at one of the two rolls" if len(planet.apertures) > 1 else ""
-            reason = edge_crossed(geometry.zone, x, y, geometry.aperture_radius_arcsec)
-            return reason, f"the mask or the edge of the dark hole hides the planet{rolls}"
-    if not _tells_noise(geometry.hole, planet):
-        return Reason.TOO_FEW_ELEMENTS, "other sources leave no room around the planet to measure the noise in"
-    return None
-
-
-def _is_covered(region: BoolArray, weights: FloatArray) -> bool:
-    """Whether enough of an aperture lies in a region."""
-    return float(np.sum(weights * region) / np.sum(weights)) >= LEAST_COVERED
-
-
-def _tells_noise(region: BoolArray, planet: PlanetTemplate) -> bool:
-    """Whether enough of the annulus that tells the noise lies in a region."""
-    whole = np.count_nonzero(planet.background)
-    return bool(np.count_nonzero(planet.background & region) >= 0.5 * whole > 0)
+    return search(
+        stack,
+        visits.optics,
+        maps or maps_of(visits),
+        star_rate_e_s=star_rate_e_s,
+        sigma=visits.strategy.sigma,
+        visits=visits.plan.visits,
+        reference_visits=visits.plan.reference_visits,
+        common_fraction=visits.instrument.drift.common_fraction,
+    )
 
 
 def measure_planets(
@@ -239,22 +129,12 @@ def measure_planets(
     stack, geometry = realisation.reduced, visits.geometry
     blind: BlindSearch | None = None
     if searched and realisation.roll is None:
-        maps = speckle_maps(visits.optics, visits.instrument.drift)
-        blind = search(
-            stack,
-            visits.optics,
-            maps,
-            star_rate_e_s=star.rate_e_s,
-            sigma=visits.strategy.sigma,
-            visits=visits.plan.visits,
-            reference_visits=visits.plan.reference_visits,
-            common_fraction=visits.instrument.drift.common_fraction,
-        )
+        blind = search_stack(visits, stack, star.rate_e_s)
     model = SpeckleModel.of(visits, star.rate_e_s) if visits.strategy.filter == "whitened" else None
     found: list[Measurement | None] = []
     for planet, expected in zip(planets, visits.task.predictions, strict=True):
-        covered = all(_is_covered(stack.region, weights) for weights in planet.apertures)
-        if not covered or not _tells_noise(stack.region, planet):
+        covered = all(is_covered(stack.region, weights) for weights in planet.apertures)
+        if not covered or not tells_noise(stack.region, planet):
             found.append(None)
             continue
         near = reduced_around(realisation, planet, visits)
@@ -336,7 +216,7 @@ def forced_photometry(
     """
     radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
     stack, roll = realisation.reduced, realisation.roll
-    first, *second = (_pixels(geometry, place) for place in planet.places_arcsec)
+    first, *second = (pixels_of(geometry, place) for place in planet.places_arcsec)
     around = planet.background & stack.region
     kernels = planet.kernels(geometry, filter_name)
     matched = kernels if filter_name == "matched" else None

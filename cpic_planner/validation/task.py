@@ -246,20 +246,13 @@ def expected_of(
     faint = np.full((1, 1), contrast, dtype=np.float64)
     separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
     visit_s = frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)
-    elements = model.metrics[band].resolution_elements(separation)
-    threshold = float(etc.threshold_array(elements, model.strategy.sigma)[0, 0])
     sums = etc.build_model(images_of(model.instrument), [band], model.strategy)
     visits = etc.Programme.of(model.strategy, frames.visits, gap_s(model, band, frames))
     setting = frames.exposure_s, frames.n_frames, frames.em_gain
-    rates, others = (etc.aperture_rates(seen, target, band, x, y, faint) for seen in (sums, model))
-    programme = etc.with_modes(sums, band, np.hypot(x, y), rates, visits, *setting)
-    noise, full = (
-        etc.stack_noise(light, *setting, seen.camera(band), seen.strategy, programme)
-        for seen, light in ((sums, rates), (model, others))
-    )
-    margin = noise.significance / threshold
-    wavefronts = (rates.speckle.independent(n, programme.gap_s) for n in (programme.visits, programme.reference_visits))
-    chances = etc.visit_chances(sums, band, separation, visit_s, noise, margin, etc.effective_visits(*wavefronts))
+    expected = etc.prospect_of(sums, target, band, x, y, faint, setting, visits, moving=False)
+    noise, margin, chances = expected.noise, expected.margin, expected.chances
+    others = etc.aperture_rates(model, target, band, x, y, faint)
+    full = etc.stack_noise(others, *setting, model.camera(band), model.strategy, expected.programme)
     at_place = model.strategy.search == "known_place"
     chance = float((chances.known_place if at_place else chances.blind)[0, 0])
     detected = float(margin[0, 0]) >= 1.0 if math.isnan(chance) else chance >= 0.5
@@ -268,8 +261,8 @@ def expected_of(
         "separation_arcsec": float(separation[0, 0]),
         "pa_deg": float(pa_deg[0, 0]),
         "time_s": float(frames.visits * model.time_s(visit_s)),
-        "threshold": threshold,
-        "n_modes": int(programme.n_modes.max()),
+        "threshold": float(expected.threshold[0, 0]),
+        "n_modes": int(expected.programme.n_modes.max()),
         "snr": float(noise.snr[0, 0]),
         "significance": float(noise.significance[0, 0]),
         "chance_blind": _known(chances.blind[0, 0]),

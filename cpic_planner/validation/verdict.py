@@ -194,7 +194,7 @@ def not_shown(seen: Evidence, number: int, reason: Reason, message: str) -> Band
     number : int
         Of the planet among those of the task.
     reason, message
-        As `cpic_planner.validation.measure.obstacle` says.
+        As `cpic_planner.validation.templates.obstacle` says.
     """
     return BandConfirmation(
         **_asked(seen.task, number),

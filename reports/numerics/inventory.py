@@ -70,6 +70,8 @@ ELSEWHERE = {
     "compare_ranks": "tests/cpic_planner/ranking/test_compare.py",
     "make_plan": "tests/cpic_planner/confirm/test_plan.py",
     "compare_strategies": "tests/cpic_planner/api/test_runs.py",
+    "contrast_curve": "tests/cpic_planner/confirm/test_curve.py",
+    "roc_curve": "tests/cpic_planner/confirm/test_roc.py",
     "star_visibility": "tests/cpic_planner/api/test_runs.py",
     "confirm_scene": "tests/cpic_planner/confirm/test_scene.py",
     "confirm_targets": "tests/cpic_planner/api/test_runs.py",

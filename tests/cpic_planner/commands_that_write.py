@@ -32,6 +32,8 @@ COMMANDS = {
     "plan": "plan --top 1 --band F662 --time-s 300 --planets 20 --realisations 1 --fidelity quick --out plan",
     "whatif": "whatif survey.yaml --images 0 --out whatif",
     "confirm": "confirm paper_example --band F662 --realisations 1 --fidelity quick --out confirm",
+    "curve": "curve 'tau Cet' --band F662 --separation-arcsec 0.5 --separation-arcsec 0.7 --time 2h --visits 1 "
+    "--images 12 --injections 2 --out curve",
     "instrument": "instrument show",
     "catalog": "catalog info",
     "cache": "cache info",

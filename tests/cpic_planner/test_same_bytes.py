@@ -22,7 +22,7 @@ from cpic_core.provenance import TOLERANCE, TOLERANCE_SIGMA
 pytestmark = pytest.mark.long
 PROVES = ("cpic_core", "catalogs", "simulator", "cpic_planner")
 SCRIPT = Path(__file__).with_name("commands_that_write.py")
-NAMES = ("etc", "rank", "simulate", "plan", "whatif", "confirm")
+NAMES = ("etc", "rank", "simulate", "plan", "whatif", "confirm", "curve")
 STORY = ("run.json", "run.lock", "cpic-run.jsonl")
 CLEAN = {name: value for name, value in os.environ.items() if name not in THREAD_VARIABLES}
 
@@ -80,7 +80,8 @@ OTHERS = {
 }
 """What makes this processor compute as another one does."""
 DRAWN = ("simulation.json", "parts/", ".blob", ".html", "measurements.csv", "confirm.txt", "plan.txt")
-MEASURED = ("confirm/confirm.json", "plan/plan.json")
+DRAWN += ("curve/curve.csv", "recovered.csv", "curve.txt")
+MEASURED = ("confirm/confirm.json", "plan/plan.json", "curve/curve.json")
 """What holds sums of frames, or the content of files that are compared otherwise; and what holds measurements."""
 
 

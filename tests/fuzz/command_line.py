@@ -25,6 +25,8 @@ GOOD: tuple[tuple[str, ...], ...] = (
     ("plan", "--dry-run", "--catalog", "{stars}", "--planets", "20", "--band", "F520", "--out", "{out}"),
     *(("known", "eps Eri", "--planets", "20"), ("known", "eps Eri", "--planets", "20", "--years", "1")),
     ("visibility", "tau Cet", "--days", "30"),
+    ("curve", "tau Cet", "--band", "F520", "--separation-arcsec", "0.5"),
+    ("roc", "tau Cet", "--band", "F520", "--separation-arcsec", "0.5", "--contrast", "3e-9"),
     ("confirm", "--dry-run", "paper_example", "--band", "F520", "--out", "{out}"),
     *(_SCENE, ("simulate", "--dry-run", "--kind", "BIAS"), ("simulate", "--dry-run", "calibration_set")),
     ("whatif", "--dry-run", "survey_default", "--out", "{out}"),
@@ -34,7 +36,7 @@ GOOD: tuple[tuple[str, ...], ...] = (
 )
 """Commands that are answered in milliseconds; ``{stars}`` and ``{out}`` are files of the test."""
 _GROUPS = ("catalog", "cache", "instrument")
-IMAGES = {"--fidelity", "--tolerance"}
+IMAGES = {"--fidelity", "--tolerance", "--images"}
 """Options by which the calculator makes images, which are work of minutes."""
 
 
@@ -49,13 +51,14 @@ class Option:
 @functools.cache
 def options_of(*words: str) -> tuple[Option, ...]:
     """Return the options of a command, those that it shares with others too, but the one that asks for silence."""
-    from cpic_planner.cli import asking, image_commands, known_command, main, study_commands
+    from cpic_planner.cli import asking, image_commands, known_command, main, searched_commands, study_commands
     from cpic_planner.cli.etc_command import etc
     from cpic_planner.cli.rank_command import rank
     from cpic_planner.schemas import QUESTIONS
 
     late: dict[str, Any] = {"etc": etc, "rank": rank}
     late |= {name: getattr(image_commands, name) for name in ("plan", "confirm", "simulate")}
+    late |= {name: getattr(searched_commands, name) for name in ("curve", "roc")}
     late |= {name: getattr(known_command, name) for name in ("known", "visibility")}
     late |= {name: getattr(study_commands, name) for name in ("whatif", "tradeoff")}
     if words[0] in late:
@@ -73,7 +76,7 @@ def options_of(*words: str) -> tuple[Option, ...]:
         for item in command.params
         if item.param_type_name == "option"
         and "--quiet" not in item.opts
-        and (words[0] != "etc" or not IMAGES & set(item.opts))
+        and (words[0] not in ("etc", "curve", "roc") or not IMAGES & set(item.opts))
     )
 
 

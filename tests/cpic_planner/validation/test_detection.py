@@ -90,8 +90,8 @@ def test_wings_of_a_companion_are_noise_where_they_fall(psf, still):
 
 def test_a_bright_planet_does_not_hide_itself_nor_a_faint_one(psf, still):
     unit = flux_error(psf)
-    stack = inject(white(psf, 1), psf, 0.42, 0.40, 100 * unit)
-    stack = inject(stack, psf, -0.41, 0.45, 14 * unit)
+    stack = inject(white(psf, 1), psf.at(0.42, 0.40), 100 * unit)
+    stack = inject(stack, psf.at(-0.41, 0.45), 14 * unit)
     answer = search(stack, psf, still, star_rate_e_s=STAR_E_S)
     bright, faint = answer.detections
     assert (bright.x_arcsec, bright.y_arcsec) == pytest.approx((0.42, 0.40), abs=0.004)
@@ -105,14 +105,14 @@ def test_a_bright_planet_does_not_hide_itself_nor_a_faint_one(psf, still):
 
 
 def test_a_planet_far_brighter_than_everything_is_one_planet(psf, still):
-    stack = inject(white(psf, 2), psf, 0.45, -0.45, 3000 * flux_error(psf))
+    stack = inject(white(psf, 2), psf.at(0.45, -0.45), 3000 * flux_error(psf))
     first = search(stack, psf, still, star_rate_e_s=STAR_E_S).detections[0]
     assert first.flux_e == pytest.approx(3000 * flux_error(psf), rel=0.05)
     assert (first.x_arcsec, first.y_arcsec) == pytest.approx((0.45, -0.45), abs=0.003)
 
 
 def test_a_known_planet_is_neither_reported_nor_noise(psf, still):
-    stack = inject(white(psf, 3), psf, 0.42, 0.40, 20 * flux_error(psf))
+    stack = inject(white(psf, 3), psf.at(0.42, 0.40), 20 * flux_error(psf))
     answer = search(stack, psf, still, star_rate_e_s=STAR_E_S, known=[(0.42, 0.40)])
     assert recovered(answer, 0.42, 0.40, psf.metrics.lambda_d_arcsec) is None
     assert answer.white_level == pytest.approx(1.0, abs=0.3)
@@ -196,7 +196,7 @@ def test_a_planet_of_all_visits_is_no_scatter_of_them(psf, moving, offsets):
     stack = programme(psf, offsets, 3, 8, 8)
     many = {"star_rate_e_s": STAR_E_S, "visits": 8, "reference_visits": 8}
     alone = search(stack, psf, moving, **many)
-    bright = inject(stack, psf, 0.42, 0.40, 200 * float(alone.sigma_e.max()))
+    bright = inject(stack, psf.at(0.42, 0.40), 200 * float(alone.sigma_e.max()))
     images = stack.rdi.residuals + (bright.image_e - stack.image_e) / 8
     bright = dataclasses.replace(bright, rdi=dataclasses.replace(bright.rdi, residuals=images))
     found = search(bright, psf, moving, **many)
@@ -222,7 +222,7 @@ def test_ten_planets_are_taken_out_and_the_others_seen_beside_them(psf, still):
     pixels = [(x * a, y * b) for x, y in ((21, 21), (39, 21), (30, 39)) for a in (1, -1) for b in (1, -1)]
     stack = white(psf, 8)
     for number, (x, y) in enumerate(pixels):
-        stack = inject(stack, psf, x * scale, y * scale, (40 + 12 * number) * flux_error(psf))
+        stack = inject(stack, psf.at(x * scale, y * scale), (40 + 12 * number) * flux_error(psf))
     answer = search(stack, psf, still, star_rate_e_s=STAR_E_S)
     assert {(round(one.x_pixel) - middle, round(one.y_pixel) - middle) for one in answer.detections} == set(pixels)
     left = [answer.snr_map[middle + y, middle + x] for x, y in pixels]
@@ -278,7 +278,7 @@ def test_three_independent_samples_of_noise_are_a_search(psf, still, size):
 def test_no_noise_and_no_light_find_nothing_and_a_planet_is_found_without_noise(psf, still):
     quiet = residual(psf, np.zeros(psf.metrics.hole.shape), 0.0)
     assert not search(quiet, psf, still, star_rate_e_s=STAR_E_S).candidates
-    answer = search(inject(quiet, psf, 0.42, 0.40, 1e4), psf, still, star_rate_e_s=STAR_E_S)
+    answer = search(inject(quiet, psf.at(0.42, 0.40), 1e4), psf, still, star_rate_e_s=STAR_E_S)
     assert (answer.detections[0].x_arcsec, answer.detections[0].y_arcsec) == pytest.approx((0.42, 0.40), abs=0.004)
 
 
@@ -311,7 +311,7 @@ def test_ends_of_the_range_are_allowed(psf, still, sigma):
 
 
 def test_a_star_that_does_not_drift_may_be_of_any_light(psf, still):
-    stack = inject(white(psf, 9), psf, 0.42, 0.40, 20 * flux_error(psf))
+    stack = inject(white(psf, 9), psf.at(0.42, 0.40), 20 * flux_error(psf))
     faint, bright = (search(stack, psf, still, star_rate_e_s=rate) for rate in (1e-3, STAR_E_S))
     assert faint.candidates == bright.candidates
     assert faint.drift_nm == bright.drift_nm == 0.0

@@ -1,13 +1,14 @@
-"""Injection and recovery in white noise."""
+"""Planets put into residuals, what blind searches find of them in white noise, and fractions of trials."""
 
 import math
 
 import numpy as np
 import pytest
+from scipy.stats import beta, norm
 
-from cpic_planner.validation import CompletenessMap, RdiResult, ReducedStack
-from cpic_planner.validation.injection import completeness_map, inject
-from cpic_planner.validation.roc import roc_curve
+from cpic_planner.validation import INTERVAL, RdiResult, ReducedStack, azimuth_share, fraction_interval
+from cpic_planner.validation.detection import search
+from cpic_planner.validation.injection import draw_place, inject, recovered
 from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
 from simulator import single_band_psf
 from simulator.config import Drift
@@ -28,9 +29,9 @@ def maps(psf):
 
 
 @pytest.fixture(scope="module")
-def unit(psf):
-    """Contrast of SNR 1 in the matched filter."""
-    return SIGMA_E / math.sqrt(float(np.sum(filter_kernel(psf) ** 2))) / (STAR_E_S * TIME_S)
+def unit_e(psf):
+    """Light of SNR 1 in the matched filter."""
+    return SIGMA_E / math.sqrt(float(np.sum(filter_kernel(psf) ** 2)))
 
 
 def white(psf, seed):
@@ -42,74 +43,70 @@ def white(psf, seed):
     return ReducedStack(image, hole, variance, np.zeros(hole.shape), rdi, TIME_S, 300.0, 604)
 
 
-def test_injected_light_has_the_mean_and_the_noise_of_its_photons(psf):
-    stack = white(psf, 0)
-    light = np.where(stack.region, 5000.0 * psf.at(0.4, 0.42), 0.0)
-    np.testing.assert_allclose(inject(stack, psf, 0.4, 0.42, 5000.0).image_e - stack.image_e, stack.rdi.project(light))
+def test_injected_light_has_the_mean_and_the_noise_of_its_photons(psf, refused):
+    stack, image = white(psf, 0), psf.at(0.4, 0.42)
+    light = np.where(stack.region, 5000.0 * image, 0.0)
+    np.testing.assert_allclose(inject(stack, image, 5000.0).image_e - stack.image_e, stack.rdi.project(light))
     rng = np.random.default_rng(1)
-    draws = [(inject(stack, psf, 0.4, 0.42, 5000.0, rng).image_e - stack.image_e).sum() for _ in range(200)]
+    draws = [(inject(stack, image, 5000.0, rng).image_e - stack.image_e).sum() for _ in range(200)]
     factor2 = float(excess_noise_factor2(300.0, 604))
     assert np.mean(draws) == pytest.approx(stack.rdi.project(light).sum(), rel=0.02)
     assert np.var(draws) == pytest.approx(factor2 * light.sum(), rel=0.45)
+    refused("total_e", inject, stack, image, -1.0)
 
 
-def test_bright_planets_are_recovered_and_faint_ones_are_not(psf, maps, unit):
-    stacks = [white(psf, seed) for seed in range(6)]
-    settings = {"star_rate_e_s": STAR_E_S, "separations_arcsec": [0.55, 0.7], "contrasts": unit * np.array([0.5, 20.0])}
-    found = completeness_map(stacks, psf, maps, seed=3, **settings)
-    np.testing.assert_array_equal(found.fraction, [[0.0, 1.0], [0.0, 1.0]])
-    again = completeness_map(stacks, psf, maps, seed=3, **settings)
-    np.testing.assert_array_equal(found.n_recovered, again.n_recovered)
-    assert ((found.contrast_at(0.5) > 0.5 * unit) & (found.contrast_at(0.5) < 20 * unit)).all()
+def test_in_white_noise_a_search_has_the_alarms_and_the_detections_of_the_normal_law(psf, maps, unit_e):
+    """Peaks of noise as many as the tail says, planets as often as a normal variate around their SNR passes the level.
+
+    The search takes the highest pixel near a planet: its level lies within 0.35 of the SNR at the place alone.
+    """
+    n, snr, place = 40, 5.5, (0.4, 0.42)
+    image, alarms, seen, elements = psf.at(*place), [], [], 0.0
+    for seed in range(n):
+        stack = white(psf, seed)
+        empty = search(stack, psf, maps, star_rate_e_s=STAR_E_S)
+        elements += empty.region.n_elements
+        alarms += [one.false_alarms for one in empty.candidates]
+        found = search(inject(stack, image, snr * unit_e), psf, maps, star_rate_e_s=STAR_E_S)
+        best = recovered(found, *place, psf.geometry.lambda_d_arcsec)
+        seen.append(math.inf if best is None else best.false_alarms)
+    expected = elements * norm.sf(3.0)
+    counted = int((np.array(alarms) <= elements / n * norm.sf(3.0)).sum())
+    assert abs(counted - expected) < 4.0 * math.sqrt(expected)
+    level = found.threshold.unwrap()
+    hits = int((np.array(seen) <= elements / n * norm.sf(5.0)).sum())
+    low, high = (norm.sf(level - snr - off) for off in (-0.35, 0.35))
+    spread = 4.0 * math.sqrt(0.25 / n)
+    assert low - spread < hits / n < high + spread
 
 
-def test_contour_of_a_known_curve(refused):
-    contrast = np.geomspace(1e-9, 1e-7, 9)
-    chance = 1 / (1 + (1e-8 / contrast) ** 4)
-    hits = np.random.default_rng(2).binomial(400, chance, (3, 9))
-    found = CompletenessMap(np.array([0.4, 0.5, 0.6]), contrast, hits, 400, 5.0)
-    np.testing.assert_allclose(found.contrast_at(0.5), 1e-8, rtol=0.06)
-    np.testing.assert_allclose(found.contrast_at(0.9), 1e-8 * 9**0.25, rtol=0.08)
-    none = CompletenessMap(np.array([0.4]), contrast, np.zeros((1, 9), int), 400, 5.0)
-    assert np.isinf(none.contrast_at()).all()
-    assert none.error == pytest.approx(np.full((1, 9), 1 / 401), rel=0.02)
-    refused("fraction", none.contrast_at, 1.0)
+@pytest.mark.parametrize(("hits", "trials"), [(0, 5), (1, 5), (3, 12), (12, 12), (50, 100)])
+def test_intervals_of_fractions_are_those_of_jeffreys(hits, trials):
+    low, high = (float(end) for end in fraction_interval(hits, trials))
+    tail = 0.5 * (1.0 - INTERVAL)
+    law = beta(hits + 0.5, trials - hits + 0.5)
+    assert low == (0.0 if hits == 0 else pytest.approx(law.ppf(tail), rel=1e-9))
+    assert high == (1.0 if hits == trials else pytest.approx(law.isf(tail), rel=1e-9))
+    assert low <= hits / trials <= high
 
 
-def test_roc_of_a_middling_planet(psf, maps, unit):
-    stacks = [white(psf, seed) for seed in range(16)]
-    settings = {"star_rate_e_s": STAR_E_S, "separation_arcsec": 0.65, "seed": 4}
-    matched = roc_curve(stacks, psf, maps, contrast=5 * unit, **settings)
-    aperture = roc_curve(stacks, psf, speckle_maps(psf, STILL, kernel="aperture"), contrast=5 * unit, **settings)
-    for curve in (matched, aperture):
-        assert (np.diff(curve.detection_probability) <= 0).all()
-        assert (np.diff(curve.false_alarm_rate) <= 0).all()
-        assert (curve.detection_error > 0).all()
-        assert (curve.false_alarm_error > 0).all()
-        assert curve.n_elements == pytest.approx(
-            16 * psf.metrics.hole.sum() * (psf.metrics.pixel_scale_arcsec / psf.metrics.lambda_d_arcsec) ** 2
-        )
-    level = int(np.searchsorted(matched.level, 4.0))
-    assert 0.4 < matched.detection_probability[level] <= 1.0
-    # In white noise the filters differ by a few per cent in SNR.
-    apart = abs(matched.detection_probability[level] - aperture.detection_probability[level])
-    assert apart < 3.0 * matched.detection_error[level]
-    bright = roc_curve(stacks[:3], psf, maps, contrast=30 * unit, **settings)
-    assert (bright.detection_probability == 1.0).all()
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    """Over many trials of many probabilities, near the stated share (Brown, Cai & DasGupta 2001)."""
+    rng = np.random.default_rng(3)
+    truth = rng.uniform(0.02, 0.98, 20_000)
+    low, high = fraction_interval(rng.binomial(40, truth), 40)
+    assert ((low <= truth) & (truth <= high)).mean() == pytest.approx(INTERVAL, abs=0.015)
 
 
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [({"contrasts": [1e-8, 1e-9]}, "contrasts"), ({"separations_arcsec": [0.01]}, "separations_arcsec")],
-)
-def test_bad_grids_are_named(refused, psf, maps, change, key):
-    settings = {"star_rate_e_s": STAR_E_S, "separations_arcsec": [0.6], "contrasts": [1e-8]} | change
-    refused(key, completeness_map, [white(psf, 0)], psf, maps, **settings)
-
-
-def test_nothing_to_search_is_refused(refused, psf, maps):
-    settings = {"star_rate_e_s": STAR_E_S, "separation_arcsec": 0.6, "contrast": 1e-8}
-    refused("stacks", roc_curve, [], psf, maps, **settings)
-    refused("levels", roc_curve, [white(psf, 0)], psf, maps, levels=[1.0, 2.0], **settings)
-    refused("total_e", inject, white(psf, 0), psf, 0.4, 0.4, -1.0)
-    refused("stacks", completeness_map, [], psf, maps, star_rate_e_s=1.0, separations_arcsec=[0.6], contrasts=[1e-8])
+def test_drawn_places_lie_in_the_hole_with_their_aperture_and_everywhere_there(psf):
+    geometry, rng = psf.geometry, np.random.default_rng(2)
+    zone, radius = geometry.zone, geometry.aperture_radius_arcsec
+    places = np.array([draw_place(geometry, 0.6, rng) for _ in range(2000)])
+    np.testing.assert_allclose(np.hypot(*places.T), 0.6)
+    assert np.abs(places).min() >= zone.inner_arcsec + radius - 1e-6
+    assert np.abs(places).max() <= zone.outer_arcsec - radius + 1e-6
+    quadrants = [np.mean((places * signs > 0).all(axis=1)) for signs in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    np.testing.assert_allclose(quadrants, 0.25, atol=0.05)
+    assert 0.0 < azimuth_share(geometry, 0.6) < zone.azimuth_fraction(0.6)
+    assert draw_place(geometry, 0.05, rng) is None
+    assert azimuth_share(geometry, 0.05) == 0.0

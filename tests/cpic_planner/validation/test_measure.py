@@ -11,9 +11,10 @@ from cpic_planner.queries import ConfirmQuestion, Strategy
 from cpic_planner.validation import StarFlux, planet_templates, visit_pair
 from cpic_planner.validation.confirm import _false, positions_of
 from cpic_planner.validation.detection import MATCH_LAMBDA_D
-from cpic_planner.validation.measure import forced_photometry, measure_planets, obstacle
+from cpic_planner.validation.measure import forced_photometry, measure_planets
 from cpic_planner.validation.rdi import rdi_subtract
 from cpic_planner.validation.speckle_maps import matched_sum
+from cpic_planner.validation.templates import obstacle
 from simulator import load_instrument, load_scene
 from simulator.signal import REGION_LAMBDA_D
 

@@ -1,0 +1,105 @@
+"""What a programme of given frames promises of planets anywhere in the dark hole of a band."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpic_core import ArrayLike, FloatArray
+from cpic_planner.etc.chances import Chances, visit_chances
+from cpic_planner.etc.detection import threshold_array
+from cpic_planner.etc.model import EtcModel, Programme
+from cpic_planner.etc.modes import with_modes
+from cpic_planner.etc.motion import SearchMotion, motion_factor
+from cpic_planner.etc.noise import StackNoise, stack_noise
+from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.etc.together import effective_of
+from cpic_planner.targets import Targets
+
+
+@dataclass(frozen=True, eq=False)
+class Prospect:
+    """What is expected of planets; arrays of stars x planets, made by `prospect_of`.
+
+    Attributes
+    ----------
+    programme : Programme
+        With the modes that are projected out at each place.
+    noise : StackNoise
+        Of the frames of all visits.
+    threshold : ndarray
+        Small-sample threshold of the significance.
+    chances : Chances
+        Probabilities of a detection, NaN where no law was measured.
+    motion : ndarray
+        Factor by which a blind search asks for more because planets may move.
+    """
+
+    programme: Programme
+    noise: StackNoise
+    threshold: FloatArray
+    chances: Chances
+    motion: FloatArray
+
+    @property
+    def margin(self) -> FloatArray:
+        """Predicted significance over threshold."""
+        return np.asarray(self.noise.significance / self.threshold)
+
+    @property
+    def found(self) -> tuple[FloatArray, FloatArray]:
+        """Probabilities blind and at a known place; where no law was measured, 1 where the threshold is reached."""
+        margin, of = self.margin, self.chances
+        both = (of.blind, margin / self.motion), (of.known_place, margin)
+        blind, known = (np.where(np.isnan(chance), reached >= 1.0, chance) for chance, reached in both)
+        return blind, known
+
+
+def prospect_of(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    x_arcsec: FloatArray,
+    y_arcsec: FloatArray,
+    contrast: FloatArray,
+    frames: tuple[float, float, float],
+    programme: Programme,
+    *,
+    sigma: ArrayLike | None = None,
+    moving: bool = True,
+) -> Prospect:
+    """Return what given frames promise of planets.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    x_arcsec, y_arcsec, contrast : ndarray, shape (n, k)
+        Offsets on the detector, and planet-to-star ratios of detected rates.
+    frames : tuple of float
+        Exposure (s), number of frames of a visit, EM gain.
+    programme : Programme
+        Visits that are reduced together.
+    sigma : array_like, optional
+        Level of a detection, that of the model's strategy by default; broadcasts with the planets.
+    moving : bool
+        Whether a blind search pays for the motion of planets, as `cpic_planner.contrast_limit` counts it; images show
+        planets that stand still.
+    """
+    separation = np.hypot(x_arcsec, y_arcsec)
+    rates = aperture_rates(model, targets, band, x_arcsec, y_arcsec, contrast)
+    made = with_modes(model, band, separation, rates, programme, *frames)
+    camera = model.camera(band)
+    noise = stack_noise(rates, *frames, camera, model.strategy, made)
+    elements = model.metrics[band].resolution_elements(separation)
+    threshold = threshold_array(elements, model.strategy.sigma if sigma is None else sigma)
+    visit_s = np.asarray(frames[1] * (frames[0] + camera.readout_s))
+    motion = np.ones_like(separation)
+    if moving:
+        motion = motion_factor(SearchMotion.of(model, targets, band, separation), made, visit_s)
+    visits = effective_of(made, rates.speckle)
+    margin = noise.significance / threshold
+    chances = visit_chances(model, band, separation, visit_s, noise, margin, visits, motion=motion)
+    return Prospect(made, noise, threshold, chances, np.asarray(motion))

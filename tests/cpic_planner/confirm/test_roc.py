@@ -1,0 +1,138 @@
+"""Operating characteristics against exact laws, and against counts in simulated images."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import norm, poisson, t
+
+from cpic_planner import ReferencePlanet, roc_curve, signal_to_noise
+from cpic_planner.etc import default_law
+from simulator import load_instrument
+from simulator.imaging import BandGeometry
+
+PLANET = {"target": "tau Cet", "bands": ["F662"], "contrast": 2e-9, "separation_arcsec": 0.6}
+
+
+@pytest.fixture(scope="module")
+def roc():
+    return roc_curve(**PLANET, time_s=36000.0)
+
+
+def test_false_alarms_are_elements_times_the_normal_tail(roc):
+    geometry = BandGeometry.of(load_instrument(), "F662", 301)
+    area = 4.0 * (geometry.zone.outer_arcsec - geometry.zone.inner_arcsec) ** 2
+    of_hole = area / geometry.lambda_d_arcsec**2
+    for row in roc.levels:
+        assert row.false_alarms == pytest.approx(of_hole * norm.sf(row.sigma), rel=0.03)  # pixels of the hole
+        assert row.false_alarms_known_place == pytest.approx(norm.sf(row.sigma), rel=1e-12)
+
+
+def test_at_every_level_the_threshold_is_students_and_the_chance_that_of_the_law(roc):
+    """The chance at a known place follows from significance, Student's threshold and a normal law by hand."""
+    (best,), law, n = roc.bands, default_law(), elements()
+    for row in roc.levels:
+        strategy = {"visits": best.visits, "sigma": row.sigma}
+        frames = {"exposure_s": best.exposure_s, "em_gain": best.em_gain, "exact": True}
+        visit = {"visit_time_s": best.visit_time_s * (1 + 1e-12)}
+        (answer,) = signal_to_noise(**PLANET, strategy=strategy, **frames, **visit)
+        assert row.detection_probability == pytest.approx(answer.detection_probability, rel=1e-9)
+        known = row.detection_probability_known_place
+        assert known == pytest.approx(answer.detection_probability_known_place, rel=1e-9)
+        threshold = t.isf(norm.sf(row.sigma), n - 2.0) * math.sqrt(1.0 + 1.0 / (n - 1.0))
+        assert answer.threshold == pytest.approx(threshold, rel=1e-9)
+        # Whoever knows the place takes photometry there or the blind search, whichever finds more.
+        alone = law.calibration * best.significance / threshold / law.known_margin
+        widths = law.known_width, law.known_stack_width
+        chances = [norm.cdf(math.log(alone) / width) for width in widths]
+        assert known >= min(chances) * (1 - 1e-9)
+        assert known >= row.detection_probability
+
+
+def elements():
+    """Resolution elements at 0.6 arcsec: the arc of the circle in the four squares over lambda/D, by brute force."""
+    geometry = BandGeometry.of(load_instrument(), "F662", 301)
+    angle = (np.arange(4_000_000) + 0.5) / 4_000_000 * 2.0 * math.pi
+    x, y = np.abs(0.6 * np.cos(angle)), np.abs(0.6 * np.sin(angle))
+    zone = geometry.zone
+    inside = (np.minimum(x, y) >= zone.inner_arcsec) & (np.maximum(x, y) <= zone.outer_arcsec)
+    exact = 2.0 * math.pi * 0.6 * inside.mean() / geometry.lambda_d_arcsec
+    assert geometry.resolution_elements(0.6) == pytest.approx(exact, rel=1e-5)
+    return float(geometry.resolution_elements(0.6))
+
+
+def test_a_planet_of_a_model_stands_where_it_is_clearest():
+    found = roc_curve("tau Cet", bands=["F520"], planet=ReferencePlanet(radius_rjup=1.1), time_s=36000.0)
+    (best,) = found.bands
+    assert found.reference_planet.radius_rjup == 1.1
+    margin = best.significance / best.threshold
+    for place in np.linspace(0.35, 0.85, 6):
+        planet = {"planet": ReferencePlanet(radius_rjup=1.1), "separation_arcsec": place}
+        (answer,) = signal_to_noise("tau Cet", bands=["F520"], time_s=36000.0, **planet)
+        assert answer.significance / answer.threshold <= margin * 1.001
+    assert 5.0 in [row.sigma for row in found.levels]
+
+
+def test_the_level_of_the_strategy_is_among_the_levels():
+    found = roc_curve(**PLANET, strategy={"sigma": 4.4})
+    levels = [row.sigma for row in found.levels]
+    assert 4.4 in levels
+    assert levels == sorted(levels)
+
+
+def test_images_count_the_planet_and_the_alarms():
+    """A planet of ten times the limit is in every image, at its place; one of a tenth is in none."""
+    settings = {"time_s": 7200.0, "strategy": {"visits": 1}, "images": 2}
+    bright, faint = (roc_curve(**PLANET | {"contrast": contrast}, **settings) for contrast in (8e-8, 5e-10))
+    for found, share in ((bright, 1.0), (faint, 0.0)):
+        five = next(row for row in found.levels if row.sigma == 5.0)
+        assert (five.n_searches, five.n_planets, five.recovered) == (2, 2, share)
+        counts = np.array([row.n_false for row in found.levels])
+        assert (np.diff(counts) <= 0).all()
+        assert five.n_false == 0
+    low, high = (getattr(bright.levels[0], f"recovered_{end}") for end in ("low", "high"))
+    assert 0.5 < low < high == 1.0
+
+
+def test_frames_that_sums_cannot_stand_for_have_no_images(monkeypatch):
+    monkeypatch.setattr("cpic_planner.confirm.searched.search_task", lambda tree: {"refused": "they saturate"})
+    found = roc_curve(**PLANET, time_s=7200.0, images=2)
+    assert found.bands[0].images == 0
+    assert found.bands[0].images_message == "they saturate"
+    assert found.levels[0].recovered is None
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"contrast": 2.0}, "contrast"),
+        ({"planet": {"radius_rjup": 2.0}}, "planet.radius_rjup"),
+        ({"time_s": 100.0, "visit_time_s": 30.0, "strategy": {"visits": 2}}, "time_s"),
+        ({"bands": ["F999"]}, "band"),
+        ({"separation_arcsec": 200.0}, "separation_arcsec"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_in_one_line(refused, change, key):
+    refused(key, roc_curve, **(PLANET | change))
+
+
+def test_a_planet_outside_the_hole_has_no_levels():
+    found = roc_curve(**(PLANET | {"separation_arcsec": 0.1}))
+    assert found.levels == []
+    assert found.bands[0].status == "outside_field"
+    assert found.bands[0].message
+
+
+@pytest.mark.long
+def test_counts_are_those_of_the_law(record_property):
+    """200 images: false alarms within Poisson at 3 and 3.5 sigma, the planet within binomial errors of the law."""
+    found = roc_curve(**PLANET | {"contrast": 1.7e-9}, time_s=36000.0, images=200)
+    for row in found.levels:
+        if row.sigma in (3.0, 3.5):
+            expected = row.n_searches * row.false_alarms
+            record_property(f"false alarms at {row.sigma:g} sigma", f"{row.n_false} of {expected:.3g}")
+            assert min(poisson.sf(row.n_false - 1, expected), poisson.cdf(row.n_false, expected)) > norm.sf(4.0)
+        if row.sigma in (4.0, 5.0):
+            spread = math.sqrt(row.detection_probability * (1.0 - row.detection_probability) / row.n_planets)
+            record_property(f"found at {row.sigma:g} sigma", f"{row.recovered:.3f} of {row.detection_probability:.3f}")
+            assert abs(row.recovered - row.detection_probability) < 4.0 * spread + 0.1

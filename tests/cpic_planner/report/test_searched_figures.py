@@ -1,0 +1,129 @@
+"""Figures, sentences and files of contrast curves and operating characteristics."""
+
+import base64
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from cpic_planner import contrast_curve, roc_curve
+from cpic_planner.report.searched_figures import curve_figure, curve_pictures, roc_figure, roc_pictures
+from cpic_planner.report.searched_sections import completeness_csv
+from cpic_planner.report.searched_words import curve_sentences, roc_sentences
+from cpic_planner.results import RecoveredRow
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return contrast_curve("tau Cet", bands=["F520", "F662"], time_s=36000.0, separation_arcsec=[0.45, 0.6, 0.7])
+
+
+@pytest.fixture(scope="module")
+def imaged(plain):
+    """The same, as if images had been measured: the limits 5 % higher, planets found half of the time."""
+    points = [
+        row.model_copy(
+            update={
+                "measured_limit": 1.05 * row.contrast_limit_threshold,
+                "measured_limit_error": 0.1 * row.contrast_limit_threshold,
+                "measured_throughput": 0.98,
+            }
+        )
+        for row in plain.points
+    ]
+    share = {"recovered": 0.5, "recovered_low": 0.4, "recovered_high": 0.6, "predicted": 0.45}
+    about = {"separation_arcsec": 0.6, "contrast": 2e-9, "n_injected": 20, "n_recovered": 10}
+    recovered = [RecoveredRow(band=band, **about, **share) for band in ("F520", "F662")]
+    bands = [one.model_copy(update={"images": 20}) for one in plain.bands]
+    update = {"points": points, "recovered": recovered, "images": 20, "injections": 20, "bands": bands}
+    return plain.model_copy(update=update)
+
+
+@pytest.fixture(scope="module")
+def roc():
+    return roc_curve("tau Cet", bands=["F662"], contrast=2e-9, separation_arcsec=0.6, time_s=36000.0)
+
+
+@pytest.fixture(scope="module")
+def counted(roc):
+    """The same, as if 50 images had been searched and shown what is expected."""
+    levels = []
+    for row in roc.levels:
+        hits = round(50 * row.detection_probability)
+        share = {"recovered": hits / 50, "recovered_low": 0.9 * hits / 50, "recovered_high": min(1.1 * hits / 50, 1.0)}
+        seen = {"n_searches": 50, "n_planets": 50, "n_detected": hits, "n_false": round(50 * row.false_alarms)}
+        levels.append(row.model_copy(update=share | seen))
+    return roc.model_copy(update={"levels": levels, "images": 50})
+
+
+def test_pictures_are_drawings_with_words(imaged, counted):
+    pictures = curve_pictures(imaged) | roc_pictures(counted)
+    assert set(pictures) == {"curves", "maps", "recovered", "roc", "alarms"}
+    assert roc_pictures(counted)["roc"].uri == pictures["roc"].uri
+    for drawn in pictures.values():
+        svg = base64.b64decode(drawn.uri.split(",", 1)[1]).decode()
+        assert drawn.uri.startswith("data:image/svg+xml;base64,")
+        assert "<dc:date>" not in svg
+        assert len(svg) < 400_000
+        assert drawn.alt.endswith(".")
+        assert drawn.caption.endswith(".")
+
+
+def test_without_images_there_is_nothing_of_them(plain, roc):
+    assert set(curve_pictures(plain)) == {"curves", "maps"}
+    assert set(roc_pictures(roc)) == {"roc"}
+
+
+def test_figures_show_every_curve_and_every_point(imaged, counted):
+    axes = curve_figure(imaged).axes
+    curves, labels = axes[0], [text.get_text() for text in axes[0].get_legend().get_texts()]
+    assert {"F520", "F662", "half found blind", "at the threshold", "measured in 20 images"} <= set(labels)
+    lines = {(len(line.get_xdata()), line.get_linestyle()) for line in curves.get_lines()}
+    assert (3, "-") in lines
+    shown = np.concatenate([np.asarray(line.get_ydata(), float) for line in curves.get_lines()])
+    for row in imaged.points:
+        for limit in (row.contrast_limit_blind, row.contrast_limit_threshold, row.measured_limit):
+            assert np.isclose(shown, limit, rtol=1e-12).any()
+    low, high = curves.get_ylim()
+    assert low < shown.min() < shown.max() < high
+    left, right = roc_figure(counted).axes
+    assert left.get_xscale() == "log"
+    five = next(row for row in counted.levels if row.sigma == 5.0)
+    rings = np.concatenate([item.get_offsets() for item in left.collections if len(item.get_offsets()) == 1])
+    assert np.isclose(rings, (five.false_alarms, five.detection_probability)).all(axis=1).any()
+    assert right.get_xlim() == right.get_ylim()
+
+
+def test_one_separation_is_drawn_too():
+    alone = contrast_curve("tau Cet", bands=["F662"], time_s=36000.0, separation_arcsec=0.6)
+    figure = curve_figure(alone)
+    figure.draw_without_rendering()
+    assert len(figure.axes) == 2
+
+
+def test_sentences_say_what_the_numbers_say(imaged, counted):
+    said = " ".join(curve_sentences(imaged))
+    assert "In 20 simulated images the limit at the threshold is 1.1 times the predicted one" in said
+    assert "Of 40 injected planets blind searches find 20; the law of detection expects 18." in said
+    best = min(row.contrast_limit_blind for row in imaged.points if row.band == "F662")
+    assert f"F662: half of the planets of contrast {best:.1e}" in said
+    five = next(row for row in counted.levels if row.sigma == 5.0)
+    told = " ".join(roc_sentences(counted))
+    assert f"find it in {five.n_detected}, and have 0 false alarms in 50 without it" in told
+
+
+def test_a_band_without_a_limit_says_why():
+    outside = contrast_curve("tau Cet", bands=["F662"], time_s=36000.0, separation_arcsec=0.1)
+    (said,) = curve_sentences(outside)
+    assert said.startswith("F662: no limit: ")
+    curve_figure(outside).draw_without_rendering()
+
+
+def test_the_file_of_the_map_has_every_cell(plain):
+    rows = list(csv.DictReader(io.StringIO(completeness_csv(plain))))
+    assert len(rows) == sum(len(one.separation_arcsec) * len(one.contrast) for one in plain.maps)
+    second = plain.maps[1]
+    cell = next(row for row in rows if row["band"] == second.band and float(row["contrast"]) == second.contrast[-1])
+    assert float(cell["chance"]) == second.chance[0][-1]
+    assert float(cell["azimuth_share"]) == second.azimuth_share[0]
