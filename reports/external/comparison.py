@@ -13,7 +13,7 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 NEGLIGIBLE = 0.01  # part of a tolerance below which differences are not shown
-ORDER = ("rates", "emccd_detect", "getframes")  # of the sections of the report; the modules in `comparisons`
+ORDER = ("rates", "emccd_detect", "getframes", "pyklip")  # of the sections of the report; the modules in `comparisons`
 
 
 @dataclass(frozen=True)
