@@ -13,7 +13,14 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 NEGLIGIBLE = 0.01  # part of a tolerance below which differences are not shown
-ORDER = ("rates", "emccd_detect", "getframes", "pyklip")  # of the sections of the report; the modules in `comparisons`
+GIVEN = "given.npz"
+ORDER = (
+    "rates",
+    "emccd_detect",
+    "getframes",
+    "pyklip",
+    "hcipy",
+)  # of the sections of the report; the modules in `comparisons`
 
 
 @dataclass(frozen=True)
@@ -85,7 +92,9 @@ def comparisons() -> Iterator[tuple[str, ModuleType]]:
     A module has ``TITLE`` (str), ``TEXT`` (str, what is compared and what follows from it), ``REFERENCE``
     (`Reference`) and ``rows(recorded)``, which works ours out anew and returns `Row` objects; ``recorded`` is what
     ``recorded/NAME.json`` holds. Where the other code can be run, ``peer()`` runs it and returns what is recorded; it
-    is called in the other's environment, so that such a module imports nothing of ours at its top.
+    is called in the other's environment, so that such a module imports nothing of ours at its top. What both start
+    from is made by a seed in both environments, or by ``given()`` in ours: arrays, which ``peer()`` reads from the file
+    `GIVEN` of its working directory.
     """
     for name in ORDER:
         yield name, importlib.import_module(f"reports.external.comparisons.{name}")

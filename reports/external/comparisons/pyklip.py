@@ -33,7 +33,7 @@ SQUARED = (
 WIDE, NARROW = (
     1e-9,
     1e-10,
-)  # tolerances of modes of noise and of patterns: digits that residuals keep in double precision
+)  # tolerances of modes of noise and of patterns
 NOT_FINITE = "not finite"
 
 
