@@ -14,13 +14,15 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 NEGLIGIBLE = 0.01  # part of a tolerance below which differences are not shown
 GIVEN = "given.npz"
+# Sections of the report in their order; the modules in `comparisons`.
 ORDER = (
     "rates",
     "emccd_detect",
     "getframes",
     "pyklip",
     "hcipy",
-)  # of the sections of the report; the modules in `comparisons`
+    "vip",
+)
 
 
 @dataclass(frozen=True)
