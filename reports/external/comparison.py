@@ -22,6 +22,7 @@ ORDER = (
     "pyklip",
     "hcipy",
     "vip",
+    "exosims",
 )
 
 
