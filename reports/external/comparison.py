@@ -23,6 +23,7 @@ ORDER = (
     "hcipy",
     "vip",
     "exosims",
+    "pyedith",
 )
 
 
