@@ -24,6 +24,7 @@ ORDER = (
     "vip",
     "exosims",
     "pyedith",
+    "csst_sky",
 )
 
 

@@ -37,6 +37,7 @@ is known to disagree says why.
 def record(name: str) -> None:
     """Run the other code of a comparison in an environment of its own, and keep what it answers."""
     module = dict(comparison.comparisons())[name]
+    print(f"{name}: installing {' '.join(module.REFERENCE.packages)}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         python = Path(folder) / "bin/python"
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
@@ -45,6 +46,7 @@ def record(name: str) -> None:
             np.savez(Path(folder) / comparison.GIVEN, **module.given())
         dropped = ("PYTHONPATH", "PYTHONHOME")
         kept = {key: value for key, value in os.environ.items() if key not in dropped} | {"OMP_NUM_THREADS": "1"}
+        print(f"{name}: asking", flush=True)
         command = [str(python), str(Path(__file__).resolve()), "--peer", name]
         found = subprocess.run(command, env=kept, check=True, stdout=subprocess.PIPE, text=True, cwd=folder).stdout
     (HERE / f"recorded/{name}.json").write_text(json.dumps(json.loads(found), indent=1) + "\n", encoding="utf-8")

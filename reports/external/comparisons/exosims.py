@@ -39,17 +39,18 @@ ORBITS = {"elliptic": (0.0, 0.35), "circular": (0.0, 0.0)}  # eccentricities
 DISTANCES_PC, CONTRASTS = (3.0, 6.0), (1e-8, 1e-9)
 CORNERS_ARCSEC = (0.23060, 0.99985)  # inner and outer, of the dark hole
 JUPITER_EARTH = 71492.0 / 6378.1
-STANDARD_ERRORS = 4.0
+PHASES_DEG, STANDARD_ERRORS = (30.0, 90.0, 150.0), 4.0
 WHY_BROWN = "its sum up to the edge of a bin of brightness is taken for that up to its centre"
 WHY_GARRETT = "its density of distance sums to 0.962"
 
 
 def peer() -> dict[str, Any]:
     """Ask EXOSIMS."""
+    from astropy import units
     from EXOSIMS.Completeness.BrownCompleteness import BrownCompleteness
     from EXOSIMS.Completeness.GarrettCompleteness import GarrettCompleteness
 
-    found: dict[str, Any] = {"corners": list(CORNERS_ARCSEC)}
+    found: dict[str, Any] = {"corners": list(CORNERS_ARCSEC), "phase": []}
     for name, eccentricity in ORBITS.items():
         modules = dict.fromkeys(
             ("PlanetPopulation", "PlanetPhysicalModel", "OpticalSystem", "StarCatalog", "TargetList"), " "
@@ -66,6 +67,9 @@ def peer() -> dict[str, Any]:
         }
         np.random.seed(SEED)  # noqa: NPY002 (the package draws from the global generator)
         brown, garrett = (kind(**copy.deepcopy(asked)) for kind in (BrownCompleteness, GarrettCompleteness))
+        if not found["phase"]:
+            phase = brown.PlanetPhysicalModel.calc_Phi(np.deg2rad(PHASES_DEG) * units.rad)
+            found["phase"] = np.asarray(phase).tolist()
         separation, magnitude = brown.genplans(DRAWS)
         separation = separation.to_value("AU")
         axis = np.linspace(garrett.rmin, garrett.rmax, 100_001)
@@ -96,7 +100,7 @@ def rows(recorded: dict[str, Any]) -> list[Row]:
     """Return completeness of both."""
     from cpic_planner.planets import draw_population, load_population
     from cpic_planner.ranking.in_zone import inside_zone
-    from simulator import load_instrument, planet_contrast
+    from simulator import lambert_phase, load_instrument, planet_contrast
     from simulator.imaging.geometry import zone_of
     from simulator.target import sky_to_detector
 
@@ -111,6 +115,10 @@ def rows(recorded: dict[str, Any]) -> list[Row]:
             strict=True,
         )
     ]
+    for phase, theirs in zip(PHASES_DEG, recorded["phase"], strict=True):
+        found.append(
+            Row(f"phase function at {phase:g} degrees", theirs, float(lambert_phase(phase)), 1e-9, "Lambert's")
+        )
     angles = {"law": "uniform", "low": 0.0, "high": 360.0}
     for name, (_, most) in ORBITS.items():
         eccentricity = {"law": "uniform", "low": 0.0, "high": most} if most else 0.0
