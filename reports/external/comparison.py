@@ -14,7 +14,22 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 NEGLIGIBLE = 0.01  # part of a tolerance below which differences are not shown
-ORDER = ("rates", "stark", "stellar_flux", "paper")  # of the sections of the report; the modules in `comparisons`
+GIVEN = "given.npz"
+# Sections of the report in their order; the modules in `comparisons`.
+ORDER = (
+    "rates",
+    "stark",
+    "stellar_flux",
+    "pyedith",
+    "csst_sky",
+    "emccd_detect",
+    "getframes",
+    "pyklip",
+    "hcipy",
+    "vip",
+    "exosims",
+    "paper",
+)
 
 
 @dataclass(frozen=True)
@@ -88,7 +103,8 @@ def comparisons() -> Iterator[tuple[str, ModuleType]]:
     ``recorded/NAME.json`` holds. One with many numbers has ``MAIN``, a regular expression that the quantities of its
     main ones match; the others stand on a page of their own. Where the other code can be run, ``peer()`` runs it and
     returns what is recorded; it is called in the other's environment, so that such a module imports nothing of ours at
-    its top.
+    its top. What both start from is made by a seed in both environments, or by ``given()`` in ours: arrays, which
+    ``peer()`` reads from the file `GIVEN` of its working directory.
     """
     for name in ORDER:
         yield name, importlib.import_module(f"reports.external.comparisons.{name}")

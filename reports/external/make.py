@@ -17,6 +17,8 @@ import tempfile
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
+
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 sys.path.insert(0, str(ROOT))
@@ -34,13 +36,17 @@ is known to disagree says why.
 
 def record(name: str) -> None:
     """Run the other code of a comparison in an environment of its own, and keep what it answers."""
-    packages = dict(comparison.comparisons())[name].REFERENCE.packages
+    module = dict(comparison.comparisons())[name]
+    print(f"{name}: installing {' '.join(module.REFERENCE.packages)}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         python = Path(folder) / "bin/python"
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-        subprocess.run([str(python), "-m", "pip", "install", "--quiet", *packages], check=True)
+        subprocess.run([str(python), "-m", "pip", "install", "--quiet", *module.REFERENCE.packages], check=True)
+        if hasattr(module, "given"):
+            np.savez(Path(folder) / comparison.GIVEN, **module.given())
         dropped = ("PYTHONPATH", "PYTHONHOME")
         kept = {key: value for key, value in os.environ.items() if key not in dropped} | {"OMP_NUM_THREADS": "1"}
+        print(f"{name}: asking", flush=True)
         command = [str(python), str(Path(__file__).resolve()), "--peer", name]
         found = subprocess.run(command, env=kept, check=True, stdout=subprocess.PIPE, text=True, cwd=folder).stdout
     (HERE / f"recorded/{name}.json").write_text(json.dumps(json.loads(found), indent=1) + "\n", encoding="utf-8")

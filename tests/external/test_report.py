@@ -1,5 +1,6 @@
 """Our numbers beside those of other people, which are recorded: each within what the report allows."""
 
+import ast
 from pathlib import Path
 
 import pytest
@@ -21,3 +22,24 @@ def test_every_number_agrees_or_is_known_to_differ(name):
     # The pages are as new as the code.
     assert comparison.section(name, module, rows) in REPORT.read_text(encoding="utf-8")
     assert comparison.page(module, rows) == REPORT.with_name("rows").joinpath(f"{name}.md").read_text(encoding="utf-8")
+
+
+def imported(module):
+    """Return the first names of what a module imports at its top."""
+    top = ast.parse(Path(module.__file__).read_text(encoding="utf-8")).body
+    named = [item for item in top if isinstance(item, ast.Import | ast.ImportFrom)]
+    return {
+        name.partition(".")[0]
+        for item in named
+        for name in ([item.module] if isinstance(item, ast.ImportFrom) else [part.name for part in item.names])
+    }
+
+
+def test_who_is_asked_needs_only_itself():
+    """``peer()`` runs where nothing of ours is installed, and always in the same version."""
+    asked = {name: module for name, module in comparison.comparisons() if hasattr(module, "peer")}
+    assert asked
+    for name, module in asked.items():
+        assert imported(module) <= {"__future__", "math", "copy", "typing", "numpy", "reports"}, name
+        version = module.REFERENCE.version
+        assert any(package.endswith(f"=={version}") for package in module.REFERENCE.packages), name
