@@ -13,7 +13,7 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 NEGLIGIBLE = 0.01  # part of a tolerance below which differences are not shown
-ORDER = ("rates",)  # of the sections of the report; the modules in `comparisons`
+ORDER = ("rates", "cgi_noise")  # of the sections of the report; the modules in `comparisons`
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,211 @@
+"""Roman's cgi_noise beside ours, from the same tables to the same time, rate by rate."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from reports.external.comparison import Reference, Row
+
+COMMIT = "597dbfbcdbd9bc694a6ff4ed183f2dd6bcd38fec"
+TITLE = "Roman's coronagraph from its tables"
+REFERENCE = Reference(
+    "cgi_noise",
+    f"1.4.0, commit {COMMIT[:7]}",
+    "repository roman-corgi/cgi_noise",
+    (f"cgi_noise @ git+https://github.com/roman-corgi/cgi_noise@{COMMIT}",),
+)
+TEXT = "TODO"
+SNR, STAR = 5.0, "g0v"
+MODES = ("IMG_NFB1_HLC", "SPEC_NFB3_SPC", "IMG_WFB1_SPC", "IMG_WFB4_SPC")
+SCENARIOS = tuple(f"{case}_{mode}" for mode in MODES for case in ("OPT", "CON"))
+# V magnitude of the star, and what differs from the planet of cgi_noise's own example.
+CASES: list[tuple[str, float, dict[str, float]]] = [
+    (scenario, v_mag, {"radius_rjup": radius})
+    for scenario in SCENARIOS
+    for v_mag, radius in ((5.0, 5.6211), (5.0, 1.0), (3.0, 1.0))
+]
+CASES += [(f"{case}_IMG_WFB4_SPC", 4.0, {"radius_rjup": 2.0, "sma_au": 6.5}) for case in ("OPT", "CON")]
+CASES += [
+    ("OPT_IMG_NFB1_HLC", 6.2, {"sma_au": 3.0, "phase_deg": 80.0, "albedo": 0.3, "zodis": 5.0, "distance_pc": 12.5}),
+    ("OPT_IMG_NFB1_HLC", 5.0, {"sma_au": 1.70}),  # just inside the first row, whose numbers count
+    ("OPT_IMG_NFB1_HLC", 5.0, {"sma_au": 1.65}),
+    ("OPT_IMG_NFB1_HLC", 5.0, {"sma_au": 4.5}),
+    ("OPT_SPEC_NFB3_SPC", 0.0, {"radius_rjup": 10.0}),  # many photons in each pixel of a frame
+]
+UNITS = {
+    "radius_rjup": "{:g} R_J",
+    "sma_au": "{:g} au",
+    "phase_deg": "phase {:g} deg",
+    "albedo": "albedo {:g}",
+    "zodis": "{:g} zodis",
+    "distance_pc": "{:g} pc",
+}
+BY_LAW = "the register multiplies in steps and its read noise blurs the threshold: 0.03 % more electrons count"
+RATES = {
+    "star": "star behind the optics (photons/s)",
+    "contrast": "contrast of the planet",
+    "efficiency": "electrons counted per photon",
+    "frame_s": "frame (s)",
+    "planet": "planet (e-/s)",
+    "residual": "speckles left (e-/s)",
+    "var_planet": "variance of the planet (e-^2/s)",
+    "var_speckle": "variance of speckles (e-^2/s)",
+    "var_sky": "variance of zodiacal light (e-^2/s)",
+    "var_exozodi": "variance of exozodiacal light (e-^2/s)",
+    "var_stray": "variance of stray light (e-^2/s)",
+    "var_dark": "variance of dark current (e-^2/s)",
+    "var_cic": "variance of clock-induced charge (e-^2/s)",
+}
+VARIANCES = ("planet", "speckle", "sky", "exozodi", "stray", "dark", "cic")
+THEIRS = ("planet", "speckle", "locZodi", "exoZodi", "straylt", "detDark", "detCIC")
+
+
+def rows(recorded: dict[str, Any]) -> list[Row]:
+    """Return the answers of both, and for one star and planet of each scenario every rate on the way to them."""
+    from reports.external.roman_chain import OK
+
+    found, shown = [], set()
+    for case in recorded["cases"]:
+        place, ours = words(case), ours_of(case, recorded["modes"])
+        if case["answer"] == OK == ours.answer:
+            found.append(Row(f"time (s), {place}", case["time_s"], ours.time_s, 1e-2, BY_LAW))
+            found.append(Row(f"SNR after endless time, {place}", case["critical_snr"], ours.critical_snr, 1e-6))
+        else:
+            found.append(Row(f"time (s), {place}", case["answer"], ours.answer, 1e-2))
+        if "rates" in case and case["v_mag"] == 5.0 and case["scenario"] not in shown:
+            shown.add(case["scenario"])
+            found += rate_rows(case, ours)
+    return found
+
+
+def rate_rows(case: dict[str, Any], ours: Any) -> list[Row]:
+    """Every rate of both."""
+    found = []
+    for name, rate in case["rates"].items():
+        counted = name not in ("star", "contrast", "frame_s", "var_planet", "var_dark", "var_cic")
+        tolerance, why = (2e-3, BY_LAW) if counted else (1e-6, "")
+        found.append(Row(f"{RATES[name]}, {words(case)}", rate, ours.rates[name], tolerance, why))
+    return found
+
+
+def ours_of(case: dict[str, Any], modes: list[dict[str, float]]) -> Any:
+    """Our `Answer` to a recorded case."""
+    from reports.external.roman_chain import OUTSIDE, Answer, Mode, Planet, forward, lambda_d, within
+
+    planet = Planet(**case["planet"])
+    place = lambda_d(planet.separation_arcsec, case["wavelength_nm"], case["diameter_m"])
+    if not within(place, *case["edges_lambda_d"]):
+        return Answer(OUTSIDE, {})
+    return forward(Mode(**modes[case["mode"]]), v_mag=case["v_mag"], planet=planet)
+
+
+def words(case: dict[str, Any]) -> str:
+    """Return a case in words."""
+    planet = {"radius_rjup": 1.0} | case["planet"]
+    changes = (UNITS[name].format(value) for name, value in planet.items())
+    return ", ".join((case["scenario"], f"V = {case['v_mag']:g}", *changes))
+
+
+def peer() -> dict[str, Any]:
+    """Run cgi_noise, and note what its functions return on the way to a time."""
+    import os
+    from pathlib import Path
+
+    import yaml
+    from cgi_noise import cginoiselib as library
+    from cgi_noise.tsnr_core import tsnr_pipeline
+
+    seen: dict[str, tuple[Any, Any]] = {}
+
+    def noted(name: str) -> Any:
+        function = getattr(library, name)
+
+        def call(*given: Any) -> Any:
+            seen[name] = (given, function(*given))
+            return seen[name][1]
+
+        return call
+
+    steps = "workingAnglePars contrastStabilityPars getSpectra getStrayLightfromfile compute_frame_time_and_dqe"
+    for name in (*steps.split(), "detector_noise_rates", "noiseRates"):
+        setattr(library, name, noted(name))
+    tables = Path(os.environ["CGI_NOISE_DATA_DIR"])
+    found: dict[str, Any] = {"zero_magnitude_ph_s_m2": {}, "modes": [], "cases": []}
+    for scenario, v_mag, changes in CASES:
+        config = yaml.safe_load((tables / "Scenarios" / f"{scenario}.yml").read_text(encoding="utf-8"))
+        planet = {"radius_rjup": 1.0, "sma_au": 4.1536, "phase_deg": 65.0, "distance_pc": 10.0} | changes
+        target = {
+            "v_mag": v_mag,
+            "dist_pc": planet["distance_pc"],
+            "specType": STAR,
+            "phaseAng_deg": planet["phase_deg"],
+            "sma_AU": planet["sma_au"],
+            "radius_Rjup": planet["radius_rjup"],
+            "geomAlb_ag": planet.get("albedo", 0.44765),
+            "exoZodi": planet.get("zodis", 1.0),
+        }
+        optics = config["instrument"]
+        case: dict[str, Any] = {"scenario": scenario, "v_mag": v_mag, "planet": changes}
+        case |= {"wavelength_nm": 1e9 * optics["wavelength"], "diameter_m": optics["Diam"]}
+        found["cases"].append(case)
+        try:
+            signal, rates, residual = tsnr_pipeline(config, tables, target, verbose=False)
+        except ValueError:
+            case["answer"] = "outside working angles"
+            continue
+        finally:
+            case["edges_lambda_d"] = [float(edge) for edge in seen["workingAnglePars"][1]]
+        mode, star = _mode(optics, seen)
+        found["modes"] += [] if mode in found["modes"] else [mode]
+        case["mode"] = found["modes"].index(mode)
+        frame_s, efficiency = seen["compute_frame_time_and_dqe"][1][2:4]
+        case["rates"] = {"star": star, "efficiency": float(efficiency), "frame_s": float(frame_s)}
+        light = seen["noiseRates"][0][0]
+        case["rates"]["contrast"] = light.planet / star / mode["core_throughput"]
+        case["rates"] |= {"planet": float(signal), "residual": float(residual)}
+        case["rates"] |= {
+            f"var_{ours}": float(getattr(rates, name)) for ours, name in zip(VARIANCES, THEIRS, strict=True)
+        }
+        fluxes = {name: float(flux) for name, flux in seen["getSpectra"][1][0].items()}
+        band = f"{mode['wavelength_nm']:.0f} nm, {100 * mode['bandwidth']:.0f} %"
+        found["zero_magnitude_ph_s_m2"][band] = fluxes
+        try:
+            time_s, best = library.compute_tsnr(SNR, signal, rates, residual)
+            case |= {"answer": "ok", "time_s": float(time_s), "critical_snr": float(best)}
+        except ValueError:
+            case["answer"] = "not achievable"
+    return found
+
+
+def _mode(optics: dict[str, Any], seen: dict[str, tuple[Any, Any]]) -> tuple[dict[str, float], float]:
+    """What cgi_noise read from its tables, by the names of our `Mode`; and photons/s of the star behind the optics."""
+    (_, qe, _, _, dark, *_, share, _, change, factor, core, transmission, area_m2), _ = seen["noiseRates"]
+    (*_, device, wavelength_m, pixels, _), frame = seen["compute_frame_time_and_dqe"]
+    detector = device.df.iloc[0]
+    mode = {
+        "wavelength_nm": wavelength_m * 1e9,
+        "bandwidth": optics["bandwidth"],
+        "diameter_m": optics["Diam"],
+        "transmission": transmission,
+        "core_throughput": core.CGcoreThruput,
+        "occulter_transmission": core.CG_occulter_transmission,
+        "core_arcsec2": core.omegaPSF,
+        "aperture_pixels": pixels,
+        "core_starlight": core.PSFpeakI * core.CGintmpix,
+        "raw_contrast": seen["contrastStabilityPars"][1][1],
+        "contrast_change": change,
+        "post_processing": factor,
+        "spectral_share": share,
+        "qe": qe,
+        "em_gain": detector["EMGain"],
+        "read_noise_e": detector["ReadNoise_e"],
+        "threshold_sigma": detector["PCThresh_nsigma"],
+        "transfer_efficiency": (1 - detector["CTI_clk"]) ** detector["CTI_xfers"],
+        "dark_e_s": dark.dark / pixels,
+        "cic_e": dark.CIC * frame[2] / pixels,
+        "stray_ph_s": seen["getStrayLightfromfile"][1] * (1e3 * detector["PixelSize_m"]) ** 2,
+        "sky_v_mag": optics["LocZodi_magas2"],
+        "dust_v_mag": optics["ExoZodi_magas2"],
+    }
+    star = float(seen["getSpectra"][1][2] * area_m2 * transmission)
+    return {name: float(value) for name, value in mode.items()}, star

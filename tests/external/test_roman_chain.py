@@ -1,0 +1,71 @@
+"""Roman's coronagraph from its tables to a time: against what cgi_noise answers, recorded or in a folder beside us."""
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from reports.external import comparison
+from reports.external.comparisons import cgi_noise
+from reports.external.roman_chain import OK, OUTSIDE, Mode, Planet, forward, from_tables, read_mode
+
+HERE = Path(__file__).resolve().parents[3] / "shared" / "validation" / "external"
+TABLES = Path(os.environ.get("CGI_NOISE_DATA_DIR", HERE / "cgi_noise_tables"))
+GIVEN = TABLES.parent / "cgi_noise_cases.json"
+with_tables = pytest.mark.skipif(not TABLES.is_dir(), reason="no tables of cgi_noise; CGI_NOISE_DATA_DIR names them")
+RECORDED = comparison.recorded("cgi_noise")
+CASES = pytest.mark.parametrize("case", RECORDED["cases"], ids=cgi_noise.words)
+MODE = Mode(**RECORDED["modes"][0])
+
+
+@CASES
+def test_rates_and_answers_are_those_of_cgi_noise(case):
+    ours = cgi_noise.ours_of(case, RECORDED["modes"])
+    assert ours.answer == case["answer"]
+    for name, rate in case.get("rates", {}).items():
+        assert ours.rates[name] == pytest.approx(rate, rel=3e-4), name
+    if case["answer"] == OK:
+        assert ours.time_s == pytest.approx(case["time_s"], rel=1e-3)
+        assert ours.critical_snr == pytest.approx(case["critical_snr"], rel=1e-9)
+
+
+@with_tables
+@CASES
+def test_tables_are_read_as_cgi_noise_reads_them(case):
+    if not (TABLES / "Scenarios" / f"{case['scenario']}.yml").is_file():
+        pytest.skip(f"no tables of {case['scenario']}")
+    planet = Planet(**case["planet"])
+    mode = read_mode(TABLES, case["scenario"], planet.separation_arcsec)
+    if case["answer"] == OUTSIDE:
+        assert mode is None
+        return
+    assert dataclasses.asdict(mode) == pytest.approx(RECORDED["modes"][case["mode"]], rel=1e-12)
+
+
+@pytest.mark.skipif(not (GIVEN.is_file() and TABLES.is_dir()), reason="no cases of cgi_noise, or no tables of it")
+def test_answers_from_the_tables_are_those_that_were_given():
+    """The 18 cases beside the tables: their times within 1 %, and every refusal."""
+    names = dict(zip(cgi_noise.THEIRS, cgi_noise.VARIANCES, strict=True))
+    cases = json.loads(GIVEN.read_text(encoding="utf-8"))
+    for case in cases:
+        ours = from_tables(TABLES, case["scenario"], v_mag=case["v_mag"], planet=Planet(case["radius_rjup"]))
+        assert ours.answer == case["answer"], case
+        for name, rate in case.get("noise_variance_e2_s", {}).items():
+            assert ours.rates.get(f"var_{names.get(name)}", 0.0) == pytest.approx(rate, rel=1e-3), name
+        if "planet_e_s" in case:
+            assert ours.rates["planet"] == pytest.approx(case["planet_e_s"], rel=1e-3)
+            assert ours.rates["residual"] == pytest.approx(case["speckle_residual_e_s"], rel=1e-3)
+        if case["answer"] == OK:
+            assert ours.time_s == pytest.approx(case["time_to_snr5_s"], rel=1e-2)
+            assert ours.critical_snr == pytest.approx(case["critical_snr"], rel=1e-3)
+    assert len(cases) == 18
+
+
+def test_a_real_register_changes_times_by_less_than_the_models_differ():
+    """One electron of a CCD201 with 604 stages passes the threshold 0.4 % more often than an exponential law says."""
+    planet = Planet(2.0)
+    exponential, real = (forward(MODE, v_mag=5.0, planet=planet, stages=stages) for stages in (0, 604))
+    assert real.rates["planet"] / exponential.rates["planet"] == pytest.approx(1.0041, abs=2e-4)
+    assert 0.99 < real.time_s / exponential.time_s < 0.995
