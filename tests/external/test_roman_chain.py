@@ -9,7 +9,8 @@ import pytest
 
 from reports.external import comparison
 from reports.external.comparisons import cgi_noise
-from reports.external.roman_chain import OK, OUTSIDE, Mode, Planet, forward, from_tables, read_mode
+from reports.external.roman_chain import OK, OUTSIDE, Planet, forward, from_tables
+from reports.external.roman_tables import Mode, read_mode
 
 HERE = Path(__file__).resolve().parents[3] / "shared" / "validation" / "external"
 TABLES = Path(os.environ.get("CGI_NOISE_DATA_DIR", HERE / "cgi_noise_tables"))

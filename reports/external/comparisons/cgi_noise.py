@@ -14,7 +14,17 @@ REFERENCE = Reference(
     "repository roman-corgi/cgi_noise",
     (f"cgi_noise @ git+https://github.com/roman-corgi/cgi_noise@{COMMIT}",),
 )
-TEXT = "TODO"
+TEXT = """
+Scenario, star (a V magnitude, G0V) and planet (radius, orbit, phase, albedo, dust around the star) go in; every rate
+on the way, the time to SNR 5, the SNR after endless time or the refusal come out. `reports/external/roman_chain.py`
+follows cgi_noise through its tables with our functions: the contrast of the planet, the light of a star in a band,
+dust around it, the law of counted photons behind a register, noise of a reference star, times from rates. What
+cgi_noise chose is given to them as input: the flux of its spectra in the band, its radius of Jupiter, a sky in the
+colour of the star, an exponential law of the register (as many stages as it takes), frames, and photons lost to
+others in their pixel. `from_tables(folder, scenario, v_mag=..., planet=Planet(radius_rjup=...))` answers any other
+case; the planets here have 1 R_J, 4.1536 au, a phase of 65 deg, 10 pc, albedo 0.44765 and 1 zodi where nothing else
+is said. Rows of "own choice" say what this package takes where it chooses for itself.
+"""
 SNR, STAR = 5.0, "g0v"
 MODES = ("IMG_NFB1_HLC", "SPEC_NFB3_SPC", "IMG_WFB1_SPC", "IMG_WFB4_SPC")
 SCENARIOS = tuple(f"{case}_{mode}" for mode in MODES for case in ("OPT", "CON"))
@@ -56,6 +66,29 @@ RATES = {
     "var_dark": "variance of dark current (e-^2/s)",
     "var_cic": "variance of clock-induced charge (e-^2/s)",
 }
+CHOICES = {
+    "star": (
+        "own choice: star behind the optics (photons/s)",
+        *(0.05, True),
+        "another library of spectra; cgi_noise adds samples of 1 nm, which are up to 0.9 % fewer or more than the band "
+        "is wide, and gives all photons the energy of the middle of the band",
+    ),
+    "sky": (
+        "own choice: zodiacal light (photons/s/arcsec2)",
+        *(0.05, True),
+        "ours has the colour of the Sun, theirs that of the star that is observed",
+    ),
+    "contrast": (
+        "own choice: contrast of the planet",
+        *(0.01, False),
+        "our R_J is the radius of Jupiter's equator, 71 492 km; theirs that of a sphere of its volume, 69 911 km",
+    ),
+    "passing": (
+        "own choice: electrons that pass the threshold",
+        *(0.005, True),
+        "a register of 604 stages instead of an exponential law; this alone shortens times by up to 0.9 %",
+    ),
+}
 VARIANCES = ("planet", "speckle", "sky", "exozodi", "stray", "dark", "cic")
 THEIRS = ("planet", "speckle", "locZodi", "exoZodi", "straylt", "detDark", "detCIC")
 
@@ -72,9 +105,10 @@ def rows(recorded: dict[str, Any]) -> list[Row]:
             found.append(Row(f"SNR after endless time, {place}", case["critical_snr"], ours.critical_snr, 1e-6))
         else:
             found.append(Row(f"time (s), {place}", case["answer"], ours.answer, 1e-2))
-        if "rates" in case and case["v_mag"] == 5.0 and case["scenario"] not in shown:
+        if "rates" in case and case["scenario"] not in shown:
             shown.add(case["scenario"])
             found += rate_rows(case, ours)
+            found += choice_rows(case, recorded) if case["scenario"].startswith("OPT") else []
     return found
 
 
@@ -88,9 +122,29 @@ def rate_rows(case: dict[str, Any], ours: Any) -> list[Row]:
     return found
 
 
+def choice_rows(case: dict[str, Any], recorded: dict[str, Any]) -> list[Row]:
+    """What cgi_noise takes, and what this package takes where it chooses for itself."""
+    import math
+
+    from reports.external.roman_chain import Planet, flux_key, own_choices
+    from reports.external.roman_tables import Mode
+
+    mode = Mode(**recorded["modes"][case["mode"]])
+    ours = own_choices(mode, Planet(**case["planet"]), case["v_mag"], STAR)
+    theirs = dict(case["rates"])
+    theirs["sky"] = theirs["star"] * 10.0 ** (0.4 * (case["v_mag"] - mode.sky_v_mag))
+    theirs["passing"] = math.exp(-mode.threshold_sigma * mode.read_noise_e / mode.em_gain)
+    place = f"{case['scenario']}, {flux_key(mode.wavelength_nm, mode.bandwidth)} band"
+    return [
+        Row(f"{what}, {place}", theirs[name], ours[name], tolerance, why, expected=expected)
+        for name, (what, tolerance, expected, why) in CHOICES.items()
+    ]
+
+
 def ours_of(case: dict[str, Any], modes: list[dict[str, float]]) -> Any:
     """Our `Answer` to a recorded case."""
-    from reports.external.roman_chain import OUTSIDE, Answer, Mode, Planet, forward, lambda_d, within
+    from reports.external.roman_chain import OUTSIDE, Answer, Planet, forward
+    from reports.external.roman_tables import Mode, lambda_d, within
 
     planet = Planet(**case["planet"])
     place = lambda_d(planet.separation_arcsec, case["wavelength_nm"], case["diameter_m"])
