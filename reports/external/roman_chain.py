@@ -24,7 +24,7 @@ from cpic_planner.queries import Strategy
 from cpic_planner.registry import LIBRARIES
 from reports.external.roman_tables import Mode, read_mode
 from simulator import Passbands
-from simulator.signal.light import exozodi_fraction_arcsec2
+from simulator.signal.light import ZODI_V_MAG_ARCSEC2, exozodi_fraction_arcsec2
 from simulator.target.star_spectrum import stellar_spectrum
 
 RECORDED = Path(__file__).with_name("recorded") / "cgi_noise.json"
@@ -133,6 +133,48 @@ def own_choices(mode: Mode, planet: Planet, v_mag: float, spectral_type: str) ->
 
 
 @dataclass(frozen=True)
+class Light:
+    """Photons per second behind the optics, before the detector.
+
+    Attributes
+    ----------
+    star, reference : float
+        Science and reference star, without the coronagraph.
+    core : dict
+        In the core of the planet's image: ``planet``, ``speckle``, ``sky``, ``exozodi``, ``stray``.
+    left : float
+        Speckles there that the reference star does not take away, rms.
+    """
+
+    star: float
+    reference: float
+    core: dict[str, float]
+    left: float
+
+
+def light_of(mode: Mode, v_mag: float, planet: Planet, spectral_type: str = "g0v") -> Light:
+    """Return the light by the products that cgi_noise has."""
+    flux = star_flux(mode, spectral_type)
+    star, sky = (in_band(mode, flux * 10.0 ** (-0.4 * mag)) for mag in (v_mag, mode.sky_v_mag))
+    reference = in_band(mode, star_flux(mode, REFERENCE_TYPE) * 10.0 ** (-0.4 * REFERENCE_V_MAG))
+    behind = mode.core_arcsec2 * mode.occulter_transmission
+    core = {
+        "planet": star * planet.contrast * mode.core_throughput,
+        "speckle": star * mode.raw_contrast * mode.core_starlight,
+        "sky": sky * behind,
+        "exozodi": star * dust_arcsec2(mode, planet) * behind,
+        "stray": mode.stray_ph_s * mode.aperture_pixels,
+    }
+    return Light(star, reference, core, star * mode.contrast_change / mode.post_processing * mode.core_starlight)
+
+
+def dust_arcsec2(mode: Mode, planet: Planet) -> float:
+    """Light of the dust over that of the star: as bright as at the planet's true distance, not at the projected one."""
+    scale = 10.0 ** (-0.4 * (mode.dust_v_mag - ZODI_V_MAG_ARCSEC2))
+    return scale * float(exozodi_fraction_arcsec2(planet.sma_au / planet.distance_pc, planet.zodis))
+
+
+@dataclass(frozen=True)
 class Answer:
     """What comes out, a number for each that cgi_noise has.
 
@@ -141,8 +183,8 @@ class Answer:
     answer : str
         ``ok`` or why there is no time.
     rates : dict
-        ``star`` (photons/s behind the optics), ``contrast``, ``efficiency`` (electrons counted per photon),
-        ``frame_s``, ``planet`` (e-/s), variances ``var_...`` (e-^2/s) and ``residual`` (e-/s).
+        ``star`` and, in the core, ``light_...`` (photons/s behind the optics), ``efficiency`` (electrons counted per
+        photon), ``frame_s``, ``planet`` (e-/s), variances ``var_...`` (e-^2/s) and ``residual`` (e-/s).
     time_s, critical_snr : float or None
         Time to the SNR, and the SNR after endless time.
     """
@@ -153,58 +195,37 @@ class Answer:
     critical_snr: float | None = None
 
 
-def forward(
-    mode: Mode, *, v_mag: float, planet: Planet, spectral_type: str = "g0v", snr: float = 5.0, stages: int = 0
-) -> Answer:
-    """Return rates and time of a planet at the separation of the mode.
+def answer(mode: Mode, light: Light, *, snr: float = 5.0, stages: int = EXPONENTIAL_STAGES) -> Answer:
+    """Return what the detector makes of the light, and the time, as cgi_noise has it.
 
     Parameters
     ----------
     mode : Mode
-    v_mag : float
-    planet : Planet
-    spectral_type : str
-        Of the star.
+    light : Light
     snr : float
         Ratio to reach.
     stages : int
-        Stages of the register; by default so many that its law is exponential.
+        Stages of the register.
     """
-    flux = star_flux(mode, spectral_type)
-    star, sky = (in_band(mode, flux * 10.0 ** (-0.4 * mag)) for mag in (v_mag, mode.sky_v_mag))
-    reference = in_band(mode, star_flux(mode, REFERENCE_TYPE) * 10.0 ** (-0.4 * REFERENCE_V_MAG))
-    # The dust's brightness is that at the planet's distance from the star, not at the projected one.
-    dust = float(exozodi_fraction_arcsec2(planet.sma_au / planet.distance_pc, planet.zodis))
-    behind = mode.core_arcsec2 * mode.occulter_transmission
-    photons = {
-        "planet": star * planet.contrast * mode.core_throughput,
-        "speckle": star * mode.raw_contrast * mode.core_starlight,
-        "sky": sky * behind,
-        "exozodi": star * dust * 10.0 ** (-0.4 * (mode.dust_v_mag - 22.0)) * behind,
-        "stray": mode.stray_ph_s * mode.aperture_pixels,
-    }
-    per_pixel = sum(photons.values()) * mode.qe / mode.aperture_pixels
+    per_pixel = sum(light.core.values()) * mode.qe / mode.aperture_pixels
     frame_s = round(min(LONGEST_S, max(SHORTEST_S, FRAME_E / per_pixel)), 1)
-    threshold = mode.threshold_sigma * mode.read_noise_e
-    law = counting_law(mode.em_gain, stages or EXPONENTIAL_STAGES, mode.read_noise_e, threshold)
+    law = counting_law(mode.em_gain, stages, mode.read_noise_e, mode.threshold_sigma * mode.read_noise_e)
     efficiency = mode.qe * mode.transfer_efficiency * _counted(law, per_pixel * frame_s)
     # A reference star, shorter and brighter: what it adds to the variances of star light and of all the rest.
     star_of = {"v_mag": REFERENCE_V_MAG}
     strategy = Strategy(library="reference_star", reference_ratio=REFERENCE_RATIO, reference_star=star_of)
-    noise = LIBRARIES["reference_star"].noise(strategy, np.array([star]), lambda _: np.array([reference]))
+    noise = LIBRARIES["reference_star"].noise(strategy, np.array([light.star]), lambda _: np.array([light.reference]))
     of_star, of_rest = (1.0 + float(part[0]) / REFERENCE_RATIO for part in (noise.halo, noise.even))
     penalties = {"planet": 1.0, "speckle": of_star, "sky": of_rest, "exozodi": of_star, "stray": of_rest}
     share = mode.spectral_share
     # The planet's own noise is that of all its electrons, counted or not.
-    seen = {name: share * (mode.qe if name == "planet" else efficiency) for name in photons}
-    variances = {f"var_{name}": penalties[name] * seen[name] * rate for name, rate in photons.items()}
+    seen = {name: share * (mode.qe if name == "planet" else efficiency) for name in light.core}
+    variances = {f"var_{name}": penalties[name] * seen[name] * rate for name, rate in light.core.items()}
     variances["var_dark"] = of_rest * mode.dark_e_s * mode.aperture_pixels
     variances["var_cic"] = of_rest * mode.cic_e / frame_s * mode.aperture_pixels
-    signal = share * efficiency * photons["planet"]
-    left = mode.contrast_change / mode.post_processing * mode.core_starlight
-    floor = share * efficiency * star * left
-    rates = {"star": star, "contrast": planet.contrast, "efficiency": efficiency, "frame_s": frame_s, "planet": signal}
-    rates |= variances | {"residual": floor}
+    signal, floor = (share * efficiency * rate for rate in (light.core["planet"], light.left))
+    rates = {"star": light.star} | {f"light_{name}": rate for name, rate in light.core.items()}
+    rates |= {"efficiency": efficiency, "frame_s": frame_s, "planet": signal} | variances | {"residual": floor}
     about: dict[str, Any] = {"floor_rate": floor, "convention": "cgi_noise"}
     time = time_for_rates(signal, sum(variances.values()), snr=snr, **about)
     if time.reason == Reason.SPECKLE_FLOOR:
@@ -218,15 +239,21 @@ def _counted(law: CountingLaw, mean_e: float) -> float:
     return float(law.e[1]) * -math.expm1(-mean_e) / mean_e
 
 
-def from_tables(folder: str | Path, scenario: str, *, v_mag: float, planet: Planet, **about: Any) -> Answer:
-    """Return the answer from the tables themselves; see `read_mode` and `forward`.
+def from_tables(
+    folder: str | Path, scenario: str, *, v_mag: float, planet: Planet, spectral_type: str = "g0v", **about: Any
+) -> Answer:
+    """Return the answer from the tables themselves; see `read_mode`, `light_of` and `answer`.
 
     Parameters
     ----------
     folder, scenario
         As of `read_mode`.
-    v_mag, planet
-        As of `forward`, and ``about`` its other arguments.
+    v_mag, planet, spectral_type
+        As of `light_of`.
+    about
+        Other arguments of `answer`.
     """
     mode = read_mode(folder, scenario, planet.separation_arcsec)
-    return Answer(OUTSIDE, {}) if mode is None else forward(mode, v_mag=v_mag, planet=planet, **about)
+    if mode is None:
+        return Answer(OUTSIDE, {})
+    return answer(mode, light_of(mode, v_mag, planet, spectral_type), **about)

@@ -9,7 +9,7 @@ import pytest
 
 from reports.external import comparison
 from reports.external.comparisons import cgi_noise
-from reports.external.roman_chain import OK, OUTSIDE, Planet, forward, from_tables
+from reports.external.roman_chain import EXPONENTIAL_STAGES, OK, OUTSIDE, Planet, answer, from_tables, light_of
 from reports.external.roman_tables import Mode, read_mode
 
 HERE = Path(__file__).resolve().parents[3] / "shared" / "validation" / "external"
@@ -66,7 +66,7 @@ def test_answers_from_the_tables_are_those_that_were_given():
 
 def test_a_real_register_changes_times_by_less_than_the_models_differ():
     """One electron of a CCD201 with 604 stages passes the threshold 0.4 % more often than an exponential law says."""
-    planet = Planet(2.0)
-    exponential, real = (forward(MODE, v_mag=5.0, planet=planet, stages=stages) for stages in (0, 604))
+    light = light_of(MODE, 5.0, Planet(2.0))
+    exponential, real = (answer(MODE, light, stages=stages) for stages in (EXPONENTIAL_STAGES, 604))
     assert real.rates["planet"] / exponential.rates["planet"] == pytest.approx(1.0041, abs=2e-4)
     assert 0.99 < real.time_s / exponential.time_s < 0.995
