@@ -189,9 +189,7 @@ def _frames(
     if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
         return Frames(config.exposure_s, config.n_frames, config.em_gain, visits)
     metrics, strategy = model.metrics[band], model.strategy
-    sign_x, sign_y = metrics.zone.diagonal
-    middle = 0.5 * (metrics.hole_inner_arcsec + metrics.hole_outer_arcsec)
-    place = (planets[0].x_arcsec, planets[0].y_arcsec) if planets else (sign_x * middle, sign_y * middle)
+    place = (planets[0].x_arcsec, planets[0].y_arcsec) if planets else metrics.zone.middle
     contrast = (planets[0].contrast or 0.0) if planets else 1e-8
     camera = model.camera(band)
     if config.exposure_s is not None:
