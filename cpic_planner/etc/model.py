@@ -148,6 +148,11 @@ class EtcModel:
     def _losses(self) -> dict[str, float]:
         return {band: aperture_loss_per_s(self.instrument, band) for band in self.metrics}
 
+    @property
+    def of_table(self) -> bool:
+        """Whether the coronagraph is a table, of which no images are known."""
+        return self.instrument.coronagraph.table is not None
+
     def camera(self, band: str) -> FrameCamera:
         """One frame of the band's camera."""
         return self._cameras[band]

@@ -211,7 +211,7 @@ class Instrument(FrozenModel):
         """Inner edge ``a`` of the square zone, per axis; inner radius of a ring."""
         if (table := self._ring_table(band)) is not None:
             # A planet may stand at every separation of the table: its aperture reaches beyond.
-            return max(float(table.separation_arcsec[0]) - self.aperture_radius_arcsec(band), 0.0)
+            return float(table.separation_arcsec[0]) - self.aperture_radius_arcsec(band)
         corner = self.coronagraph.inner_arcsec.get(band)
         if corner is None:
             corner = self.coronagraph.inner_lambda_d * self.lambda_d_arcsec(band)

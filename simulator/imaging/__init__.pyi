@@ -1,6 +1,6 @@
 from simulator.imaging.aperture import aperture_sums as aperture_sums, overlap_weights as overlap_weights
 from simulator.imaging.build import build_imager as build_imager
-from simulator.imaging.clear_pupil import error_light as error_light
+from simulator.imaging.clear_pupil import scattered_light as scattered_light
 from simulator.imaging.drift import SharedTerms as SharedTerms, visit_frames as visit_frames
 from simulator.imaging.external import ExternalPsf as ExternalPsf
 from simulator.imaging.frame import (

@@ -42,7 +42,7 @@ def airy(separation_lambda_d: ArrayLike, obstruction: float = 0.0, relative_widt
     return np.asarray(np.pi / 4.0 * (1.0 - obstruction**2) * total / len(nodes))
 
 
-def error_light(separation_lambda_d: ArrayLike, rms_nm: float, slope: float, wavelength_nm: float) -> FloatArray:
+def scattered_light(separation_lambda_d: ArrayLike, rms_nm: float, slope: float, wavelength_nm: float) -> FloatArray:
     """Return the mean light that a wavefront error scatters, relative to the peak of a source; at most 1.
 
     Parameters

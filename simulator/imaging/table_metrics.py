@@ -13,7 +13,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray
 from simulator.config import CoronagraphTable, Instrument
-from simulator.imaging.clear_pupil import FIELD_ARCSEC, airy, disc_light, error_light
+from simulator.imaging.clear_pupil import FIELD_ARCSEC, airy, disc_light, scattered_light
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.sampling import centred_offsets
@@ -236,7 +236,7 @@ def _floor(instrument: Instrument, band: str, table: CoronagraphTable) -> dict[s
     configuration = instrument.band(band)
     core = table.columns["core_throughput"]
     apart = place / instrument.lambda_d_arcsec(band)
-    error = core * error_light(apart, 1.0, instrument.drift.psd_slope, configuration.center_nm)
+    error = core * scattered_light(apart, 1.0, instrument.drift.psd_slope, configuration.center_nm)
     assumed = 4.0 * table.columns["raw_contrast"] * core * error, 2.0 * error**2
     linear, square = (table.columns.get(name, other) for name, other in zip(names, assumed, strict=True))
     return {

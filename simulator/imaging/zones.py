@@ -221,7 +221,7 @@ class RingZone:
     Attributes
     ----------
     inner_arcsec, outer_arcsec : float
-        Radii of its edges, 0 <= inner < outer.
+        Radii of its edges, inner < outer; an inner one below 0 lets apertures reach across the star.
     """
 
     inner_arcsec: float
@@ -232,18 +232,18 @@ class RingZone:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not (math.isfinite(self.outer_arcsec) and 0 <= self.inner_arcsec < self.outer_arcsec):
-            allowed = "0 <= inner < outer"
+        if not (math.isfinite(self.outer_arcsec) and abs(self.inner_arcsec) < self.outer_arcsec):
+            allowed = "inner < outer"
             raise InputError("ring edges", (self.inner_arcsec, self.outer_arcsec), unit="arcsec", allowed=allowed)
 
     @property
     def inner_corner_arcsec(self) -> float:
-        """Separation of the inner edge on a diagonal."""
-        return self.inner_arcsec
+        """Separation of the inner edge, above 0."""
+        return max(self.inner_arcsec, _NEAREST * self.outer_arcsec)
 
     @property
     def outer_corner_arcsec(self) -> float:
-        """Separation of the outer edge on a diagonal."""
+        """Separation of the outer edge."""
         return self.outer_arcsec
 
     @property
@@ -294,7 +294,7 @@ class RingZone:
 
 Zone: TypeAlias = HoleZone | RingZone
 ZoneMode: TypeAlias = Literal["4q", "2q", "ring"]
-_ROUNDING = 1e-9
+_ROUNDING, _NEAREST = 1e-9, 1e-3
 
 
 def zone_from(inner_arcsec: float, outer_arcsec: float, mode: ZoneMode, side: HoleSide) -> Zone:

@@ -14,7 +14,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, checked_array, checked_scalar
 from simulator.config import DiscSource
-from simulator.imaging import PsfMetrics, error_light
+from simulator.imaging import PsfMetrics, scattered_light
 
 # Stark et al. 2014, ApJ 795, 122: one zodi is 22 mag/arcsec2 in V, face-on, at 1 au from a star of the Sun's light.
 ZODI_V_MAG_ARCSEC2 = 22.0
@@ -207,7 +207,7 @@ def spot(metrics: PsfMetrics, offset: FloatArray, x: float, y: float) -> FloatAr
 def drift_halo(
     metrics: PsfMetrics, separation_arcsec: FloatArray, rms_nm: float, slope: float, wavelength_nm: float
 ) -> FloatArray:
-    """Return the mean light that a wavefront error scatters: `error_light` at a separation from the source in arcsec.
+    """Return the mean light that a wavefront error scatters: `scattered_light` at a separation from the source in arcsec.
 
     Parameters
     ----------
@@ -215,6 +215,6 @@ def drift_halo(
     separation_arcsec : ndarray
         From the source.
     rms_nm, slope, wavelength_nm : float
-        As of `simulator.imaging.clear_pupil.error_light`.
+        As of `simulator.imaging.clear_pupil.scattered_light`.
     """
-    return error_light(separation_arcsec / metrics.lambda_d_arcsec, rms_nm, slope, wavelength_nm)
+    return scattered_light(separation_arcsec / metrics.lambda_d_arcsec, rms_nm, slope, wavelength_nm)
