@@ -6,8 +6,8 @@ a second roll leave, is that of a clear pupil behind the coronagraph.
 
 import functools
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -93,6 +93,20 @@ class TableMetrics(PsfMetrics):
         else:
             return None
         return np.asarray(rms**2), self.stability_is_common
+
+    @property
+    def median_contrast(self) -> float:
+        """Median raw contrast of the places of the zone, as the table has it."""
+        offset = centred_offsets(len(self.raw_contrast)) * self.pixel_scale_arcsec
+        separation = np.hypot(offset[:, None], offset)[self.hole]
+        return self.contrast_factor * float(np.median(self.table.at("raw_contrast", separation)))
+
+    def brightened(self, factor: float) -> Self:
+        """Figures with ``factor`` times the starlight; see `PsfMetrics.brightened`.
+
+        A residual that is a fraction of the raw contrast grows with it, one of the table stays.
+        """
+        return replace(super().brightened(factor), contrast_factor=factor * self.contrast_factor)
 
     def column_aperture(self, x_arcsec: ArrayLike) -> FloatArray:
         """Starlight of whole columns under a core at x; see `PsfMetrics.column_aperture`."""

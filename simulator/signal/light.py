@@ -207,7 +207,7 @@ def spot(metrics: PsfMetrics, offset: FloatArray, x: float, y: float) -> FloatAr
 def drift_halo(
     metrics: PsfMetrics, separation_arcsec: FloatArray, rms_nm: float, slope: float, wavelength_nm: float
 ) -> FloatArray:
-    """Return the mean light that a wavefront error scatters: `scattered_light` at a separation from the source in arcsec.
+    """Return the mean light that a wavefront error scatters: `scattered_light` at separations in arcsec.
 
     Parameters
     ----------

@@ -13,6 +13,11 @@ UNIT = 0.04
 FLAT = "separation_arcsec,core_throughput,raw_contrast\n0.1,0.05,1e-9\n0.3,0.05,1e-9\n"
 
 
+def more(heading, value):
+    """The flat table with a further column."""
+    return FLAT.replace("raw_contrast\n", f"raw_contrast,{heading}\n").replace("-9\n", f"-9,{value}\n")
+
+
 def read(tmp_path, text, name="table.csv"):
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
@@ -43,7 +48,8 @@ def test_columns_are_known_by_names_and_units(tmp_path, heading, values, column,
     text = "core throughput [%],Raw contrast"
     own = "" if column is None else "separation_arcsec,"
     rows = [f"{heading},{own}{text}"]
-    rows += [f"{value},{'' if column is None else f'{at},'}5,1e-9" for value, at in zip(values, (0.1, 0.3), strict=True)]
+    places = ("", "") if column is None else ("0.1,", "0.3,")
+    rows += [f"{value},{at}5,1e-9" for value, at in zip(values, places, strict=True)]
     found = read(tmp_path, "\n".join(rows))
     np.testing.assert_allclose(found.separation_arcsec if column is None else found.columns[column], expected)
     np.testing.assert_allclose(found.columns["core_throughput"], 0.05)
@@ -62,7 +68,7 @@ def test_between_rows_light_is_linear_and_contrast_in_its_logarithm(tmp_path):
 
 
 def test_a_column_that_is_not_known_is_left_out_and_said(tmp_path):
-    found = read(tmp_path, FLAT.replace("raw_contrast\n", "raw_contrast,temperature\n").replace("1e-9\n", "1e-9,5\n"))
+    found = read(tmp_path, more("temperature", 5))
     assert "temperature" in found.notes[0]
     assert set(found.columns) == {"core_throughput", "raw_contrast"}
 
@@ -89,9 +95,9 @@ def test_a_file_that_changes_is_read_again(tmp_path):
         (FLAT.replace("0.3", "0.1"), "every separation once"),
         ("separation_arcsec,core_throughput,raw_contrast\n0.1,0.05,1e-9\n", "at least two separations"),
         (FLAT.replace("separation_arcsec", "separation [kg]"), "unit"),
-        (FLAT.replace("raw_contrast\n", "raw_contrast,contrast_stabilty\n").replace("-9\n", "-9,1\n"), "stability"),
-        (FLAT.replace("raw_contrast\n", "raw_contrast,occulter_transmission\n").replace("-9\n", "-9,0.01\n"), "at least"),
-        (FLAT.replace("raw_contrast\n", "raw_contrast,separation_lambda_d\n").replace("-9\n", "-9,9\n"), "5 %"),
+        (more("contrast_stabilty", 1), "stability"),
+        (more("occulter_transmission", 0.01), "at least"),
+        (more("separation_lambda_d", 9), "5 %"),
     ],
 )
 def test_what_is_no_coronagraph_is_refused_in_one_line(tmp_path, text, said):
@@ -101,7 +107,7 @@ def test_what_is_no_coronagraph_is_refused_in_one_line(tmp_path, text, said):
 
 
 def test_constant_columns_have_one_value(tmp_path):
-    text = FLAT.replace("raw_contrast\n", "raw_contrast,noise_fraction\n").replace("-9\n", "-9,0.9\n")
+    text = more("noise_fraction", 0.9)
     assert read(tmp_path, text).constant("noise_fraction") == 0.9
     with pytest.raises(InputError, match="same value in every row"):
         read(tmp_path, text.replace("0.9", "0.8", 1))
@@ -150,8 +156,7 @@ def test_the_ring_reaches_an_aperture_beyond_the_table(tmp_path):
 
 
 def test_the_core_of_the_table_is_the_aperture(tmp_path):
-    text = FLAT.replace("raw_contrast\n", "raw_contrast,core_area_lambda_d2\n").replace("-9\n", "-9,1.5\n")
-    (tmp_path / "area.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "area.csv").write_text(more("core_area_lambda_d2", 1.5), encoding="utf-8")
     made = load_instrument({"coronagraph": {"table": str(tmp_path / "area.csv")}})
     for band in made.bands:
         expected = math.sqrt(1.5 / math.pi) * made.lambda_d_arcsec(band)
