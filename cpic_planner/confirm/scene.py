@@ -10,7 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from cpic_core import Reason, Status
-from cpic_planner.confirm.stars import RESULT_VERSION, image_tasks, images_cost, refuse_infrared, result_header
+from cpic_planner.confirm.stars import RESULT_VERSION, image_tasks, images_cost, refuse_unimaged, result_header
 from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, build_model, frame_problem
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
@@ -144,7 +144,7 @@ def scene_target(scene: Scene) -> Targets:
 
 
 def _work(config: ConfirmQuestion) -> _Work:
-    refuse_infrared(config.instrument, config.bands)
+    refuse_unimaged(config.instrument, config.bands)
     model = build_model(config.instrument, config.bands, config.strategy)
     target = scene_target(config.scene)
     tasks: list[ConfirmTask] = []

