@@ -14,7 +14,7 @@ from cpic_planner import etc
 from cpic_planner.planets import Planets
 from cpic_planner.ranking.programmes import programme_of
 from cpic_planner.targets import Targets
-from simulator.imaging import HoleZone
+from simulator.imaging import Zone
 from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_law
 from simulator.target import sky_to_detector
 
@@ -72,7 +72,7 @@ class ZonePlanets:
     def __init__(self, targets: Targets, planets: Planets, *, keep: bool = False) -> None:
         self.targets = targets
         self.planets = planets
-        self._kept: dict[tuple[HoleZone, float, int], list[Placed]] | None = {} if keep else None
+        self._kept: dict[tuple[Zone, float, int], list[Placed]] | None = {} if keep else None
 
     def of(self, model: etc.EtcModel, band: str) -> Iterator[Placed]:
         """Yield the planets in the zone of a band, a part of the stars and of the planets at a time.
@@ -91,7 +91,7 @@ class ZonePlanets:
             self._kept[key] = list(self._placed(*key))
         yield from self._kept[key]
 
-    def _placed(self, zone: HoleZone, radius_arcsec: float, parity: int) -> Iterator[Placed]:
+    def _placed(self, zone: Zone, radius_arcsec: float, parity: int) -> Iterator[Placed]:
         """A map from sky to detector is linear in the offset, whatever its unit."""
         planets, targets = self.planets, self.targets
         arcsec_au = planets.scale(targets.luminosity_lsun) / targets.distance_pc
@@ -117,12 +117,12 @@ class ZonePlanets:
                 )
 
 
-def ring_of(zone: HoleZone, separation_arcsec: FloatArray) -> IntArray:
+def ring_of(zone: Zone, separation_arcsec: FloatArray) -> IntArray:
     """Return the ring of `faintest_contrast` in which points stand.
 
     Parameters
     ----------
-    zone : HoleZone
+    zone : HoleZone or RingZone
     separation_arcsec : ndarray
         Distance from the star.
     """
@@ -255,21 +255,6 @@ def _slices(length: int, step: int) -> Iterator[slice]:
         yield slice(start, min(start + step, length))
 
 
-def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
-    """Which points lie in the zone, at least ``margin`` from its edges.
-
-    Parameters
-    ----------
-    zone : HoleZone
-    x_arcsec : ndarray
-        Offset from the star on the detector along x, arcsec.
-    y_arcsec : ndarray
-        Offset from the star on the detector along y, arcsec.
-    margin_arcsec : float
-        Distance kept from the edges, arcsec.
-    """
-    inside = np.ones(x_arcsec.shape, bool)
-    for offset, parts in zip((y_arcsec, x_arcsec), zone.intervals(), strict=True):
-        within = [(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts]
-        inside &= np.any(within, axis=0)
-    return inside
+def inside_zone(zone: Zone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
+    """Which points lie in the zone, at least ``margin`` from its edges; parameters as of `HoleZone.contains`."""
+    return zone.contains(x_arcsec, y_arcsec, margin_arcsec)
