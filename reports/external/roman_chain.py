@@ -1,10 +1,7 @@
 """Roman's coronagraph from the tables of cgi_noise to a time, by our functions and the choices of cgi_noise.
 
 Source of the choices: github.com/roman-corgi/cgi_noise, commit 597dbfb, ``cgi_noise/tsnr_core.py`` and
-``cgi_noise/cginoiselib.py``. Example::
-
-    from reports.external.roman_chain import Planet, from_tables
-    from_tables("cgi_noise/data", "OPT_IMG_NFB1_HLC", v_mag=5.0, planet=Planet(radius_rjup=1.0))
+``cgi_noise/cginoiselib.py``.
 """
 
 from __future__ import annotations
@@ -22,7 +19,7 @@ from cpic_planner import Reason, planet_contrast, snr_for_rates, time_for_rates
 from cpic_planner.etc.photon_counting import CountingLaw, counting_law
 from cpic_planner.queries import Strategy
 from cpic_planner.registry import LIBRARIES
-from reports.external.roman_tables import Mode, read_mode
+from reports.external.roman_tables import Mode
 from simulator import Passbands
 from simulator.signal.light import ZODI_V_MAG_ARCSEC2, exozodi_fraction_arcsec2
 from simulator.target.star_spectrum import stellar_spectrum
@@ -237,23 +234,3 @@ def answer(mode: Mode, light: Light, *, snr: float = 5.0, stages: int = EXPONENT
 def _counted(law: CountingLaw, mean_e: float) -> float:
     """Part of the electrons that count: one passes the threshold with a chance, and others in its pixel are lost."""
     return float(law.e[1]) * -math.expm1(-mean_e) / mean_e
-
-
-def from_tables(
-    folder: str | Path, scenario: str, *, v_mag: float, planet: Planet, spectral_type: str = "g0v", **about: Any
-) -> Answer:
-    """Return the answer from the tables themselves; see `read_mode`, `light_of` and `answer`.
-
-    Parameters
-    ----------
-    folder, scenario
-        As of `read_mode`.
-    v_mag, planet, spectral_type
-        As of `light_of`.
-    about
-        Other arguments of `answer`.
-    """
-    mode = read_mode(folder, scenario, planet.separation_arcsec)
-    if mode is None:
-        return Answer(OUTSIDE, {})
-    return answer(mode, light_of(mode, v_mag, planet, spectral_type), **about)

@@ -5,11 +5,14 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy import stats
 
 from reports.external import comparison
 from reports.external.comparisons import cgi_noise
-from reports.external.roman_chain import EXPONENTIAL_STAGES, OK, OUTSIDE, Planet, answer, from_tables, light_of
+from reports.external.roman_chain import EXPONENTIAL_STAGES, OK, OUTSIDE, REFERENCE_RATIO, Planet, answer, light_of
+from reports.external.roman_instrument import calculator_light, from_tables, own_time
 from reports.external.roman_tables import Mode, read_mode
 
 HERE = Path(__file__).resolve().parents[3] / "shared" / "validation" / "external"
@@ -30,6 +33,15 @@ def test_rates_and_answers_are_those_of_cgi_noise(case):
     if case["answer"] == OK:
         assert ours.time_s == pytest.approx(case["time_s"], rel=1e-3)
         assert ours.critical_snr == pytest.approx(case["critical_snr"], rel=1e-9)
+
+
+@pytest.mark.parametrize("case", [case for case in RECORDED["cases"] if "mode" in case], ids=cgi_noise.words)
+def test_light_in_the_calculator_is_that_of_the_products(case):
+    mode, planet = Mode(**RECORDED["modes"][case["mode"]]), Planet(**case["planet"])
+    ours, plain = (light(mode, case["v_mag"], planet) for light in (calculator_light, light_of))
+    assert dataclasses.asdict(ours) == {
+        name: pytest.approx(value, rel=1e-12) for name, value in dataclasses.asdict(plain).items()
+    }
 
 
 @with_tables
@@ -70,3 +82,30 @@ def test_a_real_register_changes_times_by_less_than_the_models_differ():
     exponential, real = (answer(MODE, light, stages=stages) for stages in (EXPONENTIAL_STAGES, 604))
     assert real.rates["planet"] / exponential.rates["planet"] == pytest.approx(1.0041, abs=2e-4)
     assert 0.99 < real.time_s / exponential.time_s < 0.995
+
+
+@pytest.mark.parametrize("index", [0, 1, 6, 12])
+def test_own_time_follows_from_the_chance_of_a_count(index):
+    """SNR of the inverse of a count's chance, here behind an exponential register: 0.4 % from the real one."""
+    case = RECORDED["cases"][index]
+    mode, planet, frame_s = Mode(**RECORDED["modes"][case["mode"]]), Planet(**case["planet"]), case["rates"]["frame_s"]
+    light, pixels = light_of(mode, case["v_mag"], planet), mode.aperture_pixels
+    counted = mode.qe * mode.transfer_efficiency * mode.spectral_share
+    dark = mode.dark_e_s * pixels
+    x = mode.threshold_sigma * mode.read_noise_e / mode.em_gain
+
+    def variance(rate_e_s):
+        mean = rate_e_s * frame_s / pixels + mode.cic_e
+        passes = np.concatenate([[0.0], np.cumsum(stats.poisson.pmf(np.arange(30), x))])
+        chance, slope = (stats.poisson.pmf(np.arange(30), mean) @ e for e in (passes[:30], np.diff(passes[:31])))
+        return pixels * chance * (1.0 - chance) / slope**2
+
+    core = {name: counted * rate for name, rate in light.core.items()}
+    star, even = core["speckle"] + core["exozodi"], core["sky"] + core["stray"] + dark
+    brighter = light.reference / light.star
+    reference = variance(star * brighter + even) / brighter**2 / REFERENCE_RATIO
+    white = (variance(core["planet"] + star + even) + reference) / frame_s
+    expected = 25.0 * white / (core["planet"] ** 2 - 25.0 * (counted * light.left) ** 2)
+    fixed = {"exposure_s": frame_s, "em_gain": mode.em_gain}
+    found = own_time(mode, case["v_mag"], planet, same_light=True, snr=5.0, **fixed)
+    assert found.integration_s == pytest.approx(expected, rel=2e-2)

@@ -16,14 +16,17 @@ REFERENCE = Reference(
 )
 TEXT = """
 Scenario, star (a V magnitude, G0V) and planet (radius, orbit, phase, albedo, dust around the star) go in; every rate
-on the way, the time to SNR 5, the SNR after endless time or the refusal come out. `reports/external/roman_chain.py`
-follows cgi_noise through its tables with our functions: the contrast of the planet, the light of a star in a band,
-dust around it, the law of counted photons behind a register, noise of a reference star, times from rates. What
-cgi_noise chose is given to them as input: the flux of its spectra in the band, its radius of Jupiter, a sky in the
-colour of the star, an exponential law of the register (as many stages as it takes), frames, and photons lost to
-others in their pixel. `from_tables(folder, scenario, v_mag=..., planet=Planet(radius_rjup=...))` answers any other
-case; the planets here have 1 R_J, 4.1536 au, a phase of 65 deg, 10 pc, albedo 0.44765 and 1 zodi where nothing else
-is said. Rows of "own choice" say what this package takes where it chooses for itself.
+on the way, the time to SNR 5, the SNR after endless time or the refusal come out. A scenario's tables become a table
+of the coronagraph and an instrument of ours (`reports/external/roman_instrument.py`); the light in the core of the
+planet's image is what the exposure-time calculator finds there, and `reports/external/roman_chain.py` takes it on
+with the law of counted photons behind a register, the noise of a reference star and times from rates. What cgi_noise
+chose is given as input: the light of its stars in the band, its radius of Jupiter, a sky in the colour of the star,
+an exponential law of the register (as many stages as it takes), frames, and photons lost to others in their pixel.
+`from_tables(folder, scenario, v_mag=..., planet=Planet(radius_rjup=...))` answers any other case; the planets here
+have 1 R_J, 4.1536 au, a phase of 65 deg, 10 pc, albedo 0.44765 and 1 zodi where nothing else is said.
+
+Rows of "own choice" say what this package takes where it chooses for itself, and rows of "own noise" the time on the
+star by `exposure_time`, on the same tables, with our noise.
 """
 SNR, STAR = 5.0, "g0v"
 MODES = ("IMG_NFB1_HLC", "SPEC_NFB3_SPC", "IMG_WFB1_SPC", "IMG_WFB4_SPC")
@@ -93,6 +96,19 @@ CHOICES = {
         "a register of 604 stages instead of an exponential law; this alone shortens times by up to 0.9 %",
     ),
 }
+OWN_NOISE = (
+    "own noise: time (s)",
+    "electrons that the threshold or another one in their pixel hides are taken off the signal in both; in cgi_noise "
+    "those of the planet still make noise, and so does all dark and clock-induced charge, while ours counts what the "
+    "chance of a count tells of the light; it lets the light of the whole band of a spectrograph hide the photons of "
+    "one resolution element",
+)
+OWN_ALL = (
+    "own noise, frames and spectra: time (s)",
+    "as with the same frames; our stars are brighter by what is said above, the dust is as bright as at the projected "
+    "place, frames are those of the least time, and cgi_noise takes the frames of a spectrograph for the light of the "
+    "whole band on the pixels of one resolution element",
+)
 LIGHTS = ("planet", "speckle", "sky", "exozodi", "stray")
 VARIANCES = (*LIGHTS, "dark", "cic")
 THEIRS = ("planet", "speckle", "locZodi", "exoZodi", "straylt", "detDark", "detCIC")
@@ -114,6 +130,26 @@ def rows(recorded: dict[str, Any]) -> list[Row]:
             shown.add(case["scenario"])
             found += rate_rows(case, ours)
             found += choice_rows(case, recorded) if case["scenario"].startswith("OPT") else []
+        if "mode" in case:
+            found += own_rows(case, recorded["modes"])
+    return found
+
+
+def own_rows(case: dict[str, Any], modes: list[dict[str, float]]) -> list[Row]:
+    """Return times of cgi_noise and those of `exposure_time`, whose noise is our own."""
+    from reports.external.roman_chain import OK, UNREACHABLE, Planet
+    from reports.external.roman_instrument import own_time
+    from reports.external.roman_tables import Mode
+
+    mode, planet = Mode(**modes[case["mode"]]), Planet(**case["planet"])
+    fixed = {"exposure_s": case["rates"]["frame_s"], "em_gain": mode.em_gain}
+    asked = ((OWN_NOISE, {"same_light": True} | fixed), (OWN_ALL, {"same_light": False}))
+    found = []
+    for (what, why), about in asked:
+        ours = own_time(mode, case["v_mag"], planet, snr=SNR, **about)
+        reached = UNREACHABLE if ours.reason == "common_speckle_floor" else ours.integration_s
+        theirs = case["time_s"] if case["answer"] == OK else case["answer"]
+        found.append(Row(f"{what}, {words(case)}", theirs, reached, 1e-2, why, expected=case["answer"] != OK))
     return found
 
 
@@ -149,7 +185,8 @@ def choice_rows(case: dict[str, Any], recorded: dict[str, Any]) -> list[Row]:
 
 def ours_of(case: dict[str, Any], modes: list[dict[str, float]]) -> Any:
     """Our `Answer` to a recorded case."""
-    from reports.external.roman_chain import OUTSIDE, Answer, Planet, answer, light_of
+    from reports.external.roman_chain import OUTSIDE, Answer, Planet, answer
+    from reports.external.roman_instrument import calculator_light
     from reports.external.roman_tables import Mode, lambda_d, within
 
     planet = Planet(**case["planet"])
@@ -157,7 +194,7 @@ def ours_of(case: dict[str, Any], modes: list[dict[str, float]]) -> Any:
     if not within(place, *case["edges_lambda_d"]):
         return Answer(OUTSIDE, {})
     mode = Mode(**modes[case["mode"]])
-    return answer(mode, light_of(mode, case["v_mag"], planet))
+    return answer(mode, calculator_light(mode, case["v_mag"], planet))
 
 
 def words(case: dict[str, Any]) -> str:
