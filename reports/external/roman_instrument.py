@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from cpic_planner import exposure_time, load_instrument
 from cpic_planner.api.keywords import stars_named
@@ -67,13 +68,14 @@ def table(mode: Mode, separation_arcsec: float) -> str:
 
 
 def instrument(mode: Mode, table_file: str) -> dict[str, Any]:
-    """Return what differs from the default instrument.
+    """Return what differs from the default instrument, as its file has it.
 
     The band gets the light of a resolution element; charge that does not arrive counts as quantum efficiency.
     """
     width_nm, qe = mode.bandwidth * mode.wavelength_nm, mode.qe * mode.transfer_efficiency
     band = {"camera": "VIS", "center_nm": mode.wavelength_nm, "width_nm": width_nm}
     return {
+        "kind": "instrument",
         "name": "roman",
         "telescope": {"diameter_m": mode.diameter_m},
         "coronagraph": {"table": table_file, "zone": "ring"},
@@ -119,9 +121,9 @@ def asked(mode: Mode, planet: Planet, v_mag: float, *, same_light: bool, spectra
         Of the star.
     """
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "roman.csv"
-        file.write_text(table(mode, planet.separation_arcsec), encoding="utf-8")
-        tree = instrument(mode, str(file))
+        files = Path(folder) / "roman.csv", Path(folder) / "roman.yaml"
+        files[0].write_text(table(mode, planet.separation_arcsec), encoding="utf-8")
+        tree = instrument(mode, files[0].name)
         tree["sky"]["exozodi_zodis"] = planet.zodis
         mags = {"star": v_mag, "reference": REFERENCE_V_MAG, "sky": mode.sky_v_mag}
         if same_light:
@@ -138,6 +140,7 @@ def asked(mode: Mode, planet: Planet, v_mag: float, *, same_light: bool, spectra
             one = float(exozodi_fraction_arcsec2(planet.separation_arcsec, 1.0))
             tree["sky"]["exozodi_zodis"] = dust_arcsec2(mode, planet) / one
         tree["sky"]["brightness_v_mag_arcsec2"] = mags["sky"]
+        files[1].write_text(yaml.safe_dump(tree), encoding="utf-8")
         yield {
             "target": "a star",
             "v_mag": mags["star"],
@@ -145,7 +148,7 @@ def asked(mode: Mode, planet: Planet, v_mag: float, *, same_light: bool, spectra
             "distance_pc": planet.distance_pc,
             "separation_arcsec": planet.separation_arcsec,
             "contrast": planet.contrast,
-            "instrument": load_instrument(tree),
+            "instrument": load_instrument(files[1]),
             "bands": [BAND],
             "strategy": {
                 "library": "reference_star",
