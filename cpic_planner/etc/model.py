@@ -226,6 +226,14 @@ class EtcModel:
     def _time_factor(self) -> float:
         return self.strategy.reference_library.time_factor(self.strategy)
 
+    @property
+    def library_flags(self) -> tuple[str, ...]:
+        """Flags of every answer with the strategy's library and, where it has one, its star."""
+        library, star = self.strategy.reference_library, self.strategy.reference_star
+        if star is None or not np.any(self.passbands.grid_flags(star.teff_k, star.log_g, star.metallicity).any):
+            return library.flags
+        return (*library.flags, "reference_star_clamped")
+
     def library_noise(self, band: str, star_e_s: NDArray[np.float64]) -> LibraryNoise:
         """Return the noise of the library that the strategy names, for science stars of these rates."""
         column = self.passbands.names.index(band)
