@@ -164,8 +164,8 @@ def faintest_contrast(
     Notes
     -----
     A planet beside the mask's shadow, in noise without the light of star, companion and dust, and with the least
-    speckles, sky and core of its ring, is more significant than any real one of that contrast. The threshold and the least margin of
-    the law (`cpic_planner.etc.least_margin`) are the least of the ring, too.
+    speckles, sky and core of its ring, is more significant than any real one of that contrast. The threshold and the
+    least margin of the law (`cpic_planner.etc.least_margin`) are the least of the ring, too.
     """
     metrics, strategy, rings = model.metrics[band], model.strategy, np.zeros((len(targets), N_RINGS))
     if strategy.mode == "photon_counting":
