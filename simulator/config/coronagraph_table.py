@@ -5,10 +5,11 @@ columns, or in brackets behind them: ``separation [mas]``, ``core throughput [%]
 """
 
 import functools
+import hashlib
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from catalogs import Column, Columns, RawColumn, RawTable, parse_table, read_bytes, read_rows
-from cpic_core import ArrayLike, FloatArray, InputError, file_state
+from cpic_core import ArrayLike, FloatArray, InputError, file_state, read_file
 from simulator.config.base import nearest
 
 KEY = "coronagraph.table"
-MOST_BYTES = 20_000_000
+MOST_BYTES, MOST_BYTES_OF_MAPS = 20_000_000, 200_000_000
 _TINY = 1e-300
 
 
@@ -94,6 +95,11 @@ class CoronagraphTable:
         Those that the file has, separations left out, areas in arcsec^2.
     notes : tuple of str
         Remarks on the reading: columns that are not used.
+    maps : mapping of str to ndarray, shape (n, n)
+        Columns that are known by place, ``[y, x]``, the star on the middle pixel; the columns are their means over
+        rings.
+    map_step_arcsec : float
+        Pixel of the maps.
     """
 
     file: str
@@ -101,6 +107,8 @@ class CoronagraphTable:
     separation_arcsec: FloatArray
     columns: Mapping[str, FloatArray]
     notes: tuple[str, ...] = ()
+    maps: Mapping[str, FloatArray] = field(default_factory=dict)
+    map_step_arcsec: float = 0.0
 
     def __contains__(self, name: str) -> bool:
         """Whether the table has a column."""
@@ -121,6 +129,31 @@ class CoronagraphTable:
         if name not in _LOGARITHMIC:
             return np.asarray(np.interp(place, self.separation_arcsec, values))
         return np.asarray(np.exp(np.interp(place, self.separation_arcsec, np.log(np.maximum(values, _TINY)))))
+
+    def at_place(self, name: str, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Value of a column at places on the detector: of its map between the pixels, where there is one.
+
+        Parameters
+        ----------
+        name : str
+            A column that the table has.
+        x_arcsec, y_arcsec : array_like
+            Offset from the star.
+        """
+        x, y = np.broadcast_arrays(np.asarray(x_arcsec, np.float64), np.asarray(y_arcsec, np.float64))
+        if name not in self.maps:
+            return self.at(name, np.hypot(x, y))
+        values = self.maps[name]
+        middle = len(values) // 2
+        row, column = (np.clip(part / self.map_step_arcsec + middle, 0.0, len(values) - 1.0) for part in (y, x))
+        i, j = (np.minimum(part.astype(np.intp), len(values) - 2) for part in (row, column))
+        p, q = row - i, column - j
+        lower, upper = (values[i + k, j] * (1.0 - q) + values[i + k, j + 1] * q for k in (0, 1))
+        return np.asarray(lower * (1.0 - p) + upper * p)
+
+    def varies(self, name: str) -> bool:
+        """Whether a column has more than one value."""
+        return bool(np.ptp(self.maps.get(name, self.columns[name])) > 0.0)
 
     def constant(self, name: str) -> float | None:
         """Value of a column that has one value for all separations; None where the table lacks it."""
@@ -183,6 +216,10 @@ def coronagraph_table(name: str, lambda_d_arcsec: float) -> CoronagraphTable:
 
 @functools.lru_cache(maxsize=64)
 def _read(path: str, state: tuple[int, int], lambda_d_arcsec: float) -> CoronagraphTable:
+    if path.lower().endswith((".npz", ".fits", ".fit", ".fts")) and not _is_fits_table(path):
+        from simulator.config.coronagraph_maps import read_coronagraph_maps
+
+        return read_coronagraph_maps(path, lambda_d_arcsec)
     presets = f"{', '.join(shipped_tables())}" if shipped_tables() else ""
     file = read_bytes(path, key=KEY, presets=presets)
     if len(file.data) > MOST_BYTES:
@@ -213,10 +250,32 @@ def _read(path: str, state: tuple[int, int], lambda_d_arcsec: float) -> Coronagr
     if (np.diff(place) <= 0).any():
         twice = float(place[:-1][np.diff(place) <= 0][0])
         raise InputError(f"{file.name} column separation", twice, unit="arcsec", allowed="every separation once")
-    _check(file.name, place, columns)
-    for values in (place, *columns.values()):
+    return checked(CoronagraphTable(file.name, file.sha256, place, columns, rows.notes))
+
+
+def _is_fits_table(path: str) -> bool:
+    """Whether a file is FITS with a table and no image."""
+    data = read_file(path, key=KEY, allowed="a readable file", max_bytes=MOST_BYTES_OF_MAPS)
+    return data.startswith(b"SIMPLE  =") and b"XTENSION= 'BINTABLE'" in data and b"XTENSION= 'IMAGE" not in data
+
+
+def sha256_of(data: bytes) -> str:
+    """Return the sha256 of the content of a file, in hexadecimal digits."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def checked(table: CoronagraphTable) -> CoronagraphTable:
+    """Return a table whose arrays stay as they are, if it is one of a coronagraph.
+
+    Raises
+    ------
+    InputError
+        For what no coronagraph does.
+    """
+    _check(table.file, table.separation_arcsec, table.columns)
+    for values in (table.separation_arcsec, *table.columns.values(), *table.maps.values()):
         values.flags.writeable = False
-    return CoronagraphTable(file.name, file.sha256, place, columns, rows.notes)
+    return table
 
 
 def _check(name: str, place: FloatArray, columns: Mapping[str, FloatArray]) -> None:

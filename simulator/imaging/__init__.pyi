@@ -1,3 +1,9 @@
+from simulator.config.map_files import (
+    FileMap as FileMap,
+    header_number as header_number,
+    read_maps as read_maps,
+    real_map as real_map,
+)
 from simulator.imaging.aperture import aperture_sums as aperture_sums, overlap_weights as overlap_weights
 from simulator.imaging.build import build_imager as build_imager, refuse_table as refuse_table
 from simulator.imaging.clear_pupil import scattered_light as scattered_light
@@ -17,12 +23,6 @@ from simulator.imaging.frame import (
 )
 from simulator.imaging.geometry import BandGeometry as BandGeometry, zone_of as zone_of
 from simulator.imaging.imager import FocalGrid as FocalGrid, Imager as Imager, centred_axis as centred_axis
-from simulator.imaging.map_files import (
-    FileMap as FileMap,
-    header_number as header_number,
-    read_maps as read_maps,
-    real_map as real_map,
-)
 from simulator.imaging.measure import visit_responses as visit_responses
 from simulator.imaging.metrics import PsfMetrics as PsfMetrics
 from simulator.imaging.mirror_states import (

@@ -46,11 +46,12 @@ class TableMetrics(PsfMetrics):
 
     def core_throughput(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
         """Light of a unit source at (x, y) in its core; beyond the table that of its first or last row."""
-        return self.table.at("core_throughput", np.hypot(x_arcsec, y_arcsec))
+        return self.table.at_place("core_throughput", x_arcsec, y_arcsec)
 
     def halo_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
         """Starlight in the core at (x, y): raw contrast times core throughput."""
-        return self.starlight(np.hypot(x_arcsec, y_arcsec))
+        contrast = self.table.at_place("raw_contrast", x_arcsec, y_arcsec)
+        return self.contrast_factor * contrast * self.core_throughput(x_arcsec, y_arcsec)
 
     def starlight(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Starlight in a core at separations."""
@@ -59,23 +60,22 @@ class TableMetrics(PsfMetrics):
 
     def core_pixels(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
         """Area in pixels of the core at (x, y)."""
-        area = self.table.columns.get("core_area_arcsec2")
-        if area is None or np.ptp(area) == 0.0:
+        if "core_area_arcsec2" not in self.table or not self.table.varies("core_area_arcsec2"):
             return self.aperture_pixels
-        return self.table.at("core_area_arcsec2", np.hypot(x_arcsec, y_arcsec)) / self.pixel_scale_arcsec**2
+        return self.table.at_place("core_area_arcsec2", x_arcsec, y_arcsec) / self.pixel_scale_arcsec**2
 
     def sky_share(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
         """Light of an even sky on a pixel at (x, y), over that of `apodizer_energy`."""
         name = sky_column(self.table)
-        if name is None or np.ptp(self.table.columns[name]) == 0.0:
+        if name is None or not self.table.varies(name):
             return 1.0
-        return self.table.at(name, np.hypot(x_arcsec, y_arcsec)) / self.apodizer_energy
+        return self.table.at_place(name, x_arcsec, y_arcsec) / self.apodizer_energy
 
     def dust_transmission(self, x_arcsec: FloatArray, y_arcsec: FloatArray, core: FloatArray) -> FloatArray:
         """Part of the light of dust around the star that reaches a core at (x, y): that of extended sources."""
         if "occulter_transmission" not in self.table:
             return np.full(np.shape(core), self.apodizer_energy)
-        return self.table.at("occulter_transmission", np.hypot(x_arcsec, y_arcsec))
+        return self.table.at_place("occulter_transmission", x_arcsec, y_arcsec)
 
     @functools.cached_property
     def noise_fraction(self) -> float:

@@ -46,7 +46,19 @@ def laplace(tmp_path, monkeypatch):
 
 
 def test_its_answers_about_a_star(laplace, done):
-    out, _ = done("etc", "47 UMa", "--instrument", "laplace.yaml", "--separation-arcsec", 0.25, "--contrast", 1e-8, "--time-s", 36000, "--json")  # fmt: skip
+    out, _ = done(
+        "etc",
+        "47 UMa",
+        "--instrument",
+        "laplace.yaml",
+        "--separation-arcsec",
+        0.25,
+        "--contrast",
+        1e-8,
+        "--time-s",
+        36000,
+        "--json",
+    )
     answers = json.loads(out)["answers"]
     assert [answer["band"] for answer in answers] == ["green_2", "Far-Red"]
     # Between 90 and 400 mas, where the table has 12 %.
@@ -62,7 +74,20 @@ def test_its_answers_about_a_star(laplace, done):
 
 
 def test_its_ranking(laplace, done):
-    done("rank", "--instrument", "laplace.yaml", "--dwarfs", "--limit", 3, "--time-s", 36000, "--planets", 300, "--out", "rank.json")  # fmt: skip
+    done(
+        "rank",
+        "--instrument",
+        "laplace.yaml",
+        "--dwarfs",
+        "--limit",
+        3,
+        "--time-s",
+        36000,
+        "--planets",
+        300,
+        "--out",
+        "rank.json",
+    )
     found = json.loads((laplace / "rank.json").read_text())
     best = found["targets"][0]
     assert best["band"] in ("green_2", "Far-Red")
@@ -71,7 +96,21 @@ def test_its_ranking(laplace, done):
 
 
 def test_its_surveys(laplace, done):
-    done("whatif", "once.yaml", "--instrument", "laplace.yaml", "--universes", 20, "--images", 2, "--no-facts", "--days", 90, "--out", "survey")  # fmt: skip
+    done(
+        "whatif",
+        "once.yaml",
+        "--instrument",
+        "laplace.yaml",
+        "--universes",
+        20,
+        "--images",
+        2,
+        "--no-facts",
+        "--days",
+        90,
+        "--out",
+        "survey",
+    )
     found = json.loads((laplace / "survey/whatif.json").read_text())
     assert "table" in json.dumps(found)
     assert (laplace / "survey/report.html").is_file()
