@@ -235,7 +235,7 @@ class BandCases(Cases):
             The case.
         """
         library = self.model.strategy.reference_library
-        notes = [*self.targets.flags[star], *hole_notes(self.model, self.band), *library.flags]
+        notes = [*self.targets.flags[star], *hole_notes(self.model, self.band), *self.model.library_flags]
         if sky_place_unknown(self.model.instrument, self.targets.ra_deg[star], self.targets.dec_deg[star]):
             notes.append(SKY_PLACE_UNKNOWN)
         threshold = float(self.threshold[planet])
@@ -366,5 +366,5 @@ def etc_result(
         reference_planet=record,
         best_band=best_band(answers),
         answers=list(answers),
-        fidelity=etc_fidelity(answers, dial or etc_dial(), seed=seed),
+        fidelity=etc_fidelity(answers, dial or etc_dial(), seed=seed, of_table=model.of_table),
     )

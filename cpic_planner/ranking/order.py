@@ -356,7 +356,7 @@ def _row(
     separation = float(best.separation_arcsec[i])
     distance = float(velocities.distance_au[i])
     luminosity = finite(targets.luminosity_lsun[i])
-    flags = [*targets.flags[i], *model.strategy.reference_library.flags]
+    flags = [*targets.flags[i], *model.library_flags]
     flags += [etc.MODES_NOT_COUNTED] if model.strategy.n_modes else []
     flags += etc.reference_notes(model, star, band, separation, planet) + etc.hole_notes(model, band)
     if clamped and "stellar_grid_clamped" not in flags:

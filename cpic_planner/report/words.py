@@ -155,6 +155,7 @@ FLAGS: dict[str, str] = {
     "companion_position_old": "the companion has no known orbit, and was seen over 10 years before or nobody says when",
     "stability_extrapolated": "the binary lies outside the range of the fit that says where its planets are stable",
     "stellar_grid_clamped": "temperature, gravity or metallicity clamped to the edge of the spectral grid",
+    "reference_star_clamped": "the reference star has the colours of the nearest edge of the spectral grid",
     "fsed_clamped": "f_sed above 6 is taken as 6, the largest with models behind it",
     "insolation_clamped": "the planet's insolation is outside the models' 0.5-5 au: the nearer end is used",
     "excluded_by_rv": "radial velocities would have shown the reference planet, with the least mass that its radius "

@@ -20,6 +20,7 @@ ORDER = (
     "rates",
     "stark",
     "stellar_flux",
+    "cgi_noise",
     "pyedith",
     "csst_sky",
     "emccd_detect",

@@ -57,7 +57,8 @@ def answer(name: str) -> None:
     out, sys.stdout = sys.stdout, sys.stderr  # packages may print
     module = dict(comparison.comparisons())[name]
     found = module.peer()
-    versions = {item: metadata.version(item) for item in ("numpy", "scipy")}
+    installed = {item.name for item in metadata.distributions()}
+    versions = {item: metadata.version(item) for item in ("numpy", "scipy", "pandas") if item in installed}
     about = {"date": datetime.datetime.now(datetime.UTC).date().isoformat(), "versions": versions}
     print(json.dumps(about | found), file=out)
 

@@ -50,6 +50,15 @@ def test_a_twin_does_not_have_the_companion():
     assert rates.reference_light_e_s - other.reference_light_e_s == pytest.approx(rates.companion_e_s, rel=1e-9)
 
 
+@pytest.mark.parametrize(("teff_k", "flagged"), [(9700.0, True), (7900.0, False)])
+def test_a_reference_star_beyond_the_spectra_is_flagged(teff_k, flagged):
+    """Its colours are those of the hottest spectrum, 8000 K."""
+    hot = model(library="reference_star", reference_star={"v_mag": 2.0, "teff_k": teff_k})
+    answer = signal_to_noise(hot, ALONE, time_s=3600.0, **PLACE)[0]
+    assert ("reference_star_clamped" in answer.flags) is flagged
+    assert "reference_star_clamped" not in signal_to_noise(model(), ALONE, time_s=3600.0, **PLACE)[0].flags
+
+
 def test_scaled_noise_of_another_star():
     """Ten times as bright: its star light counts a tenth, everything else a hundredth."""
     rates = noise(ALONE, **star(0.5))[1]
