@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from cpic_core import InputError, stream
+from cpic_core import InputError, check_word, stream
 from simulator.config.base import FrozenModel, SpelledModel, other_names, required, validate
 from simulator.config.instrument import Instrument
 from simulator.config.light import Real
@@ -110,8 +110,7 @@ def meaningful_keys(kind: Any) -> tuple[str, ...]:
     InputError
         If there is no such kind.
     """
-    if kind not in SEQUENCE_KINDS:
-        raise InputError("kind", kind, allowed=", ".join(SEQUENCE_KINDS))
+    check_word("kind", kind, SEQUENCE_KINDS)
     return (*_COMMON, *_OF_KIND[kind])
 
 

@@ -19,6 +19,7 @@ from simulator.knobs import dial_of
 from simulator.products import check_level0
 from simulator.products.reading import Report, check_sums, open_units
 from tests.fuzz import watched
+from tests.fuzz.python_calls import NOWHERE
 from tests.fuzz.values import STARS
 
 STAR = ("etc", "tau Cet", "--band", "F520")
@@ -105,6 +106,13 @@ PLACED = {"bands": ["F520"], "separation_arcsec": 0.5, "time_s": 1e5}
         (lambda: cp.Scene(star=5), "star"),
         (lambda: cp.load_population({"radius_rjup": 10**400}), "radius_rjup"),
         (lambda: cp.load_known_planets(candidates=NotImplemented), "candidates = NotImplemented"),
+        (lambda: cp.single_band_psf("F520", engine=np.array([1, "a"], object)), "engine = array([1, 'a']"),
+        (lambda: cp.signal_to_noise("tau Cet", **PLACED, catalog=np.array([1.0, 2.0])), "catalog = array([1., 2.])"),
+        (lambda: cp.rank_targets(exclusions=np.ma.masked), "exclusions = masked"),
+        (lambda: cp.rank_targets(stars="x" * 5000, bands=["F520"], n_planets=20), "nothing similar"),
+        (lambda: cp.make_plan(out=NOWHERE, scheduler=NotImplemented), "--scheduler = NotImplemented"),
+        (lambda: cp.make_plan(out=NOWHERE, simulator_overrides=np.array(5.0)), "simulator_overrides = array(5.)"),
+        (lambda: cp.confirm_scene("paper_example", out=NOWHERE, bands="\ud800"), "--out = "),
     ],
 )
 def test_values_of_another_type_are_refused_by_functions_and_models(call, words):
