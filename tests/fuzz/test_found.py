@@ -112,6 +112,12 @@ PLACED = {"bands": ["F520"], "separation_arcsec": 0.5, "time_s": 1e5}
         (lambda: cp.rank_targets(stars="x" * 5000, bands=["F520"], n_planets=20), "nothing similar"),
         (lambda: cp.make_plan(out=NOWHERE, scheduler=NotImplemented), "--scheduler = NotImplemented"),
         (lambda: cp.make_plan(out=NOWHERE, simulator_overrides=np.array(5.0)), "simulator_overrides = array(5.)"),
+        (lambda: cp.load_targets(companions=np.ones(2)), "companions = array"),
+        (lambda: cp.planet_albedo(600.0, model=np.ones(2)), "model = array"),
+        (lambda: cp.star_photlam(5.0, "G2V", model="x" * 5000), "grid, blackbody, pickles"),
+        (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, quantity=np.ones(2)), "quantity = array"),
+        (lambda: cp.calibrate("BIAS", exposure_s=np.ones(2)), "exposure_s = [1.0, 1.0] s"),
+        (lambda: cp.calibrate("BIAS", switches=np.ones(2)), "switches = array"),
         (lambda: cp.confirm_scene("paper_example", out=NOWHERE, bands="\ud800"), "--out = "),
     ],
 )
