@@ -18,7 +18,7 @@ from cpic_planner.confirm import etc_images
 from simulator.knobs import dial_of
 from simulator.products import check_level0
 from simulator.products.reading import Report, check_sums, open_units
-from tests.fuzz import watched
+from tests.fuzz import product_files, watched
 from tests.fuzz.python_calls import NOWHERE
 from tests.fuzz.values import STARS
 
@@ -180,6 +180,17 @@ def test_headers_that_count_without_end_are_damage(tmp_path):
         with pytest.raises(InputError, match=words):
             cp.load_dm_surface(path)
         assert any(words in str(finding) for finding in check_level0(path))
+
+
+def test_columns_that_are_named_by_numbers_are_a_finding(tmp_path):
+    product_files.prepare(tmp_path)
+    tree = tmp_path / "good" / "tree"
+    (truth,) = (tree / "Truth").rglob("*.fits")
+    assert not list(check_level0(tree))
+    whole = truth.read_bytes()
+    place = whole.rindex(b"TTYPE1  =")  # of the table of the frames
+    truth.write_bytes(whole[:place] + f"TTYPE1  = {999:20}".ljust(80).encode() + whole[place + 80 :])
+    assert any("Column name must be a string" in str(finding) for finding in check_level0(tree))
 
 
 def test_the_sum_of_a_unit_is_not_read_beyond_the_file(tmp_path):
