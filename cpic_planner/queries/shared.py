@@ -157,7 +157,7 @@ class Reduction(FrozenModel):
         "those of aperture sums.",
     )
     reference_ratio: float = asked(
-        1.0, "Reference frames per science frame; their time and noise are counted.", gt=0, le=1000
+        1.0, "Reference frames per science frame; their time and noise are counted.", ge=0.001, le=1000
     )
     sigma: float = asked(
         5.0,

@@ -199,7 +199,7 @@ class SequenceConfig(SpelledModel):
     scene_model: Literal["exact", "paper"] = "exact"
     visits: Annotated[Whole, Field(ge=1, le=1000)] = 1
     reference_visits: Annotated[Whole, Field(ge=0, le=100_000)] | None = None
-    reference_ratio: Annotated[Real, Field(gt=0, le=1000)] = 1.0
+    reference_ratio: Annotated[Real, Field(ge=0.001, le=1000)] = 1.0
     reference_scheme: ReferenceScheme = "interleaved"
     reference_scene: Scene | None = None
     reference_roll_deg: Real | None = None

@@ -74,10 +74,11 @@ def test_every_case_is_answered_or_refused_in_one_line(name, count, folder, reco
 
 
 @pytest.mark.fuzz
-def test_every_argument_of_python_is_given_every_object(folder, record_property):
+@pytest.mark.parametrize("surface", [python_calls, command_line])
+def test_every_argument_is_given_every_object_and_every_option_the_ends_of_numbers(surface, folder, record_property):
     """What cases find by chance of one argument alone is found for certain."""
     found, faults = watched.Surface(), []
-    for case in python_calls.every_one(folder):
+    for case in surface.every_one(folder):
         try:
             found.tried(case)
         except watched.Fault as fault:
