@@ -57,8 +57,11 @@ lint: $(VENV)/installed  ## check style, types, who imports whom, and the figure
 mutants: $(VENV)/installed  ## change the code in one place at a time; fails where no test sees it (SEED, MUTANTS, WORKERS)
 	$(BIN)/python tests/mutants/run.py --seed $(SEED) --count $(MUTANTS) --workers $(WORKERS)
 
-fuzz: $(VENV)/installed  ## draw 5000 cases of each surface that is open to others; fails where one is not answered or refused in one line
-	$(BIN)/python -m pytest -q -m fuzz --numprocesses 2 tests/fuzz
+# Each surface in a process of its own: what one does to its process does not end another. With PYTHONMALLOC=debug damage to
+# memory is named where it stands.
+fuzz: $(VENV)/installed  ## draw 5000 cases of each surface that is open to others; fails where one is not answered or refused in one line (SEED, WORKERS)
+	set -o pipefail; $(BIN)/python -m pytest -q --collect-only -m fuzz tests/fuzz | grep :: | tr '\n' '\0' \
+		| xargs -0 -r -n 1 -P $(WORKERS) $(BIN)/python -m pytest -q -m fuzz --hypothesis-profile explore --hypothesis-seed $(SEED)
 
 hostile: $(VENV)/installed  ## send 600 hostile requests to cpic serve; fails where one is not refused in one line (SEED)
 	$(BIN)/python tests/cpic_planner/web/hostile.py --seed $(SEED)

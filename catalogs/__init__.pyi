@@ -17,6 +17,7 @@ from catalogs.catalogue import (
     Catalogue as Catalogue,
     catalogue_info as catalogue_info,
     catalogue_of_star as catalogue_of_star,
+    checked_table_name as checked_table_name,
     data_credits as data_credits,
     open_catalogue as open_catalogue,
     snapshot_vintage as snapshot_vintage,

@@ -185,8 +185,7 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     InputError
         If there is no such table, or it cannot be used; naming file, row, column, value, unit and range.
     """
-    if not isinstance(source, str | Path) or not str(source):
-        raise InputError("catalog", source, allowed=f"{', '.join(NAMED_TABLES)}, or the name of a table file")
+    source = checked_table_name(source)
     if source == "snapshot" or source == "simbad_2012":
         updates = source == "snapshot"
         return Catalogue(
@@ -202,6 +201,24 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
 
         source = latest_table("simbad", key="catalog", instead="snapshot", command="cpic catalog refresh")
     return _from_file(source)
+
+
+def checked_table_name(source: object) -> str | Path:
+    """Return what may be the name of a star table; see `open_catalogue`.
+
+    Parameters
+    ----------
+    source : object
+        A name that is known, or that of a file.
+
+    Raises
+    ------
+    InputError
+        If it is no name.
+    """
+    if not isinstance(source, str | Path) or not str(source):
+        raise InputError("catalog", source, allowed=f"{', '.join(NAMED_TABLES)}, or the name of a table file")
+    return source
 
 
 def catalogue_of_star(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.stellar_grid import HC_ERG_ANGSTROM as HC_ERG_ANGSTROM, StellarGrid
-from cpic_core import InputError
+from cpic_core import InputError, check_word
 
 #: Planets with a measured albedo.
 PLANETS = ("jupiter", "saturn", "uranus", "neptune")
@@ -171,8 +171,7 @@ def load_albedo(planet: str) -> Albedo:
     InputError
         For another name.
     """
-    if planet not in PLANETS:
-        raise InputError("planet", planet, allowed=", ".join(PLANETS))
+    check_word("planet", planet, PLANETS)
     arrays = _arrays("albedo.npz")
     albedo = _read_only(arrays[planet].astype(np.float64))
     return Albedo(arrays["wavelength_nm"], albedo, float(arrays["documented_to_nm"]))

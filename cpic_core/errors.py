@@ -1,6 +1,7 @@
 """The one error class for bad input: it names key, value, unit and allowed range in one line."""
 
 _LONGEST = 200
+_LONGEST_HINT = 1000
 
 
 def one_line(text: str) -> str:
@@ -26,14 +27,16 @@ def _said(value: object) -> str:
         return f"a {type(value).__name__} of too many digits"
 
 
-def shortened(text: str) -> str:
-    """Return a text of at most 200 characters, the rest as dots.
+def shortened(text: str, most: int = _LONGEST) -> str:
+    """Return the beginning of a text, the rest as dots.
 
     Parameters
     ----------
     text : str
+    most : int, optional
+        Characters that are kept, 200 by default.
     """
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+    return text if len(text) <= most else f"{text[:most]}..."
 
 
 class InputError(ValueError):
@@ -66,7 +69,7 @@ class InputError(ValueError):
         if allowed:
             text += f"; allowed: {allowed}"
         if hint:
-            text += f" ({hint})"
+            text += f" ({shortened(' '.join(map(shortened, hint.split())), _LONGEST_HINT)})"  # it may quote names
         super().__init__(one_line(text))
 
     def __reduce__(self) -> tuple[object, ...]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from catalogs import POSITION_ERROR, Catalogue, StarTable, open_catalogue, resolve_star, stability_limit, stars_at
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_number
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_number, check_word
 from cpic_planner.queries import default_instrument
 from simulator.config import checked_utc, julian_year
 
@@ -138,8 +138,7 @@ def targets_from_table(
     """
     utc = checked_utc("date_utc", default_instrument().mission.start_utc if date_utc is None else date_utc)
     table = stars_at(table, julian_year(utc), orbits=orbits)
-    if companions not in ("on", "off"):
-        raise InputError("companions", companions, allowed="on, off")
+    check_word("companions", companions, ("on", "off"))
 
     def number(name: str) -> FloatArray:
         return np.asarray(table.column(name), float)

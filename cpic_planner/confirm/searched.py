@@ -9,7 +9,7 @@ import numpy as np
 
 from cpic_core import BoolArray, FloatArray, special
 from cpic_planner import etc
-from cpic_planner.confirm.stars import refuse_infrared
+from cpic_planner.confirm.stars import refuse_unimaged
 from cpic_planner.jobs import Cost, Runner, Task
 from cpic_planner.queries import SearchedQuestion
 from cpic_planner.results import EtcAnswer, SearchedProgramme
@@ -173,7 +173,7 @@ def search_tasks(
     until : int
         Number of these images.
     """
-    refuse_infrared(seen.model.instrument, [seen.band])
+    refuse_unimaged(seen.model.instrument, [seen.band])
     images = replace(seen.images, seed=question.seed).to_dict()
     return [
         SearchTask(images, first, min(IMAGES_A_TASK, question.images - first), [*places_arcsec], [*planets], until)

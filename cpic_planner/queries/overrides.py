@@ -167,7 +167,7 @@ def _pairs(source: OverrideSource) -> Iterator[tuple[str, Any]]:
         if tree.pop("kind", _WHERE) != _WHERE:
             raise InputError("kind", str(source), allowed=f"a file of kind: {_WHERE}")
         yield from _flat(tree)
-    elif isinstance(source, Iterable):
+    elif isinstance(source, Iterable) and getattr(source, "ndim", True):  # an array of one number has no items
         for item in source:
             if not isinstance(item, str | Path):
                 raise InputError("", item, allowed="KEY=VALUE or the path of a YAML file")

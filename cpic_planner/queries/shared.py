@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from catalogs import load_stars
+from catalogs import Catalogue, checked_table_name, load_stars
 from cpic_core import InputError, digest_of, is_file
 from cpic_planner.jobs import check_address
 from cpic_planner.queries.base import Parts, Question, called
@@ -157,7 +157,7 @@ class Reduction(FrozenModel):
         "those of aperture sums.",
     )
     reference_ratio: float = asked(
-        1.0, "Reference frames per science frame; their time and noise are counted.", gt=0, le=1000
+        1.0, "Reference frames per science frame; their time and noise are counted.", ge=0.001, le=1000
     )
     sigma: float = asked(
         5.0,
@@ -268,10 +268,12 @@ Seed = Annotated[int, Field(ge=0, lt=2**63)]
 
 def several(value: Any) -> Any:
     """Return a single value as a tuple of one, and a list as a tuple."""
+    if value is None:
+        return None
     plain = value.tolist() if hasattr(value, "tolist") else value  # also of a number of numpy
-    if plain is None or isinstance(plain, tuple):
-        return plain
-    return tuple(plain) if isinstance(plain, list | set) else (plain,)
+    if isinstance(plain, tuple | list | set):
+        return tuple(plain)
+    return (value if plain is None else plain,)  # what is masked has no plain value
 
 
 def star_names() -> list[str]:
@@ -318,6 +320,10 @@ class InstrumentQuestion(Question):
         return self.bands or self.instrument.visible_bands()
 
 
+def _catalog(given: Any) -> Any:
+    return given if isinstance(given, Catalogue) else checked_table_name(given)
+
+
 class CatalogQuestion(Question):
     """A question about stars of a table."""
 
@@ -328,6 +334,7 @@ class CatalogQuestion(Question):
         "they were first listed), or a CSV, ECSV, VOTable or FITS file.",
         physics=False,
         command=str,
+        read=_catalog,
         accepts="str, Path or Catalogue",
         names_file=lambda word: word not in ("snapshot", "simbad_2012"),
     )

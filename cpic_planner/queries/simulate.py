@@ -115,7 +115,7 @@ class SimulateQuestion(RunQuestion):
         "reference_visits", unset="as many as science visits, none for a single one", ge=0, le=100_000
     )
     reference_ratio: float | None = asked(
-        None, "Reference frames of a programme per science frame.", unset="1", gt=0, le=1000
+        None, "Reference frames of a programme per science frame.", unset="1", ge=0.001, le=1000
     )
     reference_scheme: ReferenceScheme | None = _of_programme("reference_scheme", unset="interleaved")
     reference_scene: Any = asked(

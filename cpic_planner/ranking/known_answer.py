@@ -14,7 +14,7 @@ import numpy as np
 
 from catalogs import KnownPlanetTable, load_known_planets, resolve_star, snapshot_vintage, stars_at
 from catalogs.known_planet_table import NUMBERS, planet_key
-from cpic_core import FloatArray, InputError, check_whole
+from cpic_core import FloatArray, InputError, check_whole, fingerprint
 from cpic_planner.etc import EtcModel, check_range, reflected_contrast
 from cpic_planner.planets import (
     Ephemeris,
@@ -163,6 +163,7 @@ def known_answer(
     }
     return KnownResult.of(
         choice,
+        fingerprint=str(fingerprint()),
         config_hash=content_hash(decides),
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         planets_table=choice.table.provenance,

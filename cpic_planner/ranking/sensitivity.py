@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, IntArray, NDArray, announce
+from cpic_core import BoolArray, FloatArray, IntArray, NDArray, announce, fingerprint
 from cpic_planner.etc import EtcModel, build_model, check_range
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import Change, ReferencePlanet, changed, default_instrument
@@ -228,6 +228,7 @@ def sensitivity(
     decides = [row.assumption for row in rows if _decides(row, n_ok)]
     asked = {"kind": "sensitivity", "rank": digest, "top": top, "assumptions": [row.assumption for row in rows]}
     return SensitivityResult(
+        fingerprint=str(fingerprint()),
         config_hash=content_hash(asked),
         top=n_top,
         score_name=score,

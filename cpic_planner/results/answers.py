@@ -15,6 +15,7 @@ from cpic_planner.results.base import (
     ReferencePlanetRecord,
     Result,
     Row,
+    RunResult,
     StatusText,
     VerdictColumns,
     column,
@@ -234,7 +235,7 @@ class EtcAnswer(ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns
         return tree if self.fidelity is None else tree | {"fidelity": self.fidelity.model_dump(mode="json")}
 
 
-class EtcResult(Result):
+class EtcResult(RunResult):
     """Answers of the exposure-time calculator for one target."""
 
     schema_version: Literal[1] = 1

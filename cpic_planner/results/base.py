@@ -94,7 +94,7 @@ class Row(Result):
 
 
 class RunResult(Result):
-    """Base of the results of runs, which say what made them."""
+    """Base of results, which say what made them."""
 
     fingerprint: str = ""
 

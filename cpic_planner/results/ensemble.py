@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from cpic_planner.registry import ScoreName
-from cpic_planner.results.base import Result, Row, column
+from cpic_planner.results.base import Result, Row, RunResult, column
 
 
 class EnsembleBar(Row):
@@ -88,7 +88,7 @@ class SensitivityRow(Row):
     best: str = column("first star under this assumption", label="first star", short="first", format="star")
 
 
-class SensitivityResult(Result):
+class SensitivityResult(RunResult):
     """How the ranking depends on what is assumed."""
 
     schema_version: Literal[1] = 1

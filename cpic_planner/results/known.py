@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from cpic_planner.results.answers import Quantiles
-from cpic_planner.results.base import Result, Row, column
+from cpic_planner.results.base import Result, Row, RunResult, column
 from simulator.config import Real
 
 
@@ -99,7 +99,7 @@ class KnownHole(Result):
     outer_arcsec: float
 
 
-class KnownResult(Result):
+class KnownResult(RunResult):
     """Known planets of some stars at a date."""
 
     schema_version: Literal[1] = 1

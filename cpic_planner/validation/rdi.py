@@ -9,7 +9,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, numeric_context
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_word, numeric_context
 from cpic_planner.validation.apertures import as_images, checked_frames, checked_region, region_rows
 
 # Smallest eigenvalue of the rows' Gram matrix that counts as a mode, relative to the largest.
@@ -268,8 +268,7 @@ def rdi_subtract(
     for it and takes about ``modes / pixels`` of its light where the modes are noise. `RdiResult.throughput`
     gives the exact fraction.
     """
-    if centering not in get_args(Centering):
-        raise InputError("centering", centering, allowed=", ".join(get_args(Centering)))
+    check_word("centering", centering, get_args(Centering))
     if isinstance(n_modes, bool) or not isinstance(n_modes, int | np.integer) or n_modes < 0:
         raise InputError("n_modes", n_modes, allowed="an integer of at least 0")
     targets, library = checked_frames("science", science), checked_frames("references", references)

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, announce, compute_once
+from cpic_core import BoolArray, FloatArray, InputError, announce, check_word, compute_once
 from cpic_planner.validation.apertures import aperture_weights
 from simulator.config import Drift, content_hash
 from simulator.imaging import AnyPsf, ExternalPsf, Psf, centred_axis, metrics_key, visit_responses
@@ -67,8 +67,7 @@ def filter_kernel(psf: AnyPsf, name: FilterName = "matched") -> FloatArray:
     psf : Psf or ExternalPsf
     name : FilterName, optional
     """
-    if name not in get_args(FilterName):
-        raise InputError("kernel", name, allowed=", ".join(get_args(FilterName)))
+    check_word("kernel", name, get_args(FilterName))
     if name == "aperture":
         radius = psf.geometry.aperture_radius_arcsec / psf.geometry.pixel_scale_arcsec
         middle = int(np.ceil(radius + 0.5))

@@ -103,7 +103,7 @@ def _normal(item: Any) -> Any:
 
 def content_hash(tree: Any) -> str:
     """First 16 hex digits of the SHA-256 of `canonical_json`."""
-    return hashlib.sha256(canonical_json(tree).encode()).hexdigest()[:16]
+    return hashlib.sha256(canonical_json(tree).encode("utf-8", "surrogatepass")).hexdigest()[:16]
 
 
 def deep_merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str, Any]:

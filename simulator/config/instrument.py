@@ -168,15 +168,19 @@ class Instrument(FrozenModel):
         InputError
             For a name that is no switch, or a value that is neither true nor false.
         """
+        if switches is None:
+            return self
+        if not isinstance(switches, Mapping):
+            raise InputError("switches", switches, allowed="a mapping of effects to true or false")
         if not switches:
             return self
         wanted = [self.channel("VIS"), self.channel("NIR")] if camera is None else [self.channel(camera)]
         known = sorted({name for channel in wanted for name in channel.switches})
-        for name in switches if isinstance(switches, Mapping) else ():
+        for name in switches:
             if name not in known:
                 hint = "" if camera is None else f"the switches of the {wanted[0].words} camera"
                 raise InputError("switches", name, allowed=", ".join(known), hint=hint)
-        if not isinstance(switches, Mapping) or not all(isinstance(value, bool) for value in switches.values()):
+        if not all(isinstance(value, bool) for value in switches.values()):
             raise InputError("switches", switches, allowed="a mapping of effects to true or false")
         infrared = self.near_infrared.detector.with_switches(switches)
         optics = self.near_infrared.model_copy(update={"detector": infrared})

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from cpic_core import InputError, stream
+from cpic_core import InputError, check_word, stream
 from simulator.config.base import FrozenModel, SpelledModel, other_names, required, validate
 from simulator.config.instrument import Instrument
 from simulator.config.light import Real
@@ -110,8 +110,7 @@ def meaningful_keys(kind: Any) -> tuple[str, ...]:
     InputError
         If there is no such kind.
     """
-    if kind not in SEQUENCE_KINDS:
-        raise InputError("kind", kind, allowed=", ".join(SEQUENCE_KINDS))
+    check_word("kind", kind, SEQUENCE_KINDS)
     return (*_COMMON, *_OF_KIND[kind])
 
 
@@ -200,7 +199,7 @@ class SequenceConfig(SpelledModel):
     scene_model: Literal["exact", "paper"] = "exact"
     visits: Annotated[Whole, Field(ge=1, le=1000)] = 1
     reference_visits: Annotated[Whole, Field(ge=0, le=100_000)] | None = None
-    reference_ratio: Annotated[Real, Field(gt=0, le=1000)] = 1.0
+    reference_ratio: Annotated[Real, Field(ge=0.001, le=1000)] = 1.0
     reference_scheme: ReferenceScheme = "interleaved"
     reference_scene: Scene | None = None
     reference_roll_deg: Real | None = None

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationInfo
 
-from cpic_core import ArrayLike, ComplexArray, InputError, check_number, load_quietly
+from cpic_core import ArrayLike, ComplexArray, InputError, check_number, check_word, load_quietly
 from simulator.config.base import FrozenModel
 from simulator.config.detector import AnyDetector, Detector
 from simulator.config.optics import Coronagraph, NearInfrared
@@ -268,8 +268,7 @@ class Timing:
 
     def __post_init__(self) -> None:
         """Refuse what no programme can have."""
-        if self.scheme not in get_args(ReferenceScheme):
-            raise InputError("scheme", self.scheme, allowed=", ".join(get_args(ReferenceScheme)))
+        check_word("scheme", self.scheme, get_args(ReferenceScheme))
         if self.gap_s is not None and not (math.isfinite(self.gap_s) and self.gap_s >= 0):
             raise InputError("gap_s", self.gap_s, unit="s", allowed="0 or more")
         if self.start_turns is not None and not math.isfinite(self.start_turns):

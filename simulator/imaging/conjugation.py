@@ -30,7 +30,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from cpic_core import ComplexArray, FloatArray, InputError, announce, stream
+from cpic_core import ComplexArray, FloatArray, InputError, announce, check_word, stream
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.imager import Imager
 from simulator.imaging.pupil import Aberrations, flat_aberrations
@@ -92,8 +92,7 @@ class ControlSettings:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.method not in get_args(HoleMethod):
-            raise InputError("method", self.method, allowed=", ".join(get_args(HoleMethod)))
+        check_word("method", self.method, get_args(HoleMethod))
         for name, low, high in (
             ("bandwidth", 0, 0.5),
             ("n_wavelengths", 1, 9),

@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 
 from catalogs import Spectrum
-from cpic_core import FloatArray, InputError, numeric_context
+from cpic_core import FloatArray, InputError, check_word, numeric_context
 from simulator.config import Instrument, InstrumentLike, load_instrument
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.build import build_imager, hole_state_of
@@ -212,8 +212,7 @@ def single_band_psf(
     >>> bool(psf.metrics.raw_contrast[psf.metrics.hole].mean() < 1e-9)
     True
     """
-    if engine not in get_args(Engine):
-        raise InputError("engine", engine, allowed=", ".join(get_args(Engine)))
+    check_word("engine", engine, get_args(Engine))
     if not isinstance(instrument, Instrument):
         instrument = load_instrument(instrument)
     light = stellar_spectrum(0.0, spectrum) if isinstance(spectrum, str) else spectrum

@@ -19,7 +19,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, is_file, stream
+from cpic_core import FloatArray, InputError, NDArray, check_word, is_file, stream
 from simulator.config.map_files import MapFile, read_maps, real_map
 
 Kind: TypeAlias = Literal["amplitude", "intensity"]
@@ -67,8 +67,7 @@ def load_apodizer(name_or_path: str | Path, *, kind: Kind = "amplitude", samples
         opaque, or contradicts ``kind``.
     """
     name = str(name_or_path)
-    if kind not in KINDS:
-        raise InputError("apodizer kind", kind, allowed=", ".join(KINDS))
+    check_word("apodizer kind", kind, KINDS)
     if samples is not None and (samples % 2 or not MIN_SIDE <= samples <= MAX_SIDE):
         raise InputError("samples", samples, allowed=f"an even number, {MIN_SIDE} to {MAX_SIDE}")
     if name in shipped_apodizers():

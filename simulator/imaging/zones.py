@@ -9,7 +9,7 @@ from typing import ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, check_word
 
 HoleMode = Literal["4q", "2q"]
 HoleSide = Literal["right", "left", "top", "bottom"]
@@ -42,8 +42,7 @@ class HoleZone:
             allowed = "0 < inner < outer"
             raise InputError("hole edges", (self.inner_arcsec, self.outer_arcsec), unit="arcsec", allowed=allowed)
         for name, value, known in (("mode", self.mode, HoleMode), ("side", self.side, HoleSide)):
-            if value not in get_args(known):
-                raise InputError(name, value, allowed=", ".join(get_args(known)))
+            check_word(name, value, get_args(known))
 
     @property
     def inner_corner_arcsec(self) -> float:

@@ -315,8 +315,8 @@ def checked_quantities(quantity: Quantity | Sequence[Quantity] | None, *, planet
         return possible
     names = tuple(quantity) if isinstance(quantity, list | tuple | set | frozenset) else (quantity,)
     for name in names:
-        if name not in possible:
-            hint = "" if planets or name not in known else "the scene has no planet"
+        if not isinstance(name, str) or name not in possible:
+            hint = "" if planets or str(name) not in known else "the scene has no planet"
             raise InputError("quantity", name, allowed=", ".join(possible), hint=hint)
     if not names:
         raise InputError("quantity", quantity, allowed=f"at least one of {', '.join(possible)}")

@@ -161,7 +161,7 @@ def _camera(instrument: Instrument, kind: str, band: str, camera: str | None) ->
 
 def _exposure(kind: str, exposure_s: float | None) -> float:
     if kind == "BIAS":
-        if exposure_s:
+        if exposure_s is not None and check_number("exposure_s", exposure_s, "s"):
             raise InputError("exposure_s", exposure_s, unit="s", allowed="0 for BIAS")
         return 0.0
     if exposure_s is None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from cpic_core import InputError, check_number, check_pair, check_whole, numeric_context
+from cpic_core import InputError, check_number, check_pair, check_whole, check_word, numeric_context
 from simulator.config import Instrument, Scene, Timing, checked_utc, load_instrument, load_scene
 from simulator.effects import sky_rate_e_s_arcsec2
 from simulator.imaging import AnyPsf, ExternalPsf, PsfError, SceneModel, Window, psf_metrics, single_band_psf, window_of
@@ -205,8 +205,7 @@ def observe(
         ("scene_model", scene_model, SceneModel),
         ("kind", kind, SkyKind),
     ):
-        if value not in get_args(allowed):
-            raise InputError(name, value, allowed=", ".join(get_args(allowed)))
+        check_word(name, value, get_args(allowed))
     frames = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
     number = check_whole("realisation", realisation, 0, MAX_REALISATION)
     star = check_pair("star_offset_arcsec", star_offset_arcsec, MAX_OFFSET_ARCSEC, "arcsec")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, check_number
+from cpic_core import ArrayLike, FloatArray, InputError, check_number, check_word
 from simulator.camera import Frame
 from simulator.config import AnyDetector, Instrument, Scene, SequenceConfig, Timing, checked_utc
 from simulator.products.ephemeris import CircularOrbit
@@ -168,8 +168,7 @@ def check_sequence(sequence: FrameSequence) -> None:
     if not hasattr(sequence, "iter_full_frames"):
         raise InputError("observation", sequence, allowed="what observe or calibrate returns")
     for name, allowed in (("camera", get_args(Camera)), ("kind", get_args(Kind))):
-        if getattr(sequence, name) not in allowed:
-            raise InputError(name, getattr(sequence, name), allowed=", ".join(allowed))
+        check_word(name, getattr(sequence, name), allowed)
     count = check_number("n_frames", sequence.n_frames)
     if not count.is_integer() or not 1 <= count <= MAX_FRAMES:
         raise InputError("n_frames", sequence.n_frames, allowed=f"an integer from 1 to {MAX_FRAMES}")

@@ -171,7 +171,7 @@ def phase_value(
 
 
 def _spec(model: str | Path, log10_mh: float, log10_fsed: float | None, insolation_au: float) -> config.AlbedoSpec:
-    if model == "parametric":
+    if isinstance(model, str) and model == "parametric":
         tree = {"log10_mh": log10_mh, "log10_fsed": log10_fsed, "insolation_au": insolation_au}
         return config.albedo_spec({"model": "parametric"} | tree)
     # A word such as grid, or a number, is a key's business in a scene.

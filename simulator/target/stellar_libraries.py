@@ -134,7 +134,7 @@ def find_tree(path: str | os.PathLike[str]) -> Path:
     for file in (place / _CATALOGUE, place.parent / "grid" / place.name / _CATALOGUE):
         if os.path.isfile(file):
             return file
-    found = sorted(place.glob(f"grid/*/{_CATALOGUE}"))
+    found = sorted(place.glob(f"grid/*/{_CATALOGUE}")) if os.path.isdir(place) else []
     if len(found) > 1:
         names = ", ".join(file.parent.name for file in found)
         raise InputError("model", str(path), allowed=f"one of its trees: {names}", hint=f"such as {found[0].parent}")

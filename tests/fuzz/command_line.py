@@ -2,6 +2,7 @@
 
 import functools
 import pkgutil
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,16 @@ def named(arguments: tuple[str, ...], folder: Path) -> list[str]:
     """Return a command with the files of a test."""
     places = {"{stars}": "stars.csv", "{out}": "out", "{folder}": "."}
     return [str(folder / places[word]) if word in places else word for word in arguments]
+
+
+def every_one(folder: Path) -> Iterator[Case]:
+    """Give each option of each command the numbers at the ends of what a computer holds, alone."""
+    for words in {good[0]: good for good in reversed(GOOD)}.values():
+        good = named(words, folder)
+        for option in options_of(*words[:2]):
+            for value in ("5e-324", "1e-308", "1e-30", "1e30", "1e308") if option.takes_value else ():
+                arguments = [*good, f"{option.names[0]}={value}"]
+                yield words[0], arguments, lambda arguments=arguments: of_command(arguments)
 
 
 @st.composite

@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pandas as pd
 from hypothesis import strategies as st
 
 import cpic_planner
-from tests.fuzz.values import objects
+from tests.fuzz.values import OBJECTS, fresh, objects
 from tests.fuzz.watched import Case, of_function
 
 NOWHERE = "/dev/null/nowhere"
@@ -132,35 +133,48 @@ def keywords_of(name: str) -> tuple[str, ...]:
     return names
 
 
+def _asked(name: str) -> list[str]:
+    """Names of the arguments that cases change."""
+    images = _IMAGES if name in ("signal_to_noise", "exposure_time", "contrast_limit", *_SEARCHED) else ()
+    return [item for item in keywords_of(name) if item not in images]
+
+
+def _call(name: str, arguments: dict[str, Any], good: dict[str, Any]) -> Case:
+    """A case of a function; what makes it refuse at last stays as it is."""
+    if name in ("make_plan", "confirm_scene", "compare_strategies", "observe", "simulate_products", "confirm_targets"):
+        last = ("target",) if name == "confirm_targets" else ("visit",)
+        arguments = arguments | {key: value for key, value in good.items() if value is NOWHERE or key in last}
+    function = getattr(cpic_planner, name)
+    return name, arguments, lambda: of_function(lambda: function(**arguments))
+
+
 @st.composite
 def cases(draw: Any, folder: Path) -> Case:
     """Draw a call of a public function."""
     good = good_calls(folder)
     name = draw(st.sampled_from(sorted(good)))
-    left_out = _IMAGES if name in ("signal_to_noise", "exposure_time", "contrast_limit", *_SEARCHED) else ()
-    known = [item for item in keywords_of(name) if item not in left_out]
     arguments = dict(good[name])
-    slow = {key: value for key, value in arguments.items() if value is NOWHERE or key == "visit"}
     for _ in range(draw(st.sampled_from((1, 1, 2, 3)))):
-        key = draw(st.sampled_from(known))
-        arguments[key] = draw(st.one_of(objects, _near(good[name].get(key))))
-    if name in ("make_plan", "confirm_scene", "compare_strategies", "observe", "simulate_products"):
-        arguments |= slow
-    function = getattr(cpic_planner, name)
-    return name, arguments, lambda: of_function(lambda: function(**arguments))
+        key = draw(st.sampled_from(_asked(name)))
+        near = _near(good[name].get(key))
+        arguments[key] = draw(st.one_of(objects, st.sampled_from(near)) if near else objects)
+    return _call(name, arguments, good[name])
 
 
-def _near(value: Any) -> st.SearchStrategy[Any]:
+def every_one(folder: Path) -> Iterator[Case]:
+    """Give each argument of each public function each object of another kind, alone."""
+    for name, good in good_calls(folder).items():
+        for key in _asked(name):
+            for thing in (*OBJECTS, *_near(good.get(key))):
+                yield _call(name, {item: fresh(value) for item, value in good.items()} | {key: fresh(thing)}, good)
+
+
+def _near(value: Any) -> list[Any]:
     """Values that are like a good one, but in another form, or with one part of another kind."""
     if isinstance(value, float):
-        return st.sampled_from([np.array(value), [value], [value, -value], str(value), {"value": value}, value * 1e300])
+        return [np.array(value), [value], [value, -value], str(value), {"value": value}, value * 1e300]
     if isinstance(value, dict):
-        return st.builds(lambda key, item: value | {key: item}, st.sampled_from([*value, 1]), objects)
+        return [value | {key: fresh(item)} for key in (*value, 1) for item in OBJECTS]
     if isinstance(value, str | list):
-        return st.one_of(
-            st.just([value, 5]),
-            st.just([value, value]),
-            st.just([[value]]),
-            st.just({value if isinstance(value, str) else "a": value}),
-        )
-    return objects
+        return [[value, 5], [value, value], [[value]], {value if isinstance(value, str) else "a": value}]
+    return []

@@ -18,7 +18,8 @@ from cpic_planner.confirm import etc_images
 from simulator.knobs import dial_of
 from simulator.products import check_level0
 from simulator.products.reading import Report, check_sums, open_units
-from tests.fuzz import watched
+from tests.fuzz import product_files, watched
+from tests.fuzz.python_calls import NOWHERE
 from tests.fuzz.values import STARS
 
 STAR = ("etc", "tau Cet", "--band", "F520")
@@ -40,6 +41,7 @@ OWN = ("etc", "--v-mag", "5", "--sp-type", "G2V", "--band", "F520", "--snr", "5"
         ((*STAR, "--snr", "5", "--phase-deg=1e-308"), ("--phase-deg = 1e-308 deg", "at least 1e-12, below 180")),
         ((*STAR, "--snr", "5", "--separation-au", "1e308"), ("--separation-au = 1e+308 au", "0 to 43")),
         ((*STAR, "--snr", "5", "--semi-major-axis-au", "1e4"), ("--semi-major-axis-au = 10000.0 au", "0.001 to 43")),
+        ((*STAR, "--snr", "5", "--reference-ratio", "5e-324"), ("--reference-ratio = 5e-324", "0.001 to 1000")),
         ((*OWN, "--distance-pc", "1e308"), ("--distance-pc = 1e+308 pc", "0.01 to 100000")),
         ((*OWN, "--distance-pc", "1e-308"), ("--distance-pc = 1e-308 pc", "0.01 to 100000")),
         (("rank", "--planets", "9" * 30), ("--planets = 9999", "1 to 1000000")),
@@ -105,6 +107,19 @@ PLACED = {"bands": ["F520"], "separation_arcsec": 0.5, "time_s": 1e5}
         (lambda: cp.Scene(star=5), "star"),
         (lambda: cp.load_population({"radius_rjup": 10**400}), "radius_rjup"),
         (lambda: cp.load_known_planets(candidates=NotImplemented), "candidates = NotImplemented"),
+        (lambda: cp.single_band_psf("F520", engine=np.array([1, "a"], object)), "engine = array([1, 'a']"),
+        (lambda: cp.signal_to_noise("tau Cet", **PLACED, catalog=np.array([1.0, 2.0])), "catalog = array([1., 2.])"),
+        (lambda: cp.rank_targets(exclusions=np.ma.masked), "exclusions = masked"),
+        (lambda: cp.rank_targets(stars="x" * 5000, bands=["F520"], n_planets=20), "nothing similar"),
+        (lambda: cp.make_plan(out=NOWHERE, scheduler=NotImplemented), "--scheduler = NotImplemented"),
+        (lambda: cp.make_plan(out=NOWHERE, simulator_overrides=np.array(5.0)), "simulator_overrides = array(5.)"),
+        (lambda: cp.load_targets(companions=np.ones(2)), "companions = array"),
+        (lambda: cp.planet_albedo(600.0, model=np.ones(2)), "model = array"),
+        (lambda: cp.star_photlam(5.0, "G2V", model="x" * 5000), "grid, blackbody, pickles"),
+        (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, quantity=np.ones(2)), "quantity = array"),
+        (lambda: cp.calibrate("BIAS", exposure_s=np.ones(2)), "exposure_s = [1.0, 1.0] s"),
+        (lambda: cp.calibrate("BIAS", switches=np.ones(2)), "switches = array"),
+        (lambda: cp.confirm_scene("paper_example", out=NOWHERE, bands="\ud800"), "--out = "),
     ],
 )
 def test_values_of_another_type_are_refused_by_functions_and_models(call, words):
@@ -166,6 +181,17 @@ def test_headers_that_count_without_end_are_damage(tmp_path):
         with pytest.raises(InputError, match=words):
             cp.load_dm_surface(path)
         assert any(words in str(finding) for finding in check_level0(path))
+
+
+def test_columns_that_are_named_by_numbers_are_a_finding(tmp_path):
+    product_files.prepare(tmp_path)
+    tree = tmp_path / "good" / "tree"
+    (truth,) = (tree / "Truth").rglob("*.fits")
+    assert not list(check_level0(tree))
+    whole = truth.read_bytes()
+    place = whole.rindex(b"TTYPE1  =")  # of the table of the frames
+    truth.write_bytes(whole[:place] + f"TTYPE1  = {999:20}".ljust(80).encode() + whole[place + 80 :])
+    assert any("Column name must be a string" in str(finding) for finding in check_level0(tree))
 
 
 def test_the_sum_of_a_unit_is_not_read_beyond_the_file(tmp_path):

@@ -143,7 +143,7 @@ OBJECTS = (
 """Objects of every kind."""
 
 
-def _fresh(thing: object) -> object:
+def fresh(thing: object) -> object:
     """A copy, where there can be one: cases must not share what one of them may change."""
     try:
         return copy.deepcopy(thing)
@@ -152,7 +152,7 @@ def _fresh(thing: object) -> object:
 
 
 objects = st.one_of(
-    st.sampled_from(OBJECTS).map(_fresh),
+    st.sampled_from(OBJECTS).map(fresh),
     st.floats(),
     st.integers(),
     st.text(max_size=20),

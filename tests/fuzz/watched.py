@@ -60,7 +60,7 @@ def limited() -> Iterator[None]:
     ------
     Fault
     """
-    soft_hard, silent = resource.getrlimit(resource.RLIMIT_AS), []
+    soft_hard, silent = resource.getrlimit(resource.RLIMIT_DATA), []
 
     def late(*ignored: Any) -> None:
         silent.append(Fault(f"nothing was said for {SILENT_S:g} s", _place(sys._getframe(1))))
@@ -70,9 +70,11 @@ def limited() -> Iterator[None]:
         raise KeyboardInterrupt
 
     with open("/proc/self/statm", encoding="ascii") as about:
-        used = int(about.read().split()[0]) * resource.getpagesize()
+        used = int(about.read().split()[5]) * resource.getpagesize()
     before = signal.signal(signal.SIGPROF, late), signal.signal(signal.SIGVTALRM, enough)
-    resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY_BYTES, soft_hard[1]))
+    # Of data, not of addresses (RLIMIT_AS): a stack that may not grow ends the process by a segmentation fault, while
+    # memory that is refused is a MemoryError.
+    resource.setrlimit(resource.RLIMIT_DATA, (used + MEMORY_BYTES, soft_hard[1]))
     _again()
     signal.setitimer(signal.ITIMER_VIRTUAL, ENOUGH_S)
     try:
@@ -82,7 +84,7 @@ def limited() -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)
-        resource.setrlimit(resource.RLIMIT_AS, soft_hard)
+        resource.setrlimit(resource.RLIMIT_DATA, soft_hard)
         signal.signal(signal.SIGPROF, before[0])
         signal.signal(signal.SIGVTALRM, before[1])
         if silent:  # also where something took it for damage of a file

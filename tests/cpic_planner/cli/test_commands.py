@@ -11,6 +11,7 @@ from shlex import split
 
 import pytest
 
+from cpic_core import fingerprint
 from cpic_planner.cli.main import main
 
 ETC_KEYS = {"target", "hip", "answers", "schema_version", "best_band"}
@@ -248,3 +249,15 @@ def test_shipped_schemas_match_the_models_and_describe_the_output(ranked):
     for name in RESULTS:
         assert schema_text(name) == generated(name), "run python -m tools.schemas"
     RankResult.model_validate_json(ranked)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("etc", "tau Cet", "--snr", "5", "--band", "F520"),
+        ("known", "eps Eri", "--date", "2030-01-01"),
+    ],
+)
+def test_answers_say_what_made_them(arguments, capsys):
+    assert main([*arguments, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["fingerprint"] == str(fingerprint())
