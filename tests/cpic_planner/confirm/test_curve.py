@@ -181,6 +181,19 @@ def test_places_outside_the_hole_say_so():
 
 
 @pytest.mark.long
+def test_one_worker_and_two_write_the_same_bytes(tmp_path):
+    """Two pieces of work, of ten images and of two."""
+    for workers in (1, 2):
+        contrast_curve(**SMALL, images=12, injections=4, out=tmp_path / str(workers), workers=workers)
+    story = {"run.json", "run.lock", "cpic-run.jsonl"}
+    files = {path.relative_to(tmp_path / "1") for path in (tmp_path / "1").rglob("*") if path.is_file()}
+    files = {path for path in files if path.name not in story}
+    assert len([path for path in files if path.parts[0] == "parts"]) == 2
+    for path in files:
+        assert (tmp_path / "1" / path).read_bytes() == (tmp_path / "2" / path).read_bytes(), path
+
+
+@pytest.mark.long
 def test_planets_are_recovered_as_often_as_predicted(record_property):
     """Two bands, 60 images each: limits within four standard errors and 10 %, fractions within binomial errors."""
     found = contrast_curve("tau Cet", bands=["F520", "F850"], time_s=36000.0, images=60, injections=60)
