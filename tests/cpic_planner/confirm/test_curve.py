@@ -1,20 +1,14 @@
 """Contrast curves and maps of completeness against the calculator and geometry, and against simulated images."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import binom, norm
 
 from cpic_planner import contrast_curve, contrast_limit, signal_to_noise
-from cpic_planner.api import searches
-from cpic_planner.api.keywords import model_of
-from cpic_planner.confirm import curve as curve_module
 from cpic_planner.confirm.searched import Searched
 from cpic_planner.etc import default_law
-from cpic_planner.queries import CurveQuestion
-from cpic_planner.validation import search_task
 from simulator import load_instrument
 from simulator.imaging import HoleZone
 
@@ -139,18 +133,6 @@ def test_images_measure_the_limit_and_find_bright_planets_alone():
     assert predicted == sorted(predicted)
     for one in found.recovered:
         assert one.recovered_low <= one.recovered <= one.recovered_high
-
-
-def test_images_do_not_depend_on_how_they_are_shared_out():
-    """A part of them anew gives what it gave among the others: nothing hangs on what a worker did before."""
-    question = CurveQuestion.of(SMALL | {"images": 2, "injections": 2})
-    answer, seen = curve_module._programme(question, model_of(question), searches._asked(question), "F662")
-    planets = [(0.6, [3e-8], [])]
-    (task,) = curve_module.search_tasks(question, seen, [0.6], planets, 2)
-    both, second = search_task(task.to_dict()), search_task(replace(task, first=1, count=1).to_dict())
-    for name in ("limits", "alarms", "elements", "planets"):
-        assert both[name][1:] == second[name]
-    assert answer.status.value == "ok"
 
 
 @pytest.mark.parametrize(
