@@ -14,8 +14,8 @@ def _asked(question: queries.SearchedQuestion) -> AskedStar:
     """The star that a question names."""
     table = as_catalogue(question.catalog)
     about: dict[str, Any] = {"companions": question.companions, "date_utc": observed_utc(question)}
-    star, note = find_target(question.target, catalog=table, **about)
-    return AskedStar(star, table.provenance, note)
+    star, remark = find_target(question.target, catalog=table, **about)
+    return AskedStar(star, table.provenance, "; ".join(filter(None, (remark, *table.notes))))
 
 
 def curve_job_of(question: queries.CurveQuestion) -> Job[results.CurveResult]:

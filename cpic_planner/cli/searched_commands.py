@@ -16,7 +16,6 @@ from cpic_planner.cli.options import (
     Answer,
     DryRunOption,
     check_plot,
-    note,
     print_line_or_json,
     with_progress,
     write_plot,
@@ -140,8 +139,6 @@ def _run(
         done = with_progress(title, total, start, "set of images").result
     else:
         done = run(job, question.out, **question.how).result
-    if done.note:
-        note(done.note)
     return done
 
 

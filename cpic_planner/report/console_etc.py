@@ -19,7 +19,7 @@ from cpic_planner.report.numbers import (
     share_text,
     significant,
 )
-from cpic_planner.results import EtcAnswer, EtcResult
+from cpic_planner.results import EtcAnswer, EtcResult, SearchedProgramme
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -79,7 +79,12 @@ def print_etc(
         console.print()
         _print_budget(row, console)
         _print_binding(row, console, explain)
-    _print_flags(result, console)
+    look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
+    more = [f"! {KNOWN_FLAGS[flag]} ({flag})" for flag in (look.flags if look is not None else ())]
+    lines = [*flag_lines(result.answers, result.note), *more]
+    if lines:
+        console.print()
+        print_note(console, *lines)
 
 
 def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, asked: str) -> None:
@@ -299,20 +304,23 @@ def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
             print_note(console, f"  {words.cap_sentence(name, gain)}.")
 
 
-def _print_flags(result: EtcResult, console: Console) -> None:
-    """Print what is to be known of star, planet and bands beside the numbers."""
-    flags = dict.fromkeys(flag for row in result.answers for flag in row.flags)
-    bands = {row.band for row in result.answers}
-    lines = [f"Note: {result.note}"] if result.note else []
+def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list[str]:
+    """Return what is to be known of star, planet and bands beside the numbers, a line each.
+
+    Parameters
+    ----------
+    rows : sequence of EtcAnswer or SearchedProgramme
+    note : str
+        On the star; empty for none.
+    """
+    flags = dict.fromkeys(flag for row in rows for flag in row.flags)
+    bands = {row.band for row in rows}
+    lines = [f"Note: {note}"] if note else []
     for flag in flags:
-        mine = list(dict.fromkeys(row.band for row in result.answers if flag in row.flags))
+        mine = list(dict.fromkeys(row.band for row in rows if flag in row.flags))
         where = "" if len(mine) == len(bands) else f"{', '.join(mine)}: "
         lines.append(f"! {where}{words.flag_text(flag)} ({flag})")
-    look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
-    lines += [f"! {KNOWN_FLAGS[flag]} ({flag})" for flag in (look.flags if look is not None else ())]
-    if lines:
-        console.print()
-        print_note(console, *lines)
+    return lines
 
 
 def _quadrant_text(result: EtcResult) -> str:

@@ -7,6 +7,7 @@ from cpic_core import Registry
 from cpic_planner.jobs import RunFolder
 from cpic_planner.registry import LIBRARIES
 from cpic_planner.report import document as doc
+from cpic_planner.report.console_etc import flag_lines
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.numbers import duration_text, full_name
 from cpic_planner.report.searched_figures import curve_pictures, roc_pictures
@@ -176,6 +177,8 @@ def _programmes(kind: type[SearchedProgramme], result: CurveResult | RocResult) 
     for one in result.bands:
         if one.message or one.images_message:
             yield doc.Paragraph(f"{one.band}: {one.message or one.images_message}", "note")
+    if flags := flag_lines(result.bands, result.note):
+        yield doc.Items(flags)
     library = LIBRARIES[result.reference_library]
     yield doc.Facts(
         [
@@ -200,9 +203,9 @@ def _roc_programmes(page: RocReport) -> Iterator[doc.Block]:
 
 
 def _ending(note: str, result: CurveResult | RocResult) -> Iterator[doc.Block]:
-    yield doc.Fold("Glossary", [doc.Facts(terms(_WORDS))])
     yield from doc.reproduced_blocks(result, doc.marked(note))
     yield doc.Items(method_credits())
+    yield doc.Fold("Glossary", [doc.Facts(terms(_WORDS))])
 
 
 @doc.section_of(CURVE_SECTIONS, "reproduce", "Reproducing this")

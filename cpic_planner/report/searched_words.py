@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cpic_planner.report.cells import print_note, print_table, row_cells
+from cpic_planner.report.console_etc import flag_lines
 from cpic_planner.report.numbers import duration_text, full_name, share_text, significant
 from cpic_planner.report.words import status_text
 from cpic_planner.results import (
@@ -133,7 +134,7 @@ def print_curve(result: CurveResult, console: Console, *, full: bool = False) ->
         print_table(console, "Injected planets", row_cells(RecoveredRow, layout), result.recovered, legend=True)
     if full:
         _print_programmes(SearchedProgramme, result.bands, console)
-    print_note(console, *curve_sentences(result))
+    _print_below(console, curve_sentences(result), flag_lines(result.bands, result.note))
 
 
 def print_roc(result: RocResult, console: Console, *, full: bool = False) -> None:
@@ -158,7 +159,15 @@ def print_roc(result: RocResult, console: Console, *, full: bool = False) -> Non
     print_table(console, title, row_cells(RocRow, layout), rows, legend=True)
     if full:
         _print_programmes(RocProgramme, result.bands, console)
-    print_note(console, *roc_sentences(result))
+    _print_below(console, roc_sentences(result), flag_lines(result.bands, result.note))
+
+
+def _print_below(console: Console, said: Sequence[str], flags: Sequence[str]) -> None:
+    """What numbers say, and what is to be known beside them."""
+    print_note(console, *said)
+    if flags:
+        console.print()
+        print_note(console, *flags)
 
 
 def _print_programmes(kind: type[SearchedProgramme], rows: Sequence[SearchedProgramme], console: Console) -> None:

@@ -32,6 +32,7 @@ class SearchedProgramme(ProgrammeColumns):
     resolution_elements: float | None = optional(
         "areas of (lambda/D)^2 that a blind search goes through", label="elements", short="elements", format=".0f"
     )
+    flags: tuple[str, ...] = ()
     images: int = column("programmes that were simulated as images", short="images", default=0)
     images_message: str = column("why there are no images, where some were asked for", default="")
 
@@ -169,10 +170,14 @@ class RocRow(Row):
     detection_probability_known_place: float = column(
         "the same for a look at the planet's known place", label="found at its place", short="place %", format="%"
     )
-    n_searches: int = column("images without planets that were searched", default=0)
-    n_false: int = column("detections in them", label="false alarms", short="false", default=0)
-    n_planets: int = column("images with a planet that were searched", default=0)
-    n_detected: int = column("detections of it", label="planets", short="found", default=0)
+    n_searches: int = column(
+        "images without planets that were searched", label="images without it", short="searches", default=0
+    )
+    n_false: int = column("detections in images without planets", label="false alarms", short="false", default=0)
+    n_planets: int = column(
+        "images with the planet that were searched", label="images with it", short="planets", default=0
+    )
+    n_detected: int = column("images in which the planet is detected", label="planets found", short="found", default=0)
     recovered: float | None = optional("n_detected over n_planets", label="in images", short="images %", format="%")
     recovered_low: float | None = optional("with recovered_high: interval of 68 % (Jeffreys)")
     recovered_high: float | None = optional("end of that interval")

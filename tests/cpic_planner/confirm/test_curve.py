@@ -1,20 +1,14 @@
 """Contrast curves and maps of completeness against the calculator and geometry, and against simulated images."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import binom, norm
 
 from cpic_planner import contrast_curve, contrast_limit, signal_to_noise
-from cpic_planner.api import searches
-from cpic_planner.api.keywords import model_of
-from cpic_planner.confirm import curve as curve_module
 from cpic_planner.confirm.searched import Searched
 from cpic_planner.etc import default_law
-from cpic_planner.queries import CurveQuestion
-from cpic_planner.validation import search_task
 from simulator import load_instrument
 from simulator.imaging import HoleZone
 
@@ -141,18 +135,6 @@ def test_images_measure_the_limit_and_find_bright_planets_alone():
         assert one.recovered_low <= one.recovered <= one.recovered_high
 
 
-def test_images_do_not_depend_on_how_they_are_shared_out():
-    """A part of them anew gives what it gave among the others: nothing hangs on what a worker did before."""
-    question = CurveQuestion.of(SMALL | {"images": 2, "injections": 2})
-    answer, seen = curve_module._programme(question, model_of(question), searches._asked(question), "F662")
-    planets = [(0.6, [3e-8], [])]
-    (task,) = curve_module.search_tasks(question, seen, [0.6], planets, 2)
-    both, second = search_task(task.to_dict()), search_task(replace(task, first=1, count=1).to_dict())
-    for name in ("limits", "alarms", "elements", "planets"):
-        assert both[name][1:] == second[name]
-    assert answer.status.value == "ok"
-
-
 @pytest.mark.parametrize(
     ("change", "key"),
     [
@@ -178,6 +160,19 @@ def test_places_outside_the_hole_say_so():
     assert outside.contrast_limit_blind is None
     assert outside.contrast_limit_threshold is None
     assert len(curve.maps[0].separation_arcsec) == 1
+
+
+@pytest.mark.long
+def test_one_worker_and_two_write_the_same_bytes(tmp_path):
+    """Two pieces of work, of ten images and of two."""
+    for workers in (1, 2):
+        contrast_curve(**SMALL, images=12, injections=4, out=tmp_path / str(workers), workers=workers)
+    story = {"run.json", "run.lock", "cpic-run.jsonl"}
+    files = {path.relative_to(tmp_path / "1") for path in (tmp_path / "1").rglob("*") if path.is_file()}
+    files = {path for path in files if path.name not in story}
+    assert len([path for path in files if path.parts[0] == "parts"]) == 2
+    for path in files:
+        assert (tmp_path / "1" / path).read_bytes() == (tmp_path / "2" / path).read_bytes(), path
 
 
 @pytest.mark.long

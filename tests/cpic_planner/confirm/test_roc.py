@@ -52,12 +52,12 @@ def test_at_every_level_the_threshold_is_students_and_the_chance_that_of_the_law
 def elements():
     """Resolution elements at 0.6 arcsec: the arc of the circle in the four squares over lambda/D, by brute force."""
     geometry = BandGeometry.of(load_instrument(), "F662", 301)
-    angle = (np.arange(4_000_000) + 0.5) / 4_000_000 * 2.0 * math.pi
+    angle = (np.arange(400_000) + 0.5) / 400_000 * 2.0 * math.pi
     x, y = np.abs(0.6 * np.cos(angle)), np.abs(0.6 * np.sin(angle))
     zone = geometry.zone
     inside = (np.minimum(x, y) >= zone.inner_arcsec) & (np.maximum(x, y) <= zone.outer_arcsec)
     exact = 2.0 * math.pi * 0.6 * inside.mean() / geometry.lambda_d_arcsec
-    assert geometry.resolution_elements(0.6) == pytest.approx(exact, rel=1e-5)
+    assert geometry.resolution_elements(0.6) == pytest.approx(exact, rel=1e-4)
     return float(geometry.resolution_elements(0.6))
 
 
@@ -81,16 +81,13 @@ def test_the_level_of_the_strategy_is_among_the_levels():
 
 
 def test_images_count_the_planet_and_the_alarms():
-    """A planet of ten times the limit is in every image, at its place; one of a tenth is in none."""
-    settings = {"time_s": 7200.0, "strategy": {"visits": 1}, "images": 2}
-    bright, faint = (roc_curve(**PLANET | {"contrast": contrast}, **settings) for contrast in (8e-8, 5e-10))
-    for found, share in ((bright, 1.0), (faint, 0.0)):
-        five = next(row for row in found.levels if row.sigma == 5.0)
-        assert (five.n_searches, five.n_planets, five.recovered) == (2, 2, share)
-        counts = np.array([row.n_false for row in found.levels])
-        assert (np.diff(counts) <= 0).all()
-        assert five.n_false == 0
-    low, high = (getattr(bright.levels[0], f"recovered_{end}") for end in ("low", "high"))
+    """A planet of ten times the limit is in every image, at its place; noise passes for none at 5 sigma."""
+    found = roc_curve(**PLANET | {"contrast": 8e-8}, time_s=7200.0, strategy={"visits": 1}, images=2)
+    five = next(row for row in found.levels if row.sigma == 5.0)
+    assert (five.n_searches, five.n_planets, five.recovered, five.n_false) == (2, 2, 1.0, 0)
+    for name in ("n_false", "n_detected"):
+        assert (np.diff([getattr(row, name) for row in found.levels]) <= 0).all()
+    low, high = (getattr(found.levels[0], f"recovered_{end}") for end in ("low", "high"))
     assert 0.5 < low < high == 1.0
 
 

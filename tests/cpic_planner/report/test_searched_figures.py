@@ -16,7 +16,7 @@ from cpic_planner.results import RecoveredRow
 
 @pytest.fixture(scope="module")
 def plain():
-    return contrast_curve("tau Cet", bands=["F520", "F662"], time_s=36000.0, separation_arcsec=[0.45, 0.6, 0.7])
+    return contrast_curve("tau Cet", bands=["F662"], time_s=36000.0, separation_arcsec=[0.45, 0.6, 0.7])
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def imaged(plain):
     ]
     share = {"recovered": 0.5, "recovered_low": 0.4, "recovered_high": 0.6, "predicted": 0.45}
     about = {"separation_arcsec": 0.6, "contrast": 2e-9, "n_injected": 20, "n_recovered": 10}
-    recovered = [RecoveredRow(band=band, **about, **share) for band in ("F520", "F662")]
+    recovered = [RecoveredRow(band=band, **about, **share) for band in ("F662",)]
     bands = [one.model_copy(update={"images": 20}) for one in plain.bands]
     update = {"points": points, "recovered": recovered, "images": 20, "injections": 20, "bands": bands}
     return plain.model_copy(update=update)
@@ -60,7 +60,6 @@ def counted(roc):
 def test_pictures_are_drawings_with_words(imaged, counted):
     pictures = curve_pictures(imaged) | roc_pictures(counted)
     assert set(pictures) == {"curves", "maps", "recovered", "roc", "alarms"}
-    assert roc_pictures(counted)["roc"].uri == pictures["roc"].uri
     for drawn in pictures.values():
         svg = base64.b64decode(drawn.uri.split(",", 1)[1]).decode()
         assert drawn.uri.startswith("data:image/svg+xml;base64,")
@@ -78,7 +77,7 @@ def test_without_images_there_is_nothing_of_them(plain, roc):
 def test_figures_show_every_curve_and_every_point(imaged, counted):
     axes = curve_figure(imaged).axes
     curves, labels = axes[0], [text.get_text() for text in axes[0].get_legend().get_texts()]
-    assert {"F520", "F662", "half found blind", "at the threshold", "measured in 20 images"} <= set(labels)
+    assert {"F662", "half found blind", "at the threshold", "measured in 20 images"} <= set(labels)
     lines = {(len(line.get_xdata()), line.get_linestyle()) for line in curves.get_lines()}
     assert (3, "-") in lines
     shown = np.concatenate([np.asarray(line.get_ydata(), float) for line in curves.get_lines()])
@@ -105,7 +104,7 @@ def test_one_separation_is_drawn_too():
 def test_sentences_say_what_the_numbers_say(imaged, counted):
     said = " ".join(curve_sentences(imaged))
     assert "In 20 simulated images the limit at the threshold is 1.1 times the predicted one" in said
-    assert "Of 40 injected planets blind searches find 20; the law of detection expects 18." in said
+    assert "Of 20 injected planets blind searches find 10; the law of detection expects 9." in said
     best = min(row.contrast_limit_blind for row in imaged.points if row.band == "F662")
     assert f"F662: half of the planets of contrast {best:.1e}" in said
     five = next(row for row in counted.levels if row.sigma == 5.0)
@@ -123,7 +122,7 @@ def test_a_band_without_a_limit_says_why():
 def test_the_file_of_the_map_has_every_cell(plain):
     rows = list(csv.DictReader(io.StringIO(completeness_csv(plain))))
     assert len(rows) == sum(len(one.separation_arcsec) * len(one.contrast) for one in plain.maps)
-    second = plain.maps[1]
-    cell = next(row for row in rows if row["band"] == second.band and float(row["contrast"]) == second.contrast[-1])
-    assert float(cell["chance"]) == second.chance[0][-1]
-    assert float(cell["azimuth_share"]) == second.azimuth_share[0]
+    (one,) = plain.maps
+    cell = next(row for row in rows if float(row["contrast"]) == one.contrast[-1])
+    assert float(cell["chance"]) == one.chance[0][-1]
+    assert float(cell["azimuth_share"]) == one.azimuth_share[0]

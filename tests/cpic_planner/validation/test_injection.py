@@ -60,7 +60,7 @@ def test_in_white_noise_a_search_has_the_alarms_and_the_detections_of_the_normal
 
     The search takes the highest pixel near a planet: its level lies within 0.35 of the SNR at the place alone.
     """
-    n, snr, place = 40, 5.5, (0.4, 0.42)
+    n, snr, place = 20, 5.5, (0.4, 0.42)
     image, alarms, seen, elements = psf.at(*place), [], [], 0.0
     for seed in range(n):
         stack = white(psf, seed)
