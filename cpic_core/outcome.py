@@ -64,7 +64,7 @@ class Reason(StrEnum):
     SMALL_ROLL = "roll_too_small"
     """The planet overlaps its own image at the other roll."""
     TOO_BRIGHT_TO_COUNT = "too_bright_to_count"
-    """More than one photon a pixel and frame: photons cannot be counted."""
+    """At this gain every pixel of the aperture counts in each frame: photons cannot be told apart."""
     NOT_MEASURED = "not_measured_in_images"
     """Images of this kind are not simulated, so that the answer cannot be checked in them."""
     TOLERANCE_NOT_MET = "tolerance_not_met"

@@ -24,7 +24,7 @@ def setup(app: Any) -> dict[str, Any]:
 
 
 def _figures(_app: Any, _name: str, source: list[str]) -> None:
-    source[0] = pages.with_figures(source[0])
+    source[0] = pages.prepared(source[0])
 
 
 def mathml(formula: str, display: str) -> str:

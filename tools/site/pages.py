@@ -1,10 +1,15 @@
 """Everything that is made before Sphinx reads the pages: parts of the reference, notebooks, reports, the gallery."""
 
+import contextlib
+import functools
+import io
 import re
+import shlex
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+from cpic_planner import __version__
 from tools import readme
 from tools.site import columns, commands, keys, products, python_api, schemas, words
 
@@ -17,9 +22,11 @@ PARTS: dict[str, Callable[[], str]] = {
     "schemas": schemas.page,
     "keywords": products.page,
     "words": words.page,
+    "units": words.units,
 }
 """Generated parts of pages by name; a page includes them from ``_made``."""
 _FIGURE = re.compile(r"\{\{ (\w+)\.(\w+) \}\}")
+_RUN = re.compile(r"^```\{run\}\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?:|#)([^)\s]+)\)")
 
 
@@ -41,6 +48,52 @@ def make(docs: Path) -> None:
     for path in sorted((ROOT / "reports").glob("*/report.md")):
         copy_report(path, docs / "reports")
     (docs / "_made" / "gallery.md").write_text(gallery(), encoding="utf-8")
+
+
+def prepared(text: str) -> str:
+    """Return the text of a page as Sphinx reads it: with its figures, and with the answers of commands that it runs.
+
+    Parameters
+    ----------
+    text : str
+        Text of a page, with ``{{ group.figure }}`` and with blocks ``{run}`` that hold commands.
+
+    Raises
+    ------
+    KeyError
+        If it names a figure that is not there.
+    RuntimeError
+        If a command fails.
+    """
+    return _RUN.sub(lambda block: _answers(block[1]), with_figures(text))
+
+
+def _answers(commands_: str) -> str:
+    shown = [f"$ {line}\n{answer(line)}" for line in commands_.strip().splitlines()]
+    return "```console\n" + "\n".join(shown) + "```"
+
+
+def answer(line: str) -> str:
+    """Return what a command prints.
+
+    Parameters
+    ----------
+    line : str
+        As it is typed: ``cpic etc ...``.
+
+    Raises
+    ------
+    RuntimeError
+        If it does not end well.
+    """
+    from cpic_planner.cli.main import main
+
+    told = io.StringIO()
+    with contextlib.redirect_stdout(told), contextlib.redirect_stderr(io.StringIO()) as complaint:
+        status = main([*shlex.split(line)[1:], "-q"])
+    if status != 0:
+        raise RuntimeError(f"{line}: exit status {status}: {complaint.getvalue()}")
+    return re.sub(r" +$", "", told.getvalue(), flags=re.MULTILINE)
 
 
 def copy_report(path: Path, to: Path) -> None:
@@ -93,4 +146,9 @@ def with_figures(text: str) -> str:
     KeyError
         If it names a figure that is not there.
     """
-    return _FIGURE.sub(lambda named: readme.FIGURES[named[1]]()[named[2]], text)
+    return _FIGURE.sub(lambda named: _figures(named[1])[named[2]], text).replace("{{ version }}", __version__)
+
+
+@functools.cache
+def _figures(group: str) -> readme.Figures:
+    return readme.FIGURES[group]()

@@ -35,11 +35,32 @@ def entries(enum: type[Enum]) -> list[Entry]:
     ]
 
 
+def registered() -> dict[str, list[Entry]]:
+    """Return the entries of the registries: reference libraries and scores."""
+    from cpic_planner.registry import LIBRARIES, SCORES
+
+    return {
+        kind: [Entry(anchored(kind, item.name), item.name, (marked(item.meaning),)) for item in registry.values()]
+        for kind, registry in (("library", LIBRARIES), ("score", SCORES))
+    }
+
+
+def units() -> str:
+    """Return the units that names of numbers end in."""
+    from cpic_planner.results.base import UNITS
+
+    rows = [Entry(anchored("unit", suffix), f"_{suffix}", (f"`{unit}`",)) for suffix, unit in sorted(UNITS.items())]
+    return table(("end of a name", "unit"), rows)
+
+
 def page() -> str:
-    """Return the statuses and reasons of answers."""
+    """Return the statuses and reasons of answers, the reference libraries and the scores."""
     from cpic_core import Reason, Status
 
+    own = registered()
     return (
-        f"## Status\n\n{table(('status', 'meaning'), entries(Status))}\n"
-        f"## Reason\n\n{table(('reason', 'meaning'), entries(Reason))}"
+        f"(statuses)=\n## Status\n\n{table(('status', 'meaning'), entries(Status))}\n"
+        f"(reasons)=\n## Reason\n\n{table(('reason', 'meaning'), entries(Reason))}\n"
+        f"(reference-libraries)=\n## Reference libraries\n\n{table(('library', 'reference frames'), own['library'])}\n"
+        f"(scores)=\n## Scores of a ranking\n\n{table(('score', 'meaning'), own['score'])}"
     )
