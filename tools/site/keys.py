@@ -1,12 +1,13 @@
 """Keys of YAML files: of the instrument with value, source and confidence, and of every other kind of file."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from cpic_core import Provenance
+from simulator.config import FrozenModel
 from tools.site.columns import models_in, said_type
 from tools.site.markdown import Entry, anchored, attributes, cell, code, marked, prose, summary, table
 
@@ -42,7 +43,9 @@ def files() -> Iterator[tuple[str, str, type[BaseModel], Mapping[str, Provenance
 def sections(
     model: type[BaseModel], path: str, value: Any, seen: dict[type[BaseModel], str]
 ) -> Iterator[tuple[str, type[BaseModel], Any]]:
-    """Yield a model and those below it, each once, with the key under which it stands and its default.
+    """Yield a model and those below it with the key under which each stands and its default.
+
+    What has no default of its own is yielded once.
 
     Parameters
     ----------
@@ -59,10 +62,15 @@ def sections(
         present = getattr(value, name, None)
         below = next(iter(present.values()), None) if isinstance(present, dict) else present
         for inner in dict.fromkeys(models_in(field.annotation)):
-            if inner not in seen:
+            if inner not in seen or (type(below) is inner and isinstance(value, FrozenModel) and not _choice(field)):
                 key = f"{path}.{name}{_many(field.annotation)}".strip(".")
-                seen[inner] = key
+                seen.setdefault(inner, key)
                 yield from sections(inner, key, below if isinstance(below, inner) else None, seen)
+
+
+def _choice(field: Any) -> bool:
+    """Whether a key holds one of several kinds of models."""
+    return len(set(models_in(field.annotation))) > 1
 
 
 def _many(annotation: Any) -> str:
@@ -72,7 +80,13 @@ def _many(annotation: Any) -> str:
 
 
 def entries(
-    anchor: str, path: str, model: type[BaseModel], value: Any, sources: Mapping[str, Provenance]
+    anchor: str,
+    path: str,
+    model: type[BaseModel],
+    value: Any,
+    sources: Mapping[str, Provenance],
+    seen: Mapping[type[BaseModel], str],
+    paths: Collection[str],
 ) -> list[Entry]:
     """Return the keys of one section.
 
@@ -87,18 +101,24 @@ def entries(
         Its default, where a preset has one.
     sources : mapping of str to Provenance
         Where the defaults come from, by dotted key.
+    seen : mapping
+        Key under which each model is described.
+    paths : collection of str
+        Keys of this kind of file that have a section.
     """
     from simulator.config import limits_of, unit_of
 
     said, found = attributes(model), []
     for name, field in model.model_fields.items():
         key = f"{path}.{name}".strip(".")
-        if list(models_in(field.annotation)) and isinstance(getattr(value, name, None), BaseModel):
+        inner = list(dict.fromkeys(models_in(field.annotation)))
+        if inner and f"{key}{_many(field.annotation)}" in paths and not _choice(field):
             continue
         source = sources.get(key) or _like(key, sources)
         default = getattr(value, name, field.default)
         text = [said[name]] if name in said else [marked(field.description)] if field.description else []
         text += [prose(source.source)] if source else []
+        text += [f"Its keys: {', '.join(f'`{seen[one]}` ({one.__name__})' for one in inner)}"] if inner else []
         unit = (source.unit if source else "") or unit_of(name)
         cells = (code(unit), _shown(default), cell(limits_of(field)), source.confidence if source else "")
         found.append(Entry(anchored("key", anchor, key), key, (*cells, ". ".join(text) or _kind(field.annotation))))
@@ -142,6 +162,6 @@ def page() -> str:
                 one_of_several = f": {inner.__name__}" if paths.count(path) > 1 else ""
                 parts.append(f"### `{path}`{one_of_several} ({anchor})\n")
             parts.append(f"{summary(inner)}\n")
-            if own := entries(anchor, path, inner, present, sources):
+            if own := entries(anchor, path, inner, present, sources, seen, paths):
                 parts.append(table(HEADINGS, own))
     return "\n".join(parts)
