@@ -31,6 +31,7 @@ numpydoc_class_members_toctree = False
 html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"cpic-planner {__version__}"
+html_favicon = "_static/favicon.svg"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = False

@@ -19,12 +19,25 @@ def setup(app: Any) -> dict[str, Any]:
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     app.connect("source-read", _figures)
     app.connect("missing-reference", _resolved)
+    app.connect("html-page-context", _reachable, priority=900)
     app.connect("autodoc-process-docstring", _plain_fields)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
 def _figures(_app: Any, _name: str, source: list[str]) -> None:
     source[0] = pages.prepared(source[0])
+
+
+def _reachable(_app: Any, _name: str, _template: str, context: dict[str, Any], _tree: Any) -> None:
+    """Give headings of the table of contents their level, and let the keyboard reach what scrolls inside a page."""
+    tree = context.get("furo_navigation_tree", "")
+    context["furo_navigation_tree"] = tree.replace('role="heading"', 'role="heading" aria-level="2"')
+    body = context.get("body", "")
+    for scrolls in ('<div class="math"', "<pre", '<div class="table-wrapper'):
+        body = body.replace(
+            scrolls, f'{scrolls.partition(" ")[0]} tabindex="0"{scrolls.removeprefix(scrolls.split()[0])}'
+        )
+    context["body"] = body
 
 
 def mathml(formula: str, display: str) -> str:
