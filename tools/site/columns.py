@@ -9,6 +9,7 @@ from pydantic import BaseModel
 
 from tools.site.markdown import Entry, anchored, code, marked, summary, table
 
+_WORDS: dict[Any, str] = {str: "text", int: "integer", float: "number", bool: "true or false", Any: "anything"}
 HEADINGS = ("column", "type", "unit", "meaning")
 
 
@@ -50,7 +51,7 @@ def said_type(annotation: Any) -> str:
         return f"{origin.__name__} of {' to '.join(said_type(item) for item in inside if item is not ...)}"
     if inside:
         return " or ".join(map(said_type, inside))
-    return getattr(annotation, "__name__", str(annotation))
+    return _WORDS.get(annotation, str(getattr(annotation, "__name__", annotation)))
 
 
 def entries(model: type[BaseModel]) -> list[Entry]:
@@ -69,7 +70,7 @@ def entries(model: type[BaseModel]) -> list[Entry]:
         inner = list(models_in(field.annotation))
         links = "".join(f" See [{one.__name__}](#{anchored('result', one.__name__)})." for one in inner)
         kind = said_type(field.annotation)
-        numeric = not inner and "str" not in kind
+        numeric = not inner and ("number" in kind or "integer" in kind)
         unit = look.unit or ""
         found.append(
             Entry(

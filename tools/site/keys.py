@@ -1,6 +1,6 @@
 """Keys of YAML files: of the instrument with value, source and confidence, and of every other kind of file."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel
@@ -108,7 +108,7 @@ def entries(
     """
     from simulator.config import limits_of, unit_of
 
-    said, found = attributes(model), []
+    said, found = attributes(model) | _effects(model), []
     for name, field in model.model_fields.items():
         key = f"{path}.{name}".strip(".")
         inner = list(dict.fromkeys(models_in(field.annotation)))
@@ -119,10 +119,19 @@ def entries(
         text = [said[name]] if name in said else [marked(field.description)] if field.description else []
         text += [prose(source.source)] if source else []
         text += [f"Its keys: {', '.join(f'`{seen[one]}` ({one.__name__})' for one in inner)}"] if inner else []
-        unit = (source.unit if source else "") or unit_of(name)
+        unit = "" if isinstance(default, bool) else (source.unit if source else "") or unit_of(name)
         cells = (code(unit), _shown(default), cell(limits_of(field)), source.confidence if source else "")
-        found.append(Entry(anchored("key", anchor, key), key, (*cells, ". ".join(text) or _kind(field.annotation))))
+        found.append(Entry(anchored("key", anchor, key), name, (*cells, ". ".join(text) or _kind(field.annotation))))
     return found
+
+
+def _effects(model: type[BaseModel]) -> dict[str, str]:
+    """Return what the switches of a camera leave out, where a model holds these."""
+    from simulator.config.detector import CameraSwitches, InfraredSwitches
+    from simulator.detectors import INFRARED, VISIBLE
+
+    chains: dict[type[BaseModel], Iterable[Any]] = {CameraSwitches: VISIBLE, InfraredSwitches: INFRARED}
+    return {effect.switch: marked(f"{effect.label}: {effect.law}") for effect in chains.get(model, ()) if effect.switch}
 
 
 def _like(key: str, sources: Mapping[str, Provenance]) -> Provenance | None:

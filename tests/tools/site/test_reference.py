@@ -16,6 +16,7 @@ from cpic_planner.results.base import LimitText, VerdictText
 from cpic_planner.schemas import FOLDER, QUESTIONS, RESULTS
 from simulator.products.keywords import KEYWORD_FILE
 from tools.site import columns, commands, keys, products, python_api, schemas, words
+from tools.site.markdown import anchored
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -75,13 +76,14 @@ def test_every_value_of_the_instrument_with_its_source():
     """The command shows every value of the instrument; those of bands, which have the same keys, stand once."""
     from cpic_planner.queries import default_instrument, instrument_rows
 
-    page = keys.page()
-    rows = {row: line for line in page.splitlines() for row in re.findall(r"</span>`([^`]+)`", line)}
+    rows = {found: line for line in keys.page().splitlines() for found in anchors(line)}
     for row in instrument_rows(default_instrument()):
         name = re.sub(r"^bands\.\w+", "bands.*", row.key)
-        assert name in rows or name.rpartition(".")[0] in rows, name
+        above = name.rpartition(".")[0]
+        line = rows.get(anchored("key", "instrument", name)) or rows.get(anchored("key", "instrument", above))
+        assert line, name
         if row.confidence and not name.startswith("bands"):
-            assert f"| {row.confidence} |" in rows[name], name
+            assert f"| {row.confidence} |" in line, name
     assert len(rows) > 300
 
 
