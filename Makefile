@@ -13,7 +13,7 @@ SEED ?= 1
 MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test test-long browser lint mutants fuzz hostile kills flat load bench bench-baseline external data reports readme installs lock wheel clean check-python
+.PHONY: help plan test test-long browser lint mutants fuzz hostile kills flat load bench bench-baseline external data reports readme docs installs lock wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -97,6 +97,11 @@ reports: $(VENV)/installed  ## regenerate every committed report but comparisons
 readme: $(VENV)/installed  ## fill README.md with the figures of the reports
 	$(BIN)/python -m tools.readme
 
+docs: $(VENV)/installed  ## build the documentation into docs/_build/html; a warning is an error
+	@$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	$(BIN)/python -m sphinx -W --keep-going -q -j 2 -d docs/_build/doctrees docs docs/_build/html
+	@echo "open docs/_build/html/index.html"
+
 installs: $(VENV)/installed  ## install the built package with every Python that is found, and ask it questions there
 	$(BIN)/python reports/installs/make.py
 
@@ -112,4 +117,4 @@ wheel: $(VENV)/installed  ## build the wheel
 	$(BIN)/python -m build --wheel --outdir dist
 
 clean:  ## remove what the other targets made
-	rm -rf $(VENV) out dist build *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) out dist build docs/_build docs/_made docs/notebooks docs/reports *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -119,7 +119,7 @@ def band_from_file(
     """Read a filter transmission curve from a two-column text file.
 
     Columns are wavelength and transmission (0 to 1), separated by blanks or a comma; ``#`` starts a
-    comment. The wavelength unit is stated by `unit` or by a comment line that contains ``nm`` or
+    comment. The wavelength unit is stated by ``unit`` or by a comment line that contains ``nm`` or
     ``Angstrom`` as a word.
 
     Parameters

@@ -269,7 +269,7 @@ def catalogue_of_star(
 
 
 def data_credits(provenance: str) -> tuple[str, ...]:
-    """Return whose data a result with a table of this `provenance` rests on; a user's own stars are not SIMBAD's."""
+    """Return whose data a result with a table of this ``provenance`` rests on; a user's own stars are not SIMBAD's."""
     return MODEL_CREDITS if provenance.startswith(_USER) else (*STAR_CREDITS, *MODEL_CREDITS)
 
 

@@ -87,12 +87,12 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     Returns
     -------
     StarMatch
-        Row index in `table`, the star's name, the alias that matched, and a note if something was assumed.
+        Row index in ``table``, the star's name, the alias that matched, and a note if something was assumed.
 
     Raises
     ------
     InputError
-        If the name is unknown (with the nearest names), or known but outside `table` (with the reason).
+        If the name is unknown (with the nearest names), or known but outside ``table`` (with the reason).
     """
     stars = load_stars() if table is None else table
     key = designation_key(name) if isinstance(name, str) else ""

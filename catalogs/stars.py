@@ -124,7 +124,7 @@ class StarTable:
 
     @functools.cached_property
     def name_keys(self) -> Mapping[str, tuple[int, ...]]:
-        """Rows by the canonical key of every name in the table's own columns; rows of that `name` come first."""
+        """Rows by the canonical key of every name in the table's own columns; rows of that ``name`` come first."""
         found: dict[str, list[int]] = {}
 
         def add(text: str, row: int) -> None:

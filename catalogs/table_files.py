@@ -55,7 +55,7 @@ class RawTable:
 
 
 def read_bytes(path: str | Path, *, key: str = "catalog", presets: str = "snapshot, latest, simbad_2012") -> TableBytes:
-    """Read a file whole; `key` is what it is asked for as, `presets` what may be given instead of a file.
+    """Read a file whole; ``key`` is what it is asked for as, ``presets`` what may be given instead of a file.
 
     Parameters
     ----------

@@ -43,8 +43,9 @@ class LibraryPlan:
         Whether the planet is in the reference frames too: then both visits are science, each the other's reference
         (`cpic_planner.validation.roll`).
     noise_free : bool
-        Whether the expectation (`Sequence.expected_e`) stands for the reference frames. It is that of the science
-        visit without planets, wavefront included: neither noise nor drift between the visits.
+        Whether the expectation (`simulator.products.sequence.FrameSequence.expected_e`) stands for the reference
+        frames. It is that of the science visit without planets, wavefront included: neither noise nor drift between
+        the visits.
     flags : tuple of str
         Caveats, the same as the ETC's.
     """

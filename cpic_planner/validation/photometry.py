@@ -214,10 +214,11 @@ def aperture_photometry(
 
     Notes
     -----
-    ``Var(flux) = [F^2 S2 + sigma^2 (1 + a0/a_s)] / throughput^2`` with ``sigma`` from `sample_scatter` and
-    ``S2`` the source's sum with squared aperture weights (at least 0): a pixel counted with weight ``w`` adds
-    ``w^2`` times its variance, which for an aperture of 0.7 lambda/D makes ``S2`` 4 to 7 % less than the
-    flux. Without any noise, ``snr`` and ``significance`` are infinite for a source and 0 for none.
+    ``Var(flux) = [F^2 S2 + sigma^2 (1 + a0/a_s)] / throughput^2`` with ``sigma`` from
+    `cpic_planner.validation.apertures.sample_scatter` and ``S2`` the source's sum with squared aperture weights (at
+    least 0): a pixel counted with weight ``w`` adds ``w^2`` times its variance, which for an aperture of 0.7 lambda/D
+    makes ``S2`` 4 to 7 % less than the flux. Without any noise, ``snr`` and ``significance`` are infinite for a source
+    and 0 for none.
 
     Modes that are projected out spread a negative image of the source over the background. The strength of ``left`` is
     the flux above the mean of the background over the same for ``left`` itself: the light that the model has in the

@@ -147,7 +147,8 @@ class InfraredCamera(Camera):
     cosmic_ray_rate_per_s_cm2 : float
         Their rate at the date of the observation.
     persistence : LateCharge, optional
-        What earlier frames leave; `ExponentialPersistence` of the configuration if not given.
+        What earlier frames leave; `simulator.detectors.infrared.ExponentialPersistence` of the configuration if not
+        given.
     coupling : Coupling, optional
         Inter-pixel capacitance; the four nearest neighbours with ``interpixel_coupling`` if not given.
 

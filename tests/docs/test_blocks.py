@@ -1,0 +1,166 @@
+"""Blocks of code in the README and the pages can be run as they stand; those that take long are run as proofs."""
+
+import contextlib
+import re
+import shlex
+import textwrap
+
+import pytest
+import yaml
+
+from cpic_planner.cli import main as command_line
+from cpic_planner.planets import load_population
+from cpic_planner.queries import Question
+from cpic_planner.survey.strategy_file import load_strategies
+from simulator import load_instrument, load_scene
+from tests.docs.blocks import PAGES, ROOT, blocks_of, python_of
+
+PROVES = ("cpic_planner.api", "cpic_planner.cli", "cpic_planner.queries")
+BLOCKS = [block for path in PAGES for block in blocks_of(path)]
+FOREIGN = ("openssl ", "export ", "for who ", "T=", "dask ")
+LOADERS = {
+    "instrument": load_instrument,
+    "scene": load_scene,
+    "strategies": load_strategies,
+    "population": load_population,
+}
+# What pages name and do not show.
+FILES = {
+    "my_stars.csv": "name,distance_pc,v_mag,sp_type\nBob,7.0,4.5,G8V\n",
+    "favourites.txt": "tau Cet\neps Eri\n",
+    "my_spectrum.txt": "# wavelength (nm), geometric albedo\n400 0.45\n700 0.4\n1000 0.2\n",
+    "visits.csv": "star,start_utc,band,exposure_s,n_frames,em_gain,telescope_h,planets\n"
+    "eps Eri,2028-01-20,F520,10,200,100,4,0\n",
+    "my_planets.csv": "star,planet,period_days,semi_major_axis_au,msini_mjup\nHD 10700,x,600,1.3,0.5\n",
+    "reality.yaml": "throughput: x0.7\n",
+}
+
+
+def named(block):
+    return f"{block.page.removeprefix('docs/')}:{block.line}"
+
+
+def each(wanted):
+    return pytest.mark.parametrize("block", [pytest.param(block, id=named(block)) for block in BLOCKS if wanted(block)])
+
+
+class _Asked(Exception):
+    """A command line was understood as a question."""
+
+
+@contextlib.contextmanager
+def _only_asked(monkeypatch):
+    """Let commands read their question and stop there."""
+    of = Question.of.__func__
+
+    def stop(cls, tree):
+        raise _Asked(of(cls, tree))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Question, "of", classmethod(stop))
+        yield
+
+
+def write_files(folder, page):
+    """Write the files that a page shows, and those that it only names."""
+    for name, text in FILES.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    for block in BLOCKS:
+        if block.page == page and block.file_name:
+            head = block.text.partition("\n")[2] if block.file_name.endswith((".csv", ".txt")) else block.text
+            (folder / block.file_name).write_text(head, encoding="utf-8")
+
+
+def arguments(line):
+    """Return the words behind ``cpic`` of a line; None for a line of another program."""
+    words = shlex.split(re.split(r" [|>] ", line)[0])
+    return words[1:] if words[0].rpartition("/")[2] == "cpic" else None
+
+
+@each(lambda block: block.commands)
+def test_commands_are_understood(block, tmp_path, monkeypatch):
+    """Each command names options that exist, with values that they take, and files that the page shows."""
+    write_files(tmp_path, block.page)
+    (tmp_path / "cpic-whatif").mkdir()
+    (tmp_path / "mine").mkdir()
+    for folder in ("cpic-whatif", "mine"):
+        (tmp_path / folder / "visits.csv").write_text(FILES["visits.csv"])
+    monkeypatch.chdir(tmp_path)
+    for line in block.commands:
+        given = arguments(line)
+        if given is None:
+            assert line.startswith(FOREIGN), line
+            continue
+        with _only_asked(monkeypatch):
+            root = command_line.typer.main.get_command(command_line.app)
+            command, words = root, given
+            while hasattr(command, "commands"):
+                command, words = command.commands[words[0]], words[1:]
+            if type(command).__name__ != "Late":
+                command.make_context(line, list(words))  # reads the options, runs nothing
+                continue
+            with pytest.raises(_Asked):
+                command.main(list(words), standalone_mode=False)
+
+
+@each(lambda block: block.language == "python")
+def test_python_is_valid(block):
+    python_of(block)
+
+
+@each(lambda block: block.language == "yaml")
+def test_settings_are_read(block, tmp_path, monkeypatch):
+    """A file of a page is what its kind says; one that refers to a file of the reader's is read as YAML."""
+    write_files(tmp_path, block.page)
+    monkeypatch.chdir(tmp_path)
+    tree = yaml.safe_load(block.text)
+    kind = tree.get("kind", "scene" if "cstar" in tree else "")
+    if "my_mask.fits" not in block.text:
+        LOADERS[kind](block.file_name)
+
+
+def test_targets_of_make_exist():
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    for block in BLOCKS:
+        assert set(re.findall(r"^make ([a-z-]+)", block.text, re.MULTILINE)) <= targets, named(block)
+
+
+# Proofs run what pages show with fewer draws, as the notebooks.
+FEWER = {
+    "plan": "--top 1 --realisations 1 --fidelity quick",
+    "confirm": "--realisations 1 --fidelity quick",
+    "whatif": "--universes 20 --images 0 --no-facts",
+    "simulate": "--frames 1",
+    "rank": "--planets 200",
+}
+LEFT_OUT = ("catalog refresh", "serve", "tradeoff")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", sorted({block.page for block in BLOCKS if block.commands}))
+def test_commands_of_a_page_run(page, tmp_path, monkeypatch):
+    write_files(tmp_path, page)
+    monkeypatch.chdir(tmp_path)
+    for block in BLOCKS:
+        for line in block.commands if block.page == page else ():
+            given = arguments(line)
+            if given is None or " ".join(given).startswith(LEFT_OUT):
+                continue
+            if given[0] == "simulate" and "paper_exposure_gain" in given:
+                given.append("--dry-run")
+            for option in textwrap.dedent(FEWER.get(given[0], "")).split(" --"):
+                words = ("--" + option.removeprefix("--")).split() if option else []
+                conflict = words and words[0] == "--fidelity" and "--tolerance" in given
+                given += [] if conflict else words
+            assert command_line.main([*given, "-q"]) in (0, 1 if given[0] == "check" else 0), line
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", sorted({block.page for block in BLOCKS if block.language == "python"}))
+def test_python_of_a_page_runs(page, tmp_path, monkeypatch):
+    write_files(tmp_path, page)
+    monkeypatch.chdir(tmp_path)
+    values = {}
+    for block in BLOCKS:
+        if block.page == page and block.language == "python":
+            exec(python_of(block), values)
