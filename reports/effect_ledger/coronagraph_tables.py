@@ -98,7 +98,7 @@ def text() -> str:
 
 What the columns of a table are worth (`coronagraph_tables.py`): the default instrument written as tables, which then
 lack some; SNR in 10 h of a planet of contrast 1e-8 at {", ".join(map(str, SEPARATIONS_ARCSEC))} arcsec of
-{" and ".join(STARS)}, {ZODIS:g} zodis of dust, in the four visible bands, over that of the modelled coronagraph. The last
+{" and ".join(STARS)}, {ZODIS:g} zodis of dust, in the four visible bands, over that of the modelled one. The last
 two rows lack no column: they are what a radial table does not say.
 
 {chr(10).join(lines)}

@@ -40,10 +40,10 @@ QUESTIONS = {
 def test_the_default_as_tables_answers_as_the_default(copy, question):
     """Time, SNR, limit and detection in four bands at five separations of stars of V 0.4, 3.5, 5 and 8: to 0.5 %.
 
-    Beside the diagonal, where two rolls put the planet, a radial table knows less: 5 %.
+    Beside the diagonal, where two rolls put the planet, a radial table knows less: 8 %.
     """
     ask, asked = QUESTIONS[question]
-    tolerance = 0.05 if question == "two rolls" else HALF_PERCENT
+    tolerance = 0.08 if question == "two rolls" else HALF_PERCENT
     stars = ("Procyon A", "tau Cet", "47 UMa")
     places = (0.42, 0.5, 0.65, 0.8, 0.9) if question != "two rolls" else (0.6, 0.7, 0.8)
     compared = 0
