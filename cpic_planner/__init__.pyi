@@ -61,5 +61,6 @@ from simulator import (
     spectrum_generator as spectrum_generator,
     star_photlam as star_photlam,
     stream as stream,
+    write_coronagraph_table as write_coronagraph_table,
     write_level0 as write_level0,
 )

@@ -37,7 +37,7 @@ def _shipped_bands() -> Iterator[tuple[Instrument, str]]:
     seen = set()
     for preset in ("cpic_default", *preset_names("instrument")):
         instrument = load_instrument(preset)
-        for band in instrument.bands:
+        for band in instrument.bands if instrument.coronagraph.table is None else ():
             if (key := metrics_key(instrument, band)) not in seen:
                 seen.add(key)
                 yield instrument, band

@@ -1,14 +1,16 @@
-"""``cpic instrument``: what an instrument is, which of its values can be changed, and how two differ."""
+"""``cpic instrument``: what an instrument is, which of its values can be changed, how two differ, and its tables."""
 
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import typer
 
+from cpic_core import InputError
 from cpic_planner import report
-from cpic_planner.cli.options import Output, help_alone, shown
+from cpic_planner.cli.options import Output, help_alone, note, shown
 from cpic_planner.cli.progress import heard
 
 HELP = "What an instrument is, which of its values --set can change, and how two instruments differ."
@@ -90,3 +92,33 @@ def diff(
       cpic instrument diff cpic_default --set throughput=x0.7
     """
     _tell(output, "key value other unit", name, changes, key, other)
+
+
+@app.command("table")
+@heard
+def table(
+    name: NameArgument = "cpic_default",
+    band: Annotated[str, typer.Option("--band", metavar="BAND", help="Band of the table.")] = "",
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="CSV file to write.")] = Path("coronagraph.csv"),
+    changes: SetOption = None,
+) -> None:
+    """Write what the coronagraph of an instrument does by separation: a table that coronagraph.table reads.
+
+    Examples:
+
+      cpic instrument table --band F662 --out f662.csv
+
+      cpic instrument table cpic_2q --band F520 --set wavefront.jitter_mas=10 --out f520.csv
+    """
+    from cpic_planner.queries import called_as, changed_instrument
+    from simulator import write_coronagraph_table
+
+    with called_as({"changes": "--set"}):
+        instrument = changed_instrument(name, changes or ())
+    if not band:
+        raise InputError("--band", "missing", allowed=", ".join(instrument.bands))
+    try:
+        write_coronagraph_table(instrument, band, out)
+    except OSError as error:
+        raise InputError("--out", str(out), allowed="a writable file", hint=error.strerror or "") from None
+    note(f"wrote {out}")

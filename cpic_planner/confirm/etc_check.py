@@ -85,7 +85,7 @@ def checked_answers(
         if answer.n_frames is None:
             found.append(answer)
             continue
-        record = closed_form_fidelity(index, answer)
+        record = closed_form_fidelity(index, answer, of_table=model.of_table)
         if needs_images(answer, dial):
             from cpic_planner.confirm.etc_images import check_in_images
 

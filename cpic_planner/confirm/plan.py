@@ -21,7 +21,7 @@ from cpic_planner.confirm.stars import (
     images_cost,
     plan_tasks,
     programme_task,
-    refuse_infrared,
+    refuse_unimaged,
     result_header,
     tasks_of,
     why_not_imaged,
@@ -84,7 +84,7 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     """
     listed, source = ((), "") if config.schedule is None else read_schedule(config.schedule, config.schedule_strategy)
     bands = config.bands if config.schedule is None else _bands(config, listed)
-    refuse_infrared(config.instrument, bands)
+    refuse_unimaged(config.instrument, bands)
     model, time_s = timed_model(build_model(config.instrument, bands, config.strategy), config)
     catalogue = as_catalogue(catalog)
     stars = asked_stars(config, catalogue)
@@ -308,7 +308,7 @@ def _cost(ready: _Prepared) -> Cost:
 
 def _expected(config: PlanQuestion, catalog: CatalogSource) -> Cost:
     """Return the cost of as many targets as are asked for, each as costly as one of the nearest: nothing is ranked."""
-    refuse_infrared(config.instrument, config.bands)
+    refuse_unimaged(config.instrument, config.bands)
     model, time_s = timed_model(build_model(config.instrument, config.bands, config.strategy), config)
     stars = asked_stars(config, as_catalogue(catalog))
     # The nearest few rank first; the very nearest are brighter than most of these.

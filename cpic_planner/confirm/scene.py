@@ -10,7 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from cpic_core import Reason, Status
-from cpic_planner.confirm.stars import RESULT_VERSION, image_tasks, images_cost, refuse_infrared, result_header
+from cpic_planner.confirm.stars import RESULT_VERSION, image_tasks, images_cost, refuse_unimaged, result_header
 from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, build_model, frame_problem
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
@@ -144,7 +144,7 @@ def scene_target(scene: Scene) -> Targets:
 
 
 def _work(config: ConfirmQuestion) -> _Work:
-    refuse_infrared(config.instrument, config.bands)
+    refuse_unimaged(config.instrument, config.bands)
     model = build_model(config.instrument, config.bands, config.strategy)
     target = scene_target(config.scene)
     tasks: list[ConfirmTask] = []
@@ -189,9 +189,7 @@ def _frames(
     if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
         return Frames(config.exposure_s, config.n_frames, config.em_gain, visits)
     metrics, strategy = model.metrics[band], model.strategy
-    sign_x, sign_y = metrics.zone.diagonal
-    middle = 0.5 * (metrics.hole_inner_arcsec + metrics.hole_outer_arcsec)
-    place = (planets[0].x_arcsec, planets[0].y_arcsec) if planets else (sign_x * middle, sign_y * middle)
+    place = (planets[0].x_arcsec, planets[0].y_arcsec) if planets else metrics.zone.middle
     contrast = (planets[0].contrast or 0.0) if planets else 1e-8
     camera = model.camera(band)
     if config.exposure_s is not None:

@@ -45,6 +45,7 @@ from cpic_planner.validation import (
 )
 from cpic_planner.version import __version__
 from simulator.config import Instrument
+from simulator.imaging import refuse_table
 from simulator.ledger import not_modelled
 
 RESULT_VERSION = 6
@@ -81,8 +82,8 @@ def result_header(config: ImageQuestion, digest: str, measured: Sequence[BandCon
     }
 
 
-def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None:
-    """Refuse unknown bands, and those of the near-infrared camera, whose images are not measured.
+def refuse_unimaged(instrument: Instrument, bands: Sequence[str] | None) -> None:
+    """Refuse tables, unknown bands, and those of the near-infrared camera: of none of them images are measured.
 
     Parameters
     ----------
@@ -90,6 +91,7 @@ def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None
     bands : sequence of str or None
         Names of bands of the instrument.
     """
+    refuse_table(instrument)
     visible = instrument.visible_bands()
     for band in bands or ():
         instrument.band(band)
@@ -283,7 +285,7 @@ def confirm_stars(
         `cpic_planner.validation.task.ImageSettings`; at least the seed.
     """
     refuse_counting(model.strategy)
-    refuse_infrared(model.instrument, model.bands)
+    refuse_unimaged(model.instrument, model.bands)
     rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
     tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
     bodies = Runner(workers=workers).finish(confirm_task, image_tasks(tasks))
@@ -311,7 +313,7 @@ def star_images_job(
 
     @functools.cache
     def prepared() -> tuple[RankedTarget, list[ConfirmTask], dict[str, BandConfirmation]]:
-        refuse_infrared(model.instrument, model.bands)
+        refuse_unimaged(model.instrument, model.bands)
         row = rank_targets(model, star, catalogue=catalogue, **asked).targets[0]
         return row, *plan_tasks(model, [star], [row], **asked, **question.image_settings)
 

@@ -366,5 +366,5 @@ def etc_result(
         reference_planet=record,
         best_band=best_band(answers),
         answers=list(answers),
-        fidelity=etc_fidelity(answers, dial or etc_dial(), seed=seed),
+        fidelity=etc_fidelity(answers, dial or etc_dial(), seed=seed, of_table=model.of_table),
     )

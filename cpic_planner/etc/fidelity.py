@@ -32,7 +32,7 @@ def etc_dial(fidelity: str | None = None, tolerance: float | None = None) -> Dia
     return dial_of("quick" if fidelity is None and tolerance is None else fidelity, tolerance)
 
 
-def closed_form_fidelity(index: int, answer: EtcAnswer) -> AnswerFidelity:
+def closed_form_fidelity(index: int, answer: EtcAnswer, *, of_table: bool = False) -> AnswerFidelity:
     """Return the record of one answer of the closed forms.
 
     Parameters
@@ -40,14 +40,18 @@ def closed_form_fidelity(index: int, answer: EtcAnswer) -> AnswerFidelity:
     index : int
         Of the answer.
     answer : EtcAnswer
+    of_table : bool
+        Whether its coronagraph is a table, of which no images are known.
     """
-    error = stated_error(answer.band, answer.separation_arcsec, answer.budget)
+    error = None if of_table else stated_error(answer.band, answer.separation_arcsec, answer.budget)
     shared: dict[str, Any] = {"fidelity": "quick", "status": "ok", "reason": "", "message": "", "images": None}
     predicted = None if error is None else dict(error)
     return AnswerFidelity(answer=index, predicted_error=predicted, closed_form_error=error, **shared)
 
 
-def etc_fidelity(answers: Sequence[EtcAnswer], dial: Dial, *, seed: int | None = None) -> EtcFidelity:
+def etc_fidelity(
+    answers: Sequence[EtcAnswer], dial: Dial, *, seed: int | None = None, of_table: bool = False
+) -> EtcFidelity:
     """Return the record of all answers that have frames; of those without one of their own, that of the closed forms.
 
     Parameters
@@ -56,9 +60,11 @@ def etc_fidelity(answers: Sequence[EtcAnswer], dial: Dial, *, seed: int | None =
     dial : Dial
     seed : int, optional
         Of the images that check them.
+    of_table : bool
+        As of `closed_form_fidelity`.
     """
     records = [
-        answer.fidelity or closed_form_fidelity(index, answer)
+        answer.fidelity or closed_form_fidelity(index, answer, of_table=of_table)
         for index, answer in enumerate(answers)
         if answer.n_frames is not None
     ]

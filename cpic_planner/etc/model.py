@@ -18,7 +18,7 @@ from cpic_planner.queries import Strategy
 from cpic_planner.registry import LibraryNoise, StarSettings
 from simulator.camera import aperture_loss_per_s
 from simulator.config import Instrument, Timing, content_hash
-from simulator.imaging import HoleZone, PsfMetrics, metrics_key, psf_metrics
+from simulator.imaging import PsfMetrics, Zone, metrics_key, psf_metrics, zone_of
 from simulator.passbands import Passbands
 from simulator.signal import ProgrammeLaw, SpeckleLaw
 
@@ -147,6 +147,11 @@ class EtcModel:
     @functools.cached_property
     def _losses(self) -> dict[str, float]:
         return {band: aperture_loss_per_s(self.instrument, band) for band in self.metrics}
+
+    @property
+    def of_table(self) -> bool:
+        """Whether the coronagraph is a table, of which no images are known."""
+        return self.instrument.coronagraph.table is not None
 
     def camera(self, band: str) -> FrameCamera:
         """One frame of the band's camera."""
@@ -301,12 +306,12 @@ def _model(digest: str, bands: tuple[str, ...], strategy: Strategy, held: _Unkey
     return EtcModel(instrument, Passbands.from_instrument(instrument), metrics, strategy)
 
 
-def diagonal(zone: HoleZone, separation_arcsec: Any) -> tuple[Any, Any]:
+def diagonal(zone: Zone, separation_arcsec: Any) -> tuple[Any, Any]:
     """Detector offsets x and y of a point on the diagonal of one dark quadrant: the upper right one if it is dark.
 
     Parameters
     ----------
-    zone : HoleZone
+    zone : HoleZone or RingZone
     separation_arcsec : object
         Projected separation from the star, arcsec, above 0.
     """
@@ -324,10 +329,7 @@ def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float
     band : str
         Name of a band of the instrument, such as ``F520``.
     """
-    radius = instrument.aperture_radius_arcsec(band)
-    inner = (instrument.hole_inner_arcsec(band) + radius) * math.sqrt(2.0)
-    outer = (instrument.hole_outer_arcsec(band) - radius) * math.sqrt(2.0)
-    return inner, outer
+    return zone_of(instrument, band).usable_range_arcsec(instrument.aperture_radius_arcsec(band))
 
 
 def hole_notes(model: EtcModel, band: str) -> tuple[str, ...]:
@@ -354,15 +356,11 @@ def place_status(model: EtcModel, band: str, separation_arcsec: float) -> tuple[
         Projected separation from the star, arcsec, above 0.
     """
     instrument, rolls = model.instrument, model.strategy.rolls_deg
-    inner, outer = usable_range_arcsec(instrument, band)
-    where = "diagonal"
-    if len(rolls) > 1:
-        half = math.radians(rolls[1])
-        # The planet stands half the roll beside the diagonal, before and after.
-        near, far = math.cos(math.pi / 4 + half), math.sin(math.pi / 4 + half)
-        inner = inner / math.sqrt(2.0) / near if near > 0 else math.inf
-        outer = outer / math.sqrt(2.0) / far
-        where = f"{rolls[1]:g} deg beside the diagonal"
+    # With two rolls the planet stands half the roll beside the diagonal, before and after.
+    zone, turn_deg = zone_of(instrument, band), rolls[1] if len(rolls) > 1 else 0.0
+    inner, outer = zone.usable_range_arcsec(instrument.aperture_radius_arcsec(band), turn_deg)
+    beside = f"{turn_deg:g} deg beside the diagonal" if turn_deg else "diagonal"
+    where = "ring" if zone.mode == "ring" else beside
     place = f"{separation_arcsec:.3f} arcsec"
     if separation_arcsec < inner * (1.0 - 1e-9):
         text = f"{place}: the aperture leaves the dark hole of {band} inside {inner:.3f} arcsec ({where})"

@@ -10,9 +10,8 @@ import scipy
 
 from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.star_light import light_of, star_e_s
+from cpic_planner.etc.star_light import light_of, sky_in_core, star_e_s
 from cpic_planner.targets import Targets
-from simulator.detectors import aperture_noise_pixels
 from simulator.imaging import PsfMetrics
 from simulator.signal import (
     CompanionTables,
@@ -30,7 +29,7 @@ EVERY_ANGLE_DEG = tuple(np.arange(36) * 10.0 + 2.5)
 
 @dataclass(frozen=True)
 class ApertureRates:
-    """Rates inside one aperture of radius 0.7 lambda/D; all arrays broadcast against each other.
+    """Rates inside one aperture; all arrays broadcast against each other.
 
     Attributes
     ----------
@@ -57,7 +56,7 @@ class ApertureRates:
         Hottest pixel of the central star in the columns that cross the hole: it must not bloom into it.
     register_tail_e_s : ndarray
         Light of the central star beside the hole that must fit the register, lest charge trails into the hole.
-    aperture_pixels : float
+    aperture_pixels : ndarray or float
         Pixels in the aperture.
     noise_fraction : float
         Sum of squared pixel weights over the area of the aperture: pixels that the circle cuts count with their
@@ -96,7 +95,7 @@ class ApertureRates:
     peak_frame_e_s: FloatArray
     peak_columns_e_s: FloatArray
     register_tail_e_s: FloatArray
-    aperture_pixels: float
+    aperture_pixels: FloatArray | float
     noise_fraction: float
     source_noise_fraction: FloatArray
     background_apertures: FloatArray
@@ -161,21 +160,21 @@ def aperture_rates(
     sky = of_sky.reshape(-1, *(1,) * (dims - 1))
     companion = _companions(model, targets, band, x, y)
     halo = star * metrics.halo_aperture(x, y)
-    area, core = metrics.aperture_pixels, metrics.core_throughput(x, y)
+    area, core = metrics.core_pixels(x, y), metrics.core_throughput(x, y)
     exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis if zodis is None else zodis, x, y, core)
-    dark = np.full((1,) * dims, model.camera(band).dark_e_s * area)
+    dark = np.full((1,) * dims, model.camera(band).dark_e_s) * area
     width, ratio_of_lengths = strategy.annulus_lambda_d, strategy.reference_ratio
     law = programme_law(metrics, instrument.drift, separation, width, ratio_of_lengths, model.timing)
     reference, left = model.library_noise(band, star), _planet_left(model, band, x, y)
     smear = _smear(model, band, x, star, companion.column_e_s, sky)
     brightest, peak_planet = star * reference.peak, planet_total * metrics.peak_off_axis
-    peak_companion = companion.brightest_e_s.reshape((-1,) + (1,) * (dims - 1)) / area
-    noise_pixels = float(aperture_noise_pixels(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))
+    peak_companion = companion.brightest_e_s.reshape((-1,) + (1,) * (dims - 1)) / metrics.aperture_pixels
+    shown = sky_in_core(model, band, sky, x, y)
     return ApertureRates(
         planet_e_s=planet_total * core * left,
         halo_e_s=halo,
         companion_e_s=companion.aperture_e_s,
-        sky_e_s=sky,
+        sky_e_s=shown,
         exozodi_e_s=exozodi,
         dark_e_s=dark,
         planet_left=left,
@@ -188,11 +187,11 @@ def aperture_rates(
         peak_columns_e_s=brightest * metrics.peak_on_axis_columns,
         register_tail_e_s=brightest * metrics.register_tail,
         aperture_pixels=area,
-        noise_fraction=noise_pixels / area,
+        noise_fraction=metrics.noise_fraction,
         source_noise_fraction=metrics.source_noise_fraction * (2.0 - left) / left,
         background_apertures=annulus_apertures(metrics, strategy.annulus_lambda_d, separation),
         loss_per_s=model.loss_per_s(band),
-        reference_light_e_s=reference.light(halo + exozodi, companion.aperture_e_s, sky + dark),
+        reference_light_e_s=reference.light(halo + exozodi, companion.aperture_e_s, shown + dark),
         reference_halo_e_s=reference.halo * halo,
         reference_scale=reference.scale,
         smear_e=smear.star_e + smear.companion_e + smear.even_e,

@@ -135,7 +135,7 @@ class Solved:
                 head["flags"] += ("visits_at_limit",)
             if choice.exposure_s[case] > camera.exposure_max_s * (1.0 + 1e-12):
                 head["flags"] += ("exposure_beyond_max",)
-            if speckle_error_extrapolated(own.band, head["separation_arcsec"]):
+            if not model.of_table and speckle_error_extrapolated(own.band, head["separation_arcsec"]):
                 head["flags"] += ("speckle_error_extrapolated",)
             binding = budget.binding_limits(problem, cases.rates, choice, case)
             value, frames, many = float(self.value[case]), int(choice.n_frames[case]), int(visits[case])

@@ -103,6 +103,27 @@ def aperture_sky_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray
     return np.asarray((sky + _stray_e_s_pixel(instrument, band, metrics)) * metrics.aperture_pixels)
 
 
+def sky_in_core(
+    model: EtcModel, band: str, sky_e_s: FloatArray, x_arcsec: FloatArray, y_arcsec: FloatArray
+) -> FloatArray:
+    """Return what an aperture at (x, y) gets of the light of `aperture_sky_e_s`.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+    sky_e_s : ndarray
+        Broadcasts with the places.
+    x_arcsec, y_arcsec : ndarray
+    """
+    metrics = model.metrics[band]
+    share, pixels = metrics.sky_share(x_arcsec, y_arcsec), metrics.core_pixels(x_arcsec, y_arcsec)
+    if isinstance(share, float) and isinstance(pixels, float):
+        return sky_e_s
+    stray = _stray_e_s_pixel(model.instrument, band, metrics) * metrics.aperture_pixels
+    return np.asarray((stray + (sky_e_s - stray) * share) * (pixels / metrics.aperture_pixels))
+
+
 def _stray_e_s_pixel(instrument: Instrument, band: str, metrics: PsfMetrics) -> float:
     """Mean stray light on the pixels of the hole that lie on the detector."""
     detector = instrument.detector_of(band)

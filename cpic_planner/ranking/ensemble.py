@@ -166,6 +166,9 @@ def rank_under(
         As of `cpic_planner.ranking.order.rank_targets`.
     instruments : EnsembleChoice or None
     """
+    if instruments is not None and model.of_table:
+        hint = "an ensemble says what is not known of modelled optics"
+        raise InputError("coronagraph.table", model.instrument.name, allowed="no ensemble of instruments", hint=hint)
     result = rank_targets(model, targets, chosen=chosen, sample=sample, catalogue=catalogue, **asked)
     if instruments is None:
         return result

@@ -14,7 +14,7 @@ from cpic_planner import etc
 from cpic_planner.planets import Planets
 from cpic_planner.ranking.programmes import programme_of
 from cpic_planner.targets import Targets
-from simulator.imaging import HoleZone
+from simulator.imaging import PsfMetrics, Zone
 from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_law
 from simulator.target import sky_to_detector
 
@@ -72,7 +72,7 @@ class ZonePlanets:
     def __init__(self, targets: Targets, planets: Planets, *, keep: bool = False) -> None:
         self.targets = targets
         self.planets = planets
-        self._kept: dict[tuple[HoleZone, float, int], list[Placed]] | None = {} if keep else None
+        self._kept: dict[tuple[Zone, float, int], list[Placed]] | None = {} if keep else None
 
     def of(self, model: etc.EtcModel, band: str) -> Iterator[Placed]:
         """Yield the planets in the zone of a band, a part of the stars and of the planets at a time.
@@ -91,7 +91,7 @@ class ZonePlanets:
             self._kept[key] = list(self._placed(*key))
         yield from self._kept[key]
 
-    def _placed(self, zone: HoleZone, radius_arcsec: float, parity: int) -> Iterator[Placed]:
+    def _placed(self, zone: Zone, radius_arcsec: float, parity: int) -> Iterator[Placed]:
         """A map from sky to detector is linear in the offset, whatever its unit."""
         planets, targets = self.planets, self.targets
         arcsec_au = planets.scale(targets.luminosity_lsun) / targets.distance_pc
@@ -117,12 +117,12 @@ class ZonePlanets:
                 )
 
 
-def ring_of(zone: HoleZone, separation_arcsec: FloatArray) -> IntArray:
+def ring_of(zone: Zone, separation_arcsec: FloatArray) -> IntArray:
     """Return the ring of `faintest_contrast` in which points stand.
 
     Parameters
     ----------
-    zone : HoleZone
+    zone : HoleZone or RingZone
     separation_arcsec : ndarray
         Distance from the star.
     """
@@ -164,8 +164,8 @@ def faintest_contrast(
     Notes
     -----
     A planet beside the mask's shadow, in noise without the light of star, companion and dust, and with the least
-    speckles of its ring, is more significant than any real one of that contrast. The threshold and the least margin of
-    the law (`cpic_planner.etc.least_margin`) are the least of the ring, too.
+    speckles, sky and core of its ring, is more significant than any real one of that contrast. The threshold and the
+    least margin of the law (`cpic_planner.etc.least_margin`) are the least of the ring, too.
     """
     metrics, strategy, rings = model.metrics[band], model.strategy, np.zeros((len(targets), N_RINGS))
     if strategy.mode == "photon_counting":
@@ -179,13 +179,18 @@ def faintest_contrast(
     fine = low + (high - low) * (np.arange(N_RINGS)[:, None] + np.linspace(0.0, 1.0, _FINE + 1)) / N_RINGS
     width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
     least = _least(programme_law(metrics, model.instrument.drift, fine, width, ratio, model.timing))
+    bright, large = _least_shares(metrics, fine, (x, y))
+    sky, charge = rates.sky_e_s * bright * large, rates.dark_e_s * large
     dark = replace(
         rates,
         planet_e_s=star * metrics.core_open,
         halo_e_s=none,
         exozodi_e_s=none,
+        sky_e_s=sky,
+        dark_e_s=charge,
+        aperture_pixels=rates.aperture_pixels * large,
         speckle=least.scaled(star**2 * library.speckle),
-        reference_light_e_s=library.light(none, none, rates.sky_e_s + rates.dark_e_s),
+        reference_light_e_s=library.light(none, none, sky + charge),
         smear_e=none,
         reference_smear_e=none,
     )
@@ -199,6 +204,18 @@ def faintest_contrast(
         needed = needed * np.minimum(*ends)
     with np.errstate(divide="ignore"):
         return np.asarray(_SURE * needed / noise.significance + rings)
+
+
+def _least_shares(
+    metrics: PsfMetrics, fine: FloatArray, middle: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray | float, FloatArray | float]:
+    """The least sky on a pixel of each ring, and the least core, over those in the middle of the zone; at most 1."""
+    found: list[FloatArray | float] = []
+    for value in (metrics.sky_share, metrics.core_pixels):
+        there = value(*etc.diagonal(metrics.zone, fine))
+        ratio = 1.0 if isinstance(there, float) else np.minimum(there.min(axis=-1) / value(*middle), 1.0)
+        found.append(ratio)
+    return found[0], found[1]
 
 
 def _least(law: ProgrammeLaw) -> ProgrammeLaw:
@@ -255,21 +272,6 @@ def _slices(length: int, step: int) -> Iterator[slice]:
         yield slice(start, min(start + step, length))
 
 
-def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
-    """Which points lie in the zone, at least ``margin`` from its edges.
-
-    Parameters
-    ----------
-    zone : HoleZone
-    x_arcsec : ndarray
-        Offset from the star on the detector along x, arcsec.
-    y_arcsec : ndarray
-        Offset from the star on the detector along y, arcsec.
-    margin_arcsec : float
-        Distance kept from the edges, arcsec.
-    """
-    inside = np.ones(x_arcsec.shape, bool)
-    for offset, parts in zip((y_arcsec, x_arcsec), zone.intervals(), strict=True):
-        within = [(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts]
-        inside &= np.any(within, axis=0)
-    return inside
+def inside_zone(zone: Zone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
+    """Which points lie in the zone, at least ``margin`` from its edges; parameters as of `HoleZone.contains`."""
+    return zone.contains(x_arcsec, y_arcsec, margin_arcsec)

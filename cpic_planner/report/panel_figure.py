@@ -289,12 +289,17 @@ def _halo(ink: str) -> list[Any]:
 
 
 def _hole(axes: Axes, panels: Panels, ink: str) -> None:
-    from matplotlib.patches import Rectangle
+    from matplotlib.patches import Circle, Rectangle
 
-    rows, columns = panels.zone.intervals()
+    look: Look = {"edgecolor": ink, "linewidth": 0.7, "linestyle": (0, (3, 2)), "alpha": 0.9}
+    zone = panels.zone
+    if zone.mode == "ring":
+        for radius in (zone.inner_arcsec, zone.outer_arcsec):
+            axes.add_patch(Circle((0.0, 0.0), radius, fill=False, **look))
+        return
+    rows, columns = zone.intervals()
     for bottom, top in rows:
         for left, right in columns:
-            look: Look = {"edgecolor": ink, "linewidth": 0.7, "linestyle": (0, (3, 2)), "alpha": 0.9}
             axes.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, **look))
 
 

@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray
-from simulator.imaging import HoleMode, HoleSide, HoleZone
+from simulator.imaging import HoleSide, Zone, ZoneMode, zone_from
 from simulator.target import sky_to_detector
 
 _IMAGES = ("science", "reference", "residual")
@@ -64,11 +64,11 @@ class Panels:
     aperture_radius_arcsec : float
         Photometric aperture.
     hole_inner_arcsec, hole_outer_arcsec : float
-        Each quadrant's zone is ``inner <= |x|, |y| <= outer`` (not diagonal separations).
+        Each quadrant's zone is ``inner <= |x|, |y| <= outer`` (not diagonal separations); radii of a ring.
     mask_half_width_arcsec : float
         Half width of the arms of the cross mask.
     hole_mode, hole_side : str
-        All four quadrants, or the two on a side of the star.
+        All four quadrants, the two on a side of the star, or a ring.
     parity : int
         Detector parity, -1 or +1.
     roll_deg : float
@@ -89,7 +89,7 @@ class Panels:
     hole_inner_arcsec: float
     hole_outer_arcsec: float
     mask_half_width_arcsec: float
-    hole_mode: HoleMode = "4q"
+    hole_mode: ZoneMode = "4q"
     hole_side: HoleSide = "right"
     parity: int = -1
     roll_deg: float = 0.0
@@ -122,9 +122,9 @@ class Panels:
         return Mark(self.planet_x_arcsec, self.planet_y_arcsec), *self.marks
 
     @property
-    def zone(self) -> HoleZone:
-        """The dark quadrants."""
-        return HoleZone(self.hole_inner_arcsec, self.hole_outer_arcsec, self.hole_mode, self.hole_side)
+    def zone(self) -> Zone:
+        """The dark quadrants, or the ring."""
+        return zone_from(self.hole_inner_arcsec, self.hole_outer_arcsec, self.hole_mode, self.hole_side)
 
     @property
     def extent_arcsec(self) -> tuple[float, float, float, float]:

@@ -4,7 +4,6 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -77,6 +76,8 @@ def imaged_model(model: EtcModel, strategy: SurveyStrategy, band: str) -> EtcMod
         Name of a band of the instrument, such as ``F520``.
     """
     contrast = strategy.assumptions.contrast
+    if model.of_table:
+        return None
     if contrast is None:
         return model
     noise = mirror_noise_nm(model.instrument, band, contrast)
@@ -105,7 +106,8 @@ def mirror_noise_nm(instrument: Instrument, band: str, contrast: float) -> float
     Returns
     -------
     float or None
-        rms in nm of surface; None where the hole is as bright without, or no error of the mirror changes it.
+        rms in nm of surface; None where the hole is as bright without, or no error of the mirror changes it, and where
+        the coronagraph is a table.
 
     Notes
     -----
@@ -113,6 +115,8 @@ def mirror_noise_nm(instrument: Instrument, band: str, contrast: float) -> float
     light of the instrument's own hole (``reports/whatif``), whose field differs across the band, so that its products
     with the drift partly cancel; an error of the mirror leaves nearly the same field at all wavelengths of a band.
     """
+    if instrument.coronagraph.table is not None:
+        return None
     key = content_hash({"optics": metrics_key(instrument, band), "contrast": repr(contrast)})
 
     def computed() -> dict[str, FloatArray]:
@@ -148,30 +152,17 @@ def _median_of(instrument: Instrument, band: str, noise_nm: float) -> float:
 
 def raw_contrast_median(metrics: PsfMetrics) -> float:
     """Median raw contrast of the pixels of the dark hole."""
-    return float(np.median(metrics.raw_contrast[metrics.hole]))
+    return metrics.median_contrast
 
 
 @functools.lru_cache(maxsize=64)
 def with_contrast(metrics: PsfMetrics, contrast: float) -> PsfMetrics:
-    """Figures of a band whose dark hole has another median raw contrast, of more or less of the same light.
+    """Figures of a band whose dark hole has another median raw contrast: see `PsfMetrics.brightened`.
 
     Parameters
     ----------
     metrics : PsfMetrics
     contrast : float
         At least 0.
-
-    Notes
-    -----
-    The static intensity ``|E0|^2`` in the hole is multiplied with one factor f. The residual of two visits with
-    independent errors dE of the wavefront has the variance ``f a o^2 + b o^4`` for offsets of ``o`` nm: the cross term
-    ``2 Re(E0* dE)`` grows with ``|E0|^2``, the light of the errors does not change. Peaks in the columns and tails of
-    the register, which lie mostly outside the hole, are kept; so are all throughputs.
     """
-    factor = contrast / raw_contrast_median(metrics)
-    axis = centred_axis(len(metrics.raw_contrast), metrics.pixel_scale_arcsec)
-    inside = metrics.zone.covers(axis, axis)
-    maps = {name: getattr(metrics, name) for name in ("halo_map", "raw_contrast")}
-    scaled: dict[str, Any] = {name: np.where(inside, factor * values, values) for name, values in maps.items()}
-    scaled["floor_linear"] = factor * metrics.floor_linear
-    return replace(metrics, **scaled, peak_on_axis_hole=factor * metrics.peak_on_axis_hole)
+    return metrics.brightened(contrast / raw_contrast_median(metrics))

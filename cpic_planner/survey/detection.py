@@ -308,7 +308,7 @@ def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:
     distance_pc : float
         Distance, pc, above 0.
     """
-    inner = min(metrics.hole_inner_arcsec for metrics in model.metrics.values()) * math.sqrt(2.0)
+    inner = min(metrics.hole_inner_corner_arcsec for metrics in model.metrics.values())
     outer = max(metrics.owa_arcsec for metrics in model.metrics.values())
     return inner * distance_pc, outer * distance_pc
 

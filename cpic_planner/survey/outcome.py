@@ -360,7 +360,7 @@ def _digits(value: float) -> float:
 
 def _quadrants(metrics: PsfMetrics) -> str:
     """Quadrants of the hole: all, or the names of the two on its side."""
-    if metrics.hole_mode == "4q":
+    if metrics.hole_mode != "2q":
         return "all"
     side = {"top": "upper", "bottom": "lower"}.get(metrics.hole_side, metrics.hole_side)
     return "; ".join(name for name in QUADRANTS if side in name)

@@ -19,7 +19,7 @@ from cpic_core import (
     checked_array,
     load_quietly,
 )
-from simulator.imaging import HoleZone
+from simulator.imaging import Zone
 
 
 def described(array: np.ndarray) -> str:
@@ -155,19 +155,18 @@ def outside_discs(region: BoolArray, places: Iterable[Sequence[float]], radius_p
     return region
 
 
-def edge_crossed(zone: HoleZone, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> Reason:
+def edge_crossed(zone: Zone, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> Reason:
     """Which edge of the dark hole the aperture of a source crosses that does not lie in it.
 
     Parameters
     ----------
-    zone : HoleZone
+    zone : HoleZone or RingZone
     x_arcsec, y_arcsec : float
         Offsets of the source from the star on the detector.
     radius_arcsec : float
         Radius of the aperture.
     """
-    near, far = sorted((abs(x_arcsec), abs(y_arcsec)))
-    inner = near - radius_arcsec < zone.inner_arcsec and far + radius_arcsec <= zone.outer_arcsec
+    inner = zone.crosses_inner(x_arcsec, y_arcsec, radius_arcsec)
     return Reason.INSIDE_INNER_EDGE if inner else Reason.OUTSIDE_OUTER_EDGE
 
 

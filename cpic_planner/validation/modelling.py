@@ -210,10 +210,8 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
 
 def _with_planet(scene: Scene, instrument: Instrument, band: str) -> tuple[Scene, tuple[str, ...]]:
     """A scene with the planet that a search is judged by, and its name."""
-    metrics = psf_metrics(instrument, band)
-    middle = 0.5 * (metrics.hole_inner_arcsec + metrics.hole_outer_arcsec)
-    sign_x, sign_y = metrics.zone.diagonal
-    separation, pa_deg = detector_to_sky(sign_x * middle, sign_y * middle, parity=instrument.detector.parity)
+    middle = psf_metrics(instrument, band).zone.middle
+    separation, pa_deg = detector_to_sky(*middle, parity=instrument.detector.parity)
     planet = Planet(
         name=_SEARCHED,
         spectrum="blackbody",

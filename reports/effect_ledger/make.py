@@ -14,6 +14,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import coronagraph_tables
 import numpy as np
 from figures import png, size_figure
 from scenes import RandomCase, random_case
@@ -309,7 +310,7 @@ and to the rms of what two visits of a drifting wavefront leave there. Against s
 Light of a source off the axis, from 0.6 to 4 arcsec, over the map of its wings that the ledger reads:
 
 {wings_text(wings)}
-"""
+{coronagraph_tables.text()}"""
 
 
 def main() -> None:

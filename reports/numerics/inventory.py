@@ -161,6 +161,7 @@ NO_NUMBER = {
         "open_catalogue",
         "resolve_star",
         "save_psf",
+        "write_coronagraph_table",
         "scenes_from_table",
         "write_calibration_set",
     ],

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import coronagraph_tables
 import numpy as np
 
 from cpic_core.files import write_json
@@ -109,7 +110,7 @@ def strategies() -> dict[str, Any]:
     return {"prepared_s": prepared_s, "strategies": found}
 
 
-PARTS = {"ensembles": ensembles, "strategies": strategies}
+PARTS = {"ensembles": ensembles, "strategies": strategies, "tables": coronagraph_tables.measured}
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -188,7 +189,12 @@ What each calendar is worth to the scheduler, and how far below the bound that n
 """
 
 
-TEXTS = {"ensembles": ensembles_text, "strategies": strategies_text}
+def tables_text(found: dict[str, Any]) -> str:
+    """Section on coronagraphs of tables."""
+    return coronagraph_tables.text(found, table)
+
+
+TEXTS = {"ensembles": ensembles_text, "strategies": strategies_text, "tables": tables_text}
 
 
 def text() -> str:

@@ -20,6 +20,11 @@ from simulator.config.bodies import (
     declination_deg as declination_deg,
     right_ascension_deg as right_ascension_deg,
 )
+from simulator.config.coronagraph_table import (
+    CoronagraphTable as CoronagraphTable,
+    shipped_tables as shipped_tables,
+    table_path as table_path,
+)
 from simulator.config.detector import (
     AnyDetector as AnyDetector,
     Detector as Detector,

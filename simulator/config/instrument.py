@@ -11,24 +11,26 @@ from pydantic import Field, PrivateAttr
 from catalogs import band_provenance, load_bands
 from cpic_core import InputError, Provenance, is_file, load_mapping, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
+from simulator.config.coronagraph_table import KEY as TABLE_KEY, CoronagraphTable, coronagraph_table
 from simulator.config.detector import AnyDetector, Detector
+from simulator.config.optics import Coronagraph, NearInfrared, Telescope
 from simulator.config.presets import preset_names, preset_path
 from simulator.config.sky import CosmicRayConfig, SkyConfig, own_sky
 from simulator.config.telescope import (
     CameraName,
     Channel,
-    Coronagraph,
     DarkHoleConfig,
     Drift,
     MirrorConfig,
     MissionConfig,
-    NearInfrared,
     WavefrontConfig,
 )
 from simulator.detectors import INFRARED, VISIBLE, chain_preset
 
 _ORIGIN = ("unit", "source", "confidence", "range", "note")
-_FILE_KEYS = ("apodizer", "transmission_file", "surface_files", "calibration_files", "map_file", "template_file")
+_FILE_KEYS = (
+    *("apodizer", "transmission_file", "surface_files", "calibration_files", "map_file", "template_file", "table"),
+)
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
 
 Positive = Annotated[float, Field(gt=0)]
@@ -36,21 +38,10 @@ NonNegative = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
-class Telescope(FrozenModel):
-    """Entrance pupil: an unobscured disc."""
-
-    diameter_m: Annotated[float, Field(ge=0.1, le=20)]
-
-    @property
-    def area_cm2(self) -> float:
-        """Collecting area of the clear disc."""
-        return math.pi / 4.0 * (100.0 * self.diameter_m) ** 2
-
-
 class BandConfig(FrozenModel):
     """One band: top-hat of ``width_nm`` around ``center_nm``, or a two-column transmittance file."""
 
-    camera: CameraName
+    camera: CameraName = "VIS"
     center_nm: Annotated[float, Field(ge=300, le=1750)]
     width_nm: Annotated[float, Field(gt=0, le=1000)]
     t_opt: Annotated[float, Field(gt=0, le=1)]
@@ -85,17 +76,51 @@ class Instrument(FrozenModel):
             for name in getattr(getattr(self, section), field):
                 if name not in self.bands:
                     raise InputError(key, name, allowed=f"names of bands: {', '.join(self.bands)}")
+        self._check_table()
+        least = 1.0 if self.coronagraph.table is None else 0.5
         for name, band in self.bands.items():
             section = self.channel(band.camera).section
             aperture, pixel = self.aperture_radius_arcsec(name), self.pixel_scale_arcsec(name)
-            if not 1.0 <= aperture / pixel <= 20.0:
-                allowed = f"1 to 20 pixels in the aperture radius of {name}, not {aperture / pixel:.3g}"
+            if not least <= aperture / pixel <= 20.0:
+                allowed = f"{least:g} to 20 pixels in the aperture radius of {name}, not {aperture / pixel:.3g}"
                 raise InputError("pixel_scale_arcsec", pixel, unit="arcsec", allowed=allowed)
+            if self.coronagraph.is_ring:
+                continue
             inner = self.hole_inner_arcsec(name) + 2 * aperture
             if inner >= self.hole_outer_arcsec(name):
                 key, outer = f"{section}.outer_half_side_arcsec", self.hole_outer_arcsec(name)
                 allowed = f"room for an aperture in the hole of {name}: above {inner:.3g}"
                 raise InputError(key, outer, unit="arcsec", allowed=allowed)
+
+    def _check_table(self) -> None:
+        """Refuse what an optical model without a table does not know, and tables of bands that are not there."""
+        named, telescope = self.coronagraph.table, self.telescope
+        if named is None:
+            for key in ("obstruction_diameter_ratio", "area_m2"):
+                if getattr(telescope, key):
+                    hint = "the optical model has a clear disc; give the coronagraph as coronagraph.table"
+                    raise InputError(f"telescope.{key}", getattr(telescope, key), allowed="not given", hint=hint)
+            return
+        for band in () if isinstance(named, str) else named:
+            if band not in self.bands:
+                raise InputError(TABLE_KEY, band, allowed=f"names of bands: {', '.join(self.bands)}")
+        for band in self.bands:
+            self.table(band)
+
+    def table(self, band: str) -> CoronagraphTable | None:
+        """Table of the coronagraph in a band; None where the optics are modelled.
+
+        Raises
+        ------
+        InputError
+            As `simulator.config.coronagraph_table.coronagraph_table`; if the tables lack the band.
+        """
+        named = self.coronagraph.table
+        if named is None:
+            return None
+        if not isinstance(named, str) and band not in named:
+            raise InputError(TABLE_KEY, ", ".join(named), allowed=f"a table for every band, {band} has none")
+        return coronagraph_table(named if isinstance(named, str) else named[band], self.lambda_d_arcsec(band))
 
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
 
@@ -183,19 +208,27 @@ class Instrument(FrozenModel):
         return self.band(band).center_nm * 1e-9 / self.telescope.diameter_m * ARCSEC_PER_RAD
 
     def hole_inner_arcsec(self, band: str) -> float:
-        """Inner edge ``a`` of the square zone, per axis."""
+        """Inner edge ``a`` of the square zone, per axis; inner radius of a ring."""
+        if (table := self._ring_table(band)) is not None:
+            # A planet may stand at every separation of the table: its aperture reaches beyond.
+            return float(table.separation_arcsec[0]) - self.aperture_radius_arcsec(band)
         corner = self.coronagraph.inner_arcsec.get(band)
         if corner is None:
             corner = self.coronagraph.inner_lambda_d * self.lambda_d_arcsec(band)
         return corner / math.sqrt(2.0)
 
     def hole_outer_arcsec(self, band: str) -> float:
-        """Outer edge ``b`` of the square zone, per axis."""
+        """Outer edge ``b`` of the square zone, per axis; outer radius of a ring."""
+        if (table := self._ring_table(band)) is not None:
+            return float(table.separation_arcsec[-1]) + self.aperture_radius_arcsec(band)
         return self.channel_of(band).optics.outer_half_side_arcsec
 
+    def _ring_table(self, band: str) -> CoronagraphTable | None:
+        return self.table(band) if self.coronagraph.is_ring else None
+
     def mask_half_width_arcsec(self, band: str) -> float:
-        """Half width of the bars of the cross."""
-        return self.channel_of(band).optics.mask_half_width_arcsec
+        """Half width of the bars of the cross; 0 where a table has a ring."""
+        return 0.0 if self.coronagraph.is_ring else self.channel_of(band).optics.mask_half_width_arcsec
 
     def pixel_scale_arcsec(self, band: str) -> float:
         """Pixel of the band's camera."""
@@ -206,7 +239,10 @@ class Instrument(FrozenModel):
         return self.channel_of(band).detector
 
     def aperture_radius_arcsec(self, band: str) -> float:
-        """Radius of the photometric aperture."""
+        """Radius of the photometric aperture: that of the core of a table that has its area."""
+        table = self.table(band)
+        if table is not None and table.core_radius_arcsec is not None:
+            return table.core_radius_arcsec
         return self.coronagraph.aperture_radius_lambda_d * self.lambda_d_arcsec(band)
 
     def aperture_pixels(self, band: str) -> float:
@@ -278,10 +314,22 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         own = _with_own_sky(own, shipped["sky"])
         merged = deep_merge(shipped, _plain_over_sourced(shipped, own))
         merged["name"] = own.get("name", f"{base}+changes" if own else base)
+        _drop_bands(own, merged)
         return merged
     # Effects may bring defaults of their own.
     brought = {"detector": chain_preset(VISIBLE), "near_infrared": {"detector": chain_preset(INFRARED)}}
     return deep_merge(brought, own)
+
+
+def _drop_bands(own: Mapping[str, Any], merged: dict[str, Any]) -> None:
+    """Leave out the bands of the base where a table replaces its optics: those that neither bands nor tables name."""
+    coronagraph = own.get("coronagraph")
+    table = coronagraph.get("table") if isinstance(coronagraph, Mapping) else None
+    if isinstance(table, Mapping) and "value" in table:
+        table = table["value"]
+    named = own.get("bands") if isinstance(own.get("bands"), Mapping) else table
+    if table is not None and isinstance(named, Mapping) and isinstance(merged.get("bands"), Mapping):
+        merged["bands"] = {name: band for name, band in merged["bands"].items() if name in named}
 
 
 def _with_own_sky(own: dict[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The mission as configuration: when observations begin, where the telescope is, and how products are labelled.
 
-The optics as configuration: coronagraph, near-infrared channel, static wavefront, mirror, dark hole, drift.
+What shapes the wavefront as configuration: static wavefront, mirror, dark hole, drift.
 
 One camera of the instrument with what is in front of it: what differs between the channels, said once.
 """
@@ -16,7 +16,8 @@ from pydantic import AfterValidator, Field, ValidationInfo
 
 from cpic_core import ArrayLike, ComplexArray, InputError, check_number, load_quietly
 from simulator.config.base import FrozenModel
-from simulator.config.detector import AnyDetector, Detector, InfraredDetector
+from simulator.config.detector import AnyDetector, Detector
+from simulator.config.optics import Coronagraph, NearInfrared
 
 FIRST_YEAR, LAST_YEAR = 1972, 2100
 """Years of every date of the project: from the first of UTC on, both included."""
@@ -107,33 +108,6 @@ class MissionConfig(FrozenModel):
     obsid_prefix: Annotated[str, Field(pattern=r"^[0-9]{1,6}$")]
     product_version: Annotated[int, Field(ge=1, le=99)]
     keyword_profile: Annotated[str, Field(min_length=1)]
-
-
-class Coronagraph(FrozenModel):
-    """Apodizer, focal-plane mask and dark-hole geometry (squares, one per quadrant).
-
-    The controlled zone of a band is ``a <= |x|, |y| <= b`` with ``a = inner_lambda_d / sqrt2`` in units of
-    lambda/D and ``b = outer_half_side_arcsec``. ``inner_arcsec`` gives the diagonal separation of the inner corner
-    of single bands in arcsec instead. ``apodizer_samples`` averages a measured map over a grid that fits the pupil's.
-    """
-
-    apodizer: str
-    apodizer_kind: Literal["amplitude", "intensity"]
-    apodizer_samples: Annotated[int, Field(ge=8, le=2048, multiple_of=2)] | None
-    mask_half_width_arcsec: Annotated[float, Field(ge=0, le=2)]
-    inner_lambda_d: Annotated[float, Field(ge=1, le=20)]
-    inner_arcsec: dict[str, Annotated[float, Field(gt=0, le=4)]]
-    outer_half_side_arcsec: Annotated[float, Field(gt=0, le=1)]
-    aperture_radius_lambda_d: Annotated[float, Field(ge=0.2, le=5)]
-
-
-class NearInfrared(FrozenModel):
-    """What differs in the near-infrared channel: pixel, cross, outer edge of the hole, and its camera."""
-
-    pixel_scale_arcsec: Annotated[float, Field(gt=0, le=1)]
-    mask_half_width_arcsec: Annotated[float, Field(ge=0, le=4)]
-    outer_half_side_arcsec: Annotated[float, Field(gt=0, le=3)]
-    detector: InfraredDetector
 
 
 class WavefrontConfig(FrozenModel):

@@ -1,5 +1,12 @@
+from simulator.config.map_files import (
+    FileMap as FileMap,
+    header_number as header_number,
+    read_maps as read_maps,
+    real_map as real_map,
+)
 from simulator.imaging.aperture import aperture_sums as aperture_sums, overlap_weights as overlap_weights
-from simulator.imaging.build import build_imager as build_imager
+from simulator.imaging.build import build_imager as build_imager, refuse_table as refuse_table
+from simulator.imaging.clear_pupil import scattered_light as scattered_light
 from simulator.imaging.drift import SharedTerms as SharedTerms, visit_frames as visit_frames
 from simulator.imaging.external import ExternalPsf as ExternalPsf
 from simulator.imaging.frame import (
@@ -14,19 +21,8 @@ from simulator.imaging.frame import (
     star_column_light as star_column_light,
     window_of as window_of,
 )
-from simulator.imaging.geometry import (
-    BandGeometry as BandGeometry,
-    HoleMode as HoleMode,
-    HoleSide as HoleSide,
-    HoleZone as HoleZone,
-)
+from simulator.imaging.geometry import BandGeometry as BandGeometry, zone_of as zone_of
 from simulator.imaging.imager import FocalGrid as FocalGrid, Imager as Imager, centred_axis as centred_axis
-from simulator.imaging.map_files import (
-    FileMap as FileMap,
-    header_number as header_number,
-    read_maps as read_maps,
-    real_map as real_map,
-)
 from simulator.imaging.measure import visit_responses as visit_responses
 from simulator.imaging.metrics import PsfMetrics as PsfMetrics
 from simulator.imaging.mirror_states import (
@@ -38,3 +34,13 @@ from simulator.imaging.mirror_states import (
 from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
 from simulator.imaging.sampling import pixel_axis as pixel_axis
 from simulator.imaging.store import metrics_key as metrics_key, psf_metrics as psf_metrics, shipped_file as shipped_file
+from simulator.imaging.table_metrics import TableMetrics as TableMetrics
+from simulator.imaging.zones import (
+    HoleMode as HoleMode,
+    HoleSide as HoleSide,
+    HoleZone as HoleZone,
+    RingZone as RingZone,
+    Zone as Zone,
+    ZoneMode as ZoneMode,
+    zone_from as zone_from,
+)

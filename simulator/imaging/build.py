@@ -8,14 +8,28 @@ from cpic_core import FloatArray, InputError, stream
 from simulator.config import Instrument
 from simulator.imaging.dark_hole import DarkHole, HoleResult
 from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
-from simulator.imaging.geometry import HoleStatus, zone_of
+from simulator.imaging.geometry import zone_of
 from simulator.imaging.imager import Imager
 from simulator.imaging.pupil import Aberrations, cell_means, draw_aberrations, flat_aberrations, upsample
 from simulator.imaging.store import configured_apodizer, hole_key, hole_state, search
+from simulator.imaging.zones import HoleStatus, HoleZone
 from simulator.knobs import Knobs, resolve_knobs
 from simulator.passbands import Passbands
 
 MAX_SAMPLES = 2048
+
+
+def refuse_table(instrument: Instrument) -> None:
+    """Refuse images of an instrument whose coronagraph is a table.
+
+    Raises
+    ------
+    InputError
+    """
+    if instrument.coronagraph.table is not None:
+        hint = "the calculator, rankings and surveys work with it; images need those of a file (simulator.load_psf)"
+        allowed = "an instrument with modelled optics: a table says nothing of images"
+        raise InputError("coronagraph.table", instrument.name, allowed=allowed, hint=hint)
 
 
 def configured_mirror(instrument: Instrument) -> DeformableMirror:
@@ -57,6 +71,7 @@ def bare_imager(
         For an unknown band or fidelity, a spectrum that does not cover the band, or an apodizer whose steps and the
         grid of the static wavefront have no common grid of at most 2048 samples.
     """
+    refuse_table(instrument)
     knobs = resolve_knobs(fidelity)
     instrument.band(band)
     passbands = Passbands.from_instrument(instrument)
@@ -64,6 +79,8 @@ def bare_imager(
     nodes = knobs.wavelength_nodes + _extra_nodes(instrument, band, knobs)
     wavelength_nm, weights = passbands.wavelength_nodes(band, nodes, spectrum=light)
     apodizer = configured_apodizer(instrument)
+    zone = zone_of(instrument, band)
+    assert isinstance(zone, HoleZone)
     return Imager(
         band=band,
         wavelengths_m=wavelength_nm * 1e-9,
@@ -73,7 +90,7 @@ def bare_imager(
         pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
         mask_half_width_arcsec=instrument.mask_half_width_arcsec(band),
         aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
-        zone=zone_of(instrument, band),
+        zone=zone,
         lambda_d_arcsec=instrument.lambda_d_arcsec(band),
         knobs=knobs,
         jitter_arcsec=instrument.wavefront.jitter_mas * 1e-3,

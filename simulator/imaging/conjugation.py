@@ -32,9 +32,9 @@ import numpy as np
 
 from cpic_core import ComplexArray, FloatArray, InputError, announce, stream
 from simulator.imaging.deformable_mirror import DeformableMirror
-from simulator.imaging.geometry import HoleZone
 from simulator.imaging.imager import Imager
 from simulator.imaging.pupil import Aberrations, flat_aberrations
+from simulator.imaging.zones import HoleZone
 
 HoleMethod = Literal["relinearised", "single_jacobian"]
 

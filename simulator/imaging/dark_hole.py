@@ -9,9 +9,9 @@ from cpic_core import FloatArray, NDArray
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging.conjugation import Conjugation, ControlSettings, HoleMethod, Search, conjugate
 from simulator.imaging.deformable_mirror import DeformableMirror
-from simulator.imaging.geometry import HoleMode, HoleSide, HoleZone
 from simulator.imaging.imager import Imager
 from simulator.imaging.pupil import Aberrations
+from simulator.imaging.zones import HoleMode, HoleSide, HoleZone
 
 SCORE_STEP_LAMBDA_D = 0.25
 SCORE_WAVELENGTHS = 8  # an even number shares no node with an odd number of controlled wavelengths

@@ -16,7 +16,7 @@ import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray, numeric_context
 from simulator.band_integrals import LENGTHS_NM
-from simulator.imaging.map_files import read_maps, real_map
+from simulator.config.map_files import read_maps, real_map
 
 UNITS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "mm": 1e6, "m": 1e9, "angstrom": 0.1, "pm": 1e-3}
 _LONG_NAMES = {name: scale for name, scale in LENGTHS_NM.items() if len(name) > 2} | {"\u00b5m": 1e3}

@@ -14,7 +14,7 @@ import numpy as np
 
 from cpic_core import FloatArray, InputError
 from simulator.config import DiscSource, ExtendedSource, ImageSource, RingSource
-from simulator.imaging.map_files import pixel_scale, read_maps, real_map
+from simulator.config.map_files import pixel_scale, read_maps, real_map
 from simulator.target import sky_to_detector
 
 PARCELS_PER_STEP = 3

@@ -11,10 +11,10 @@ import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray, as_path, numeric_context
 from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
+from simulator.config.map_files import real_map
 from simulator.imaging.geometry import BandGeometry
-from simulator.imaging.map_files import real_map
-from simulator.imaging.metrics import StampMetrics
 from simulator.imaging.sampling import displaced, open_pixels
+from simulator.imaging.stamp_metrics import StampMetrics
 from simulator.imaging.stamps import StampFile, read_stamps, stamp_metrics, write_stamps
 
 SIDES = (9, 2201)

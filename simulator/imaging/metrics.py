@@ -2,135 +2,21 @@
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, NDArray
-from simulator.imaging.aperture import core_from_table, overlap_weights
-from simulator.imaging.geometry import BandGeometry, HoleMode, HoleSide, HoleStatus, HoleZone
+from simulator.detectors import aperture_noise_pixels
+from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.sampling import bilinear
+from simulator.imaging.stamp_metrics import StampMetrics
+from simulator.imaging.zones import HoleStatus
 
 TINY = 1e-300  # for logarithms of what may be 0
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StampMetrics:
-    """Figures of merit of one band that follow from two stamps: the star behind the mask, and an unmasked source.
-
-    Every fraction is of the energy that the clear pupil disc collects. Positions are arcsec from the star on the
-    detector; maps are indexed ``[y, x]`` on the star-centred stamp, centre pixel ``n // 2``.
-
-    Attributes
-    ----------
-    band : str
-        Name of the band.
-    lambda_d_arcsec : float
-        lambda/D at band centre.
-    pixel_scale_arcsec, aperture_radius_arcsec, mask_half_width_arcsec : float
-        Detector pixel, photometric aperture, half width of the cross.
-    hole_inner_arcsec, hole_outer_arcsec : float
-        Edges a and b of the square quadrants, per axis.
-    hole_mode : {"4q", "2q"}
-        All four quadrants, or the two on ``hole_side``.
-    hole_side : {"right", "left", "top", "bottom"}
-        Side of the star on the detector for ``2q``.
-    strehl : float or None
-        Peak relative to the same apodizer with a flat wavefront and no jitter; None where only stamps are known.
-    apodizer_energy : float
-        Energy behind the apodizer.
-    core_open : float
-        Core throughput far from the mask, in an aperture laid on pixels (phase average).
-    peak_off_axis : float
-        Peak pixel of a source centred on a pixel, no mask.
-    iwa_arcsec : float
-        Diagonal separation where core throughput is half its maximum.
-    raw_contrast : ndarray, shape (n, n)
-        Masked on-axis image over ``peak_off_axis``.
-    halo_map : ndarray, shape (n, n)
-        Starlight in the aperture centred on every pixel.
-    column_light : ndarray, shape (n,)
-        Masked star in every column of the stamp, summed over the rows: of the stamp where no more is known, else of
-        the frame (those within 8.75 arcsec), what a frame transfer without a shutter smears along the column.
-    core_table : ndarray, shape (k, k)
-        Cumulative aperture-weighted PSF, over offsets up to ``core_table_half_arcsec``.
-    core_table_half_arcsec : float
-        Half side of that table.
-    """
-
-    band: str
-    lambda_d_arcsec: float
-    pixel_scale_arcsec: float
-    aperture_radius_arcsec: float
-    mask_half_width_arcsec: float
-    hole_inner_arcsec: float
-    hole_outer_arcsec: float
-    hole_mode: HoleMode
-    hole_side: HoleSide
-    strehl: float | None
-    apodizer_energy: float
-    core_open: float
-    peak_off_axis: float
-    iwa_arcsec: float
-    raw_contrast: FloatArray
-    halo_map: FloatArray
-    column_light: FloatArray
-    core_table: FloatArray
-    core_table_half_arcsec: float
-
-    @functools.cached_property
-    def geometry(self) -> BandGeometry:
-        """What holds at any numerical settings."""
-        return BandGeometry(
-            lambda_d_arcsec=self.lambda_d_arcsec,
-            pixel_scale_arcsec=self.pixel_scale_arcsec,
-            aperture_radius_arcsec=self.aperture_radius_arcsec,
-            mask_half_width_arcsec=self.mask_half_width_arcsec,
-            zone=self.zone,
-            stamp_pixels=len(self.raw_contrast),
-        )
-
-    @property
-    def hole(self) -> NDArray[np.bool_]:
-        """Pixels whose centres lie in the dark quadrants, ``a <= |x|, |y| <= b``."""
-        return self.geometry.hole
-
-    @functools.cached_property
-    def zone(self) -> HoleZone:
-        """The controlled zone."""
-        return HoleZone(self.hole_inner_arcsec, self.hole_outer_arcsec, self.hole_mode, self.hole_side)
-
-    @property
-    def hole_inner_corner_arcsec(self) -> float:
-        """Diagonal separation of the inner corner of the hole."""
-        return self.zone.inner_corner_arcsec
-
-    @property
-    def owa_arcsec(self) -> float:
-        """Diagonal separation of the outer corner of the hole."""
-        return self.zone.outer_corner_arcsec
-
-    @property
-    def aperture_pixels(self) -> float:
-        """Area of the photometric aperture in pixels."""
-        return self.geometry.aperture_pixels
-
-    def core_throughput(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Return the energy of a unit source at (x, y) in its aperture behind the mask.
-
-        Parameters
-        ----------
-        x_arcsec, y_arcsec : array_like
-            Offset from the star on the detector, arcsec; they broadcast.
-
-        Returns
-        -------
-        ndarray
-            0 to 1.
-        """
-        half, bar = self.core_table_half_arcsec, self.mask_half_width_arcsec
-        return core_from_table(self.core_table, half, bar, x_arcsec, y_arcsec)
+# Light that diffraction sends farther than this is lost: a disc of dust is fainter there and gives less back.
+NEARBY_ARCSEC = 1.5
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -139,8 +25,8 @@ class PsfMetrics(StampMetrics):
 
     Attributes
     ----------
-    hole_state : {"reached", "not_reached", "none"}
-        Whether the hole is as dark as asked; none where no search sets the mirror.
+    hole_state : {"reached", "not_reached", "none", "table"}
+        Whether the hole is as dark as asked; none where no search sets the mirror, table where there are no optics.
     core_continuous : float
         ``core_open`` for an ideal circle on the continuous image; pixels cost the difference.
     peak_on_axis_hole : float
@@ -233,6 +119,48 @@ class PsfMetrics(StampMetrics):
         return np.where(inside, near, self.wing(np.hypot(x, y)) * self.aperture_pixels)
 
     @functools.cached_property
+    def noise_fraction(self) -> float:
+        """Sum of squared weights of the aperture's pixels over its area: cut pixels weigh less in a variance."""
+        return (
+            float(aperture_noise_pixels(self.aperture_radius_arcsec / self.pixel_scale_arcsec)) / self.aperture_pixels
+        )
+
+    def core_pixels(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
+        """Area in pixels of the aperture that a source at (x, y) is measured in: everywhere the same."""
+        return self.aperture_pixels
+
+    def sky_share(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
+        """Light of an even sky on a pixel at (x, y), over that of `apodizer_energy`."""
+        return 1.0
+
+    def dust_transmission(self, x_arcsec: FloatArray, y_arcsec: FloatArray, core: FloatArray) -> FloatArray:
+        """Part of the light of dust around the star that reaches an aperture at (x, y).
+
+        What apodizer and diffraction leave within 1.5 arcsec of a source, times what the mask leaves of one there.
+
+        Parameters
+        ----------
+        x_arcsec, y_arcsec : ndarray
+            Offset from the star on the detector, arcsec.
+        core : ndarray
+            `core_throughput` there.
+        """
+        return self._energy_nearby * core / self.core_open
+
+    @functools.cached_property
+    def _energy_nearby(self) -> float:
+        pixel = np.arange(len(self.wing_profile))
+        far = pixel * self.pixel_scale_arcsec > NEARBY_ARCSEC
+        return self.apodizer_energy - 2.0 * np.pi * float(pixel[far] @ self.wing_profile[far])
+
+    def stability(self, separation_arcsec: FloatArray) -> tuple[FloatArray, bool] | None:
+        """Variance of aperture sums that a subtraction leaves whatever the drift, and whether it is that of all visits.
+
+        Known of tables alone.
+        """
+        return None
+
+    @functools.cached_property
     def _log_halo(self) -> FloatArray:
         return np.log(np.maximum(self.halo_map, TINY))
 
@@ -312,11 +240,11 @@ class PsfMetrics(StampMetrics):
         return light
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
-        """Fraction of the circle of that radius that lies inside the dark quadrants."""
+        """Fraction of the circle of that radius that lies inside the zone."""
         return self.zone.azimuth_fraction(separation_arcsec)
 
     def resolution_elements(self, separation_arcsec: ArrayLike) -> FloatArray:
-        """Non-overlapping lambda/D-wide apertures on the arcs inside the quadrants, a real number (>= 0)."""
+        """Non-overlapping lambda/D-wide apertures on the arcs inside the zone, a real number (>= 0)."""
         return self.geometry.resolution_elements(separation_arcsec)
 
     def rdi_floor(
@@ -364,6 +292,25 @@ class PsfMetrics(StampMetrics):
         """Logarithms of the floor's coefficients in the bins; a coefficient of 0 (a perfect hole) stays next to it."""
         linear, square = (np.log(np.maximum(part[1:], TINY)) for part in (self.floor_linear, self.floor_square))
         return linear, square
+
+    @property
+    def median_contrast(self) -> float:
+        """Median raw contrast of the pixels of the zone."""
+        return float(np.median(self.raw_contrast[self.hole]))
+
+    def brightened(self, factor: float) -> Self:
+        """Figures of a zone with more or less of the same light of the star, ``factor`` times as much.
+
+        The static intensity ``|E0|^2`` in the zone is multiplied. The residual of two visits with independent errors dE
+        of the wavefront has the variance ``f a o^2 + b o^4`` for offsets of ``o`` nm: the cross term ``2 Re(E0* dE)``
+        grows with ``|E0|^2``, the light of the errors does not change. Peaks in the columns and tails of the register,
+        which lie mostly outside the zone, are kept; so are all throughputs.
+        """
+        inside = self.hole
+        maps = {name: getattr(self, name) for name in ("halo_map", "raw_contrast")}
+        scaled: dict[str, Any] = {name: np.where(inside, factor * values, values) for name, values in maps.items()}
+        scaled["floor_linear"] = factor * self.floor_linear
+        return replace(self, **scaled, peak_on_axis_hole=factor * self.peak_on_axis_hole)
 
     def annulus(self, separation_arcsec: float, half_width_lambda_d: float) -> NDArray[np.bool_]:
         """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one."""

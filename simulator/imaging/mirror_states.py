@@ -75,10 +75,18 @@ def measured_states(instrument: Instrument, band: str) -> tuple[PsfMetrics, ...]
         Whose own errors of sensing do not matter.
     band : str
 
+    Raises
+    ------
+    InputError
+        If the coronagraph is a table.
+
     Notes
     -----
     Those of the default instrument ship; of other optics each is dug and measured once, about half a minute a state.
     """
+    if instrument.coronagraph.table is not None:
+        hint = "of a table no states of a mirror are known, on which an ensemble of instruments draws the contrast"
+        raise InputError("coronagraph.table", instrument.name, allowed="modelled optics", hint=hint)
     own = sensed_with(instrument, band, 0.0)
     return _states(metrics_key(own, band), band, _Instrument(own))
 

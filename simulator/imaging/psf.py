@@ -12,11 +12,12 @@ from cpic_core import FloatArray, InputError, numeric_context
 from simulator.config import Instrument, InstrumentLike, load_instrument
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.build import build_imager, hole_state_of
-from simulator.imaging.geometry import BandGeometry, HoleStatus
+from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.imager import Engine, Imager, Optics, centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import BandTransfer
+from simulator.imaging.zones import HoleStatus
 from simulator.knobs import FIDELITIES, Knobs
 from simulator.target import stellar_spectrum
 

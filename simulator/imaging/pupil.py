@@ -20,7 +20,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray, is_file, stream
-from simulator.imaging.map_files import MapFile, read_maps, real_map
+from simulator.config.map_files import MapFile, read_maps, real_map
 
 Kind: TypeAlias = Literal["amplitude", "intensity"]
 KINDS: tuple[str, ...] = get_args(Kind)

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray, write_bytes, write_npz
+from simulator.config.map_files import SCALE_TOLERANCE, MapFile, header_number, pixel_scale, read_maps
 from simulator.imaging.aperture import core_cells, figures_of_stamps
 from simulator.imaging.geometry import BandGeometry
-from simulator.imaging.map_files import SCALE_TOLERANCE, MapFile, header_number, pixel_scale, read_maps
-from simulator.imaging.metrics import StampMetrics
 from simulator.imaging.sampling import unpixelled
+from simulator.imaging.stamp_metrics import StampMetrics
 
 _CARDS = {"mask_half_width_arcsec": "MASKHW", "apodizer_energy": "APODENER"}
 _BAND_CARDS = ("BAND", "FILTER")

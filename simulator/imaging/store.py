@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpic_core import NDArray, announce, compute_once, numeric_context, read_npz
-from simulator.config import Instrument, content_hash
+from simulator.config import CoronagraphTable, Instrument, content_hash
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.geometry import zone_of
 from simulator.imaging.metrics import PsfMetrics
@@ -210,6 +210,7 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> HoleResul
 
 SENSING = ("sensing", "sensing_contrast", "sensing_contrast_by_band")  # keys that a hole without its errors lacks
 WING_NODES = 12  # wavelengths that far wings need
+TABLE_SCHEMA = 1  # raise when the meaning of a table changes
 SCHEMA = 7  # raise when the meaning of a stored number or the optical model changes
 EXACT_DIGITS = {"wing_map": 24, "aperture_map": 7}
 DIGITS = EXACT_DIGITS | {"core_table": 18, "raw_contrast": 18, "column_profile": 18, "wing_profile": 18, "wing_map": 13}
@@ -226,6 +227,8 @@ def metrics_key(instrument: Instrument, band: str) -> str:
         Name of a band of the instrument, such as ``F520``.
     """
     configuration = instrument.band(band)
+    if (table := instrument.table(band)) is not None:
+        return _table_key(instrument, band, table)
     mask = configured_apodizer(instrument)
     edges: Any = [configuration.center_nm, configuration.width_nm]
     if configuration.transmission_file is not None:
@@ -249,7 +252,7 @@ def metrics_key(instrument: Instrument, band: str) -> str:
         "band": band,
         "edges": edges,
         "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),
-        "telescope": instrument.telescope.model_dump(mode="json"),
+        "telescope": {"diameter_m": instrument.telescope.diameter_m},
         "geometry": [zone.inner_arcsec, zone.outer_arcsec, mask_arcsec, aperture_arcsec, pixel_arcsec],
         "wavefront": instrument.wavefront.model_dump(mode="json"),
         "mirror": instrument.mirror.model_dump(mode="json"),
@@ -262,9 +265,46 @@ def metrics_key(instrument: Instrument, band: str) -> str:
     return content_hash(parts)
 
 
+def _table_key(instrument: Instrument, band: str, table: CoronagraphTable) -> str:
+    """Content key of the metrics of a table: its content, and what `table_metrics` reads beside it."""
+    coronagraph = instrument.coronagraph.model_dump(mode="json", exclude={"table"})
+    parts = {
+        "table": [TABLE_SCHEMA, table.sha256],
+        "coronagraph": coronagraph,
+        "band": instrument.band(band).model_dump(mode="json", include={"center_nm", "width_nm", "camera"}),
+        "telescope": instrument.telescope.model_dump(mode="json"),
+        "geometry": [instrument.pixel_scale_arcsec(band), instrument.mask_half_width_arcsec(band)],
+        "hole": instrument.dark_hole.model_dump(mode="json", include={"mode", "side"}),
+        "psd_slope": instrument.drift.psd_slope,
+    }
+    return content_hash(parts)
+
+
+@functools.lru_cache(maxsize=32)
+def _table_metrics(key: str, band: str, held: _Held) -> PsfMetrics:
+    from simulator.imaging.table_metrics import table_metrics
+
+    table = held.instrument.table(band)
+    assert table is not None
+    return table_metrics(held.instrument, band, table)
+
+
+class _Held:
+    """An instrument that counts as equal to any other: the key beside it tells them apart."""
+
+    def __init__(self, instrument: Instrument) -> None:
+        self.instrument = instrument
+
+    def __hash__(self) -> int:
+        return 0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Held)
+
+
 @numeric_context()
 def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
-    """Metrics of a band at the standard knobs: from the shipped file, the cache, or a new measurement.
+    """Metrics of a band at the standard knobs: of its table, from the shipped file, the cache, or a new measurement.
 
     Parameters
     ----------
@@ -275,9 +315,11 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
     Raises
     ------
     InputError
-        For an unknown band or an unusable apodizer.
+        For an unknown band, an unusable apodizer or table.
     """
     key = metrics_key(instrument, band)
+    if instrument.coronagraph.table is not None:
+        return _table_metrics(key, band, _Held(instrument))
     path = _shipped("metrics", key, band)
     if path is not None:
         return _shipped_metrics(path)

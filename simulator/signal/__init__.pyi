@@ -6,6 +6,7 @@ from simulator.signal.companions import (
 from simulator.signal.light import (
     annulus_apertures as annulus_apertures,
     aperture_exozodi as aperture_exozodi,
+    drift_halo as drift_halo,
     exozodi_disc as exozodi_disc,
     lit_rows as lit_rows,
     sky_pixel_e_s as sky_pixel_e_s,
@@ -38,7 +39,6 @@ from simulator.signal.speckles import (
     INTERLEAVED as INTERLEAVED,
     ProgrammeLaw as ProgrammeLaw,
     SpeckleLaw as SpeckleLaw,
-    drift_halo as drift_halo,
     error_light_share as error_light_share,
     programme_law as programme_law,
     programme_parts as programme_parts,

@@ -9,7 +9,6 @@ Everything is in units of the light of the companion on the clear disc.
 """
 
 import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -243,15 +242,8 @@ def _over(values: FloatArray, share: FloatArray) -> FloatArray:
 def _grid(wings: _Wings, step_pixels: float) -> tuple[FloatArray, FloatArray, float]:
     """Places x and y of apertures whose pixels lie in the zone, centres of square cells, and the side of a cell."""
     metrics = wings.metrics
-    zone, radius, pixel = metrics.zone, metrics.aperture_radius_arcsec, metrics.pixel_scale_arcsec
-    # Edges of the pixels whose centres lie in the zone.
-    low = (math.ceil(zone.inner_arcsec / pixel) - 0.5) * pixel + radius
-    high = (math.floor(zone.outer_arcsec / pixel) + 0.5) * pixel - radius
-    cells = max(1, round((high - low) / (step_pixels * pixel)))
-    step = (high - low) / cells
-    rows, columns = zone.axes(np.asarray(low + step * (np.arange(cells) + 0.5), np.float64))
-    y, x = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))
-    return x, y, step
+    pixel = metrics.pixel_scale_arcsec
+    return metrics.zone.cells(step_pixels * pixel, metrics.aperture_radius_arcsec, pixel)
 
 
 @functools.lru_cache(maxsize=64)

@@ -14,7 +14,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, checked_array, checked_scalar
 from simulator.config import DiscSource
-from simulator.imaging import PsfMetrics
+from simulator.imaging import PsfMetrics, scattered_light
 
 # Stark et al. 2014, ApJ 795, 122: one zodi is 22 mag/arcsec2 in V, face-on, at 1 au from a star of the Sun's light.
 ZODI_V_MAG_ARCSEC2 = 22.0
@@ -24,8 +24,6 @@ SUN_ABSOLUTE_V_MAG = 4.83
 ZODI_AT_ONE_ARCSEC = 10.0 ** (-0.4 * (ZODI_V_MAG_ARCSEC2 - SUN_ABSOLUTE_V_MAG)) / 100.0
 # Edges of the disc in images: inside lies what the mask blocks, and every hole ends before the outer edge.
 INNER_ARCSEC, OUTER_ARCSEC = 0.05, 2.0
-# Light that diffraction sends farther than this is lost: the disc is fainter there and gives less back.
-NEARBY_ARCSEC = 1.5
 
 
 def sky_pixel_e_s(metrics: PsfMetrics, sky_e_s_arcsec2: ArrayLike) -> FloatArray:
@@ -174,15 +172,9 @@ def aperture_exozodi(
         return np.zeros(separation.shape)
     radius = metrics.aperture_radius_arcsec
     left = metrics.core_throughput(x, y) if core is None else core
-    behind = _energy_nearby(metrics) * left / metrics.core_open
-    return exozodi_fraction_arcsec2(np.maximum(separation, radius), n_zodis) * math.pi * radius**2 * behind
-
-
-def _energy_nearby(metrics: PsfMetrics) -> float:
-    """Energy of a source within 1.5 arcsec of it, over that on the clear disc."""
-    pixel = np.arange(len(metrics.wing_profile))
-    far = pixel * metrics.pixel_scale_arcsec > NEARBY_ARCSEC
-    return metrics.apodizer_energy - 2.0 * math.pi * float(pixel[far] @ metrics.wing_profile[far])
+    behind = metrics.dust_transmission(x, y, left)
+    area = metrics.core_pixels(x, y) * metrics.pixel_scale_arcsec**2
+    return exozodi_fraction_arcsec2(np.maximum(separation, radius), n_zodis) * area * behind
 
 
 def wing(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float) -> FloatArray:
@@ -210,3 +202,19 @@ def spot(metrics: PsfMetrics, offset: FloatArray, x: float, y: float) -> FloatAr
         Place of the source, arcsec.
     """
     return wing(metrics, (offset - x)[None, :], (offset - y)[:, None])
+
+
+def drift_halo(
+    metrics: PsfMetrics, separation_arcsec: FloatArray, rms_nm: float, slope: float, wavelength_nm: float
+) -> FloatArray:
+    """Return the mean light that a wavefront error scatters: `scattered_light` at separations in arcsec.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    separation_arcsec : ndarray
+        From the source.
+    rms_nm, slope, wavelength_nm : float
+        As of `simulator.imaging.clear_pupil.scattered_light`.
+    """
+    return scattered_light(separation_arcsec / metrics.lambda_d_arcsec, rms_nm, slope, wavelength_nm)

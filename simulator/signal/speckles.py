@@ -13,9 +13,6 @@ from simulator.config import Drift, Timing
 from simulator.imaging import PsfMetrics
 
 _N_ANNULUS, _N_TABLE = 25, 500
-# Mean light of a wavefront error of 1 nm rms at 662 nm that falls as f^-2.5, relative to the peak, times u^2.5 with u
-# in lambda/D: at most 1.7 times too large in the dark holes of the visible bands (60 screens each).
-_DRIFT_AT_1_NM = 2.4e-5
 # What low orders leave over what a screen of the same rms does, variances of the cross term and of the light of the
 # errors: measured in the four visible bands by full propagation, the rms right within a factor of 4 from 0.1 to 3 nm.
 LOW_ORDER_LINEAR, LOW_ORDER_SQUARE = 5e-5, 2e-7
@@ -211,7 +208,7 @@ def programme_law(
     crossed, light = programme_parts(metrics, drift, separation_arcsec, annulus_lambda_d, reference_ratio, timing)
     science, reference, common = (_summed(*pair) for pair in zip(crossed[:3], light[:3], strict=True))
     turned = None if crossed.turned is None or light.turned is None else _summed(crossed.turned, light.turned)
-    return ProgrammeLaw(science, reference, common, drift.correlation_time_h, turned)
+    return ProgrammeLaw(science, reference, common, crossed.correlation_time_h, turned)
 
 
 def programme_parts(
@@ -224,12 +221,23 @@ def programme_parts(
 ) -> tuple[ProgrammeLaw, ProgrammeLaw]:
     """Return `programme_law` in two parts: the cross term with the static field, and the light of the errors.
 
-    A drift all of which is ``k`` times as large leaves ``k^2`` times the first and ``k^4`` times the second.
+    A drift all of which is ``k`` times as large leaves ``k^2`` times the first and ``k^4`` times the second. Where a
+    table says how stable its contrast is, that is the first, and the second is 0.
     """
-    place, linear_table, square_table = _annulus_table(metrics, annulus_lambda_d)
     separation = np.asarray(separation_arcsec, float)
+    if (stable := metrics.stability(separation)) is not None:
+        variance, common = stable
+        return _stable_law(variance, common=common), _stable_law(np.zeros_like(variance), common=common)
+    place, linear_table, square_table = _annulus_table(metrics, annulus_lambda_d)
     linear, square = (np.exp(np.interp(separation, place, table)) / 2.0 for table in (linear_table, square_table))
     return unit_parts(drift, linear, square, reference_ratio, timing)
+
+
+def _stable_law(variance: FloatArray, *, common: bool) -> ProgrammeLaw:
+    """Law of a residual that no drift changes: the same in all visits, or a new one in each science visit."""
+    nothing = np.zeros((1,) * variance.ndim)
+    none, still = SpeckleLaw(nothing, nothing, nothing), SpeckleLaw(variance, nothing, nothing)
+    return ProgrammeLaw(*((none, none, still) if common else (still, none, none)))
 
 
 def unit_parts(
@@ -345,17 +353,15 @@ def error_light_share(
 def _annulus_table(metrics: PsfMetrics, annulus_lambda_d: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Separations, and the logarithms there of the mean coefficients over the whole apertures of an annulus.
 
-    Apertures count by the azimuth that is left to them in the square quadrants: few fit near their corners.
+    Apertures count by the azimuth that is left to them in the zone: few fit near the corners of square quadrants.
     """
-    margin, zone = metrics.aperture_radius_arcsec, metrics.zone
-    low, high = zone.inner_arcsec + margin, zone.outer_arcsec - margin
+    margin = metrics.aperture_radius_arcsec
     place = np.linspace(0.5 * metrics.hole_inner_corner_arcsec, metrics.owa_arcsec, _N_TABLE)
     # Apertures lie wholly inside the annulus: their centres keep a radius away from its edges.
     half_width = max(annulus_lambda_d * metrics.lambda_d_arcsec - margin, 0.0)
     reach = np.linspace(-1.0, 1.0, _N_ANNULUS) * half_width
     around = np.maximum(place[:, None] + reach, 1e-6)
-    edge = np.maximum(np.arcsin(np.minimum(low / around, 1.0)), np.arccos(np.minimum(high / around, 1.0)))
-    weight = around * np.clip(1.0 - edge / (np.pi / 4.0), 0.0, 1.0)
+    weight = around * metrics.zone.azimuth_fraction(around, margin)
     total = weight.sum(axis=1, keepdims=True)
     # Where no whole aperture fits, the residual at the separation itself.
     alone = np.broadcast_to(np.arange(_N_ANNULUS) == _N_ANNULUS // 2, weight.shape)
@@ -374,27 +380,3 @@ def _followed(at: FloatArray, bins: FloatArray, values: FloatArray) -> FloatArra
         return np.asarray(inside)
     power = min((values[-1] - values[-2]) / np.log(bins[-1] / bins[-2]), 0.0)
     return np.asarray(inside + power * np.log(np.maximum(at / bins[-1], 1.0)))
-
-
-def drift_halo(
-    metrics: PsfMetrics, separation_arcsec: FloatArray, rms_nm: float, slope: float, wavelength_nm: float
-) -> FloatArray:
-    """Return the mean light that a wavefront error scatters, relative to the peak of a source; at most 1.
-
-    Parameters
-    ----------
-    metrics : PsfMetrics
-    separation_arcsec : ndarray
-        From the source.
-    rms_nm, slope : float
-        Of the error: its rms, and the exponent with which its power falls.
-    wavelength_nm : float
-        Middle of the band.
-
-    Notes
-    -----
-    ``2.4e-5 (rms / nm)^2 (662 nm / lambda)^2 u^-slope`` with u the separation in lambda/D, at least 1: the power
-    spectrum of the screens seen through the telescope, its scale measured in the dark holes of the visible bands.
-    """
-    u = np.maximum(separation_arcsec / metrics.lambda_d_arcsec, 1.0)
-    return np.minimum(_DRIFT_AT_1_NM * (rms_nm * 662.0 / wavelength_nm) ** 2 * u**-slope, 1.0)

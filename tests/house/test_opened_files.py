@@ -40,7 +40,7 @@ ALLOWED = {
     "simulator/products/write.py": "shipped table of keywords",
     "simulator/products/naming.py": "temporary files of our own",
     "simulator/products/reading.py": "opens what user_files gave it",
-    "simulator/imaging/map_files.py": "opens what user_files gave it",
+    "simulator/config/map_files.py": "opens what user_files gave it",
     "simulator/target/spectrum_table.py": "parses bytes that were read",
     "simulator/target/stellar_libraries.py": "opens what user_files gave it",
     "simulator/target/albedo_grid_file.py": "SQLite opens by name, after user_files looked at the file",

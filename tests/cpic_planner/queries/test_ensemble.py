@@ -17,7 +17,7 @@ def test_every_inferred_or_assumed_number_of_a_preset_has_a_law_or_a_reason(pres
     """Read from the presets themselves, so that a new assumed number without a law fails here."""
     tree = yaml.safe_load(preset_path("instrument", preset).read_text(encoding="utf-8"))
     doubtful = {key: item for key, item in split_sourced(tree)[1].items() if item.confidence in "AI"}
-    assert doubtful
+    assert doubtful or preset == "roman_hlc_like"  # all of it is published
     assert [key for key in doubtful if not ENSEMBLE.says(key)] == []
     values = split_sourced(tree)[0]
     for key in doubtful:

@@ -96,6 +96,7 @@ def test_names_in_files_lead_to_no_file_of_the_server(send, tmp_path, monkeypatc
         for text in (
             f"bands: {{F520: {{transmission_file: {name}}}}}",
             f"coronagraph: {{apodizer: {name}}}",
+            f"coronagraph: {{table: {name}}}",
             f"wavefront: {{map_file: {name}}}",
             f"base: {name}",
         ):

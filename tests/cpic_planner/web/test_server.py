@@ -155,6 +155,7 @@ def hostile():
         yield f"/etc?target={file}"
         yield f"/etc?target=tau+Cet&set=bands.F520.transmission_file={file}"
         yield f"/etc?target=tau+Cet&set=detector.calibration_files.flat={file}"
+        yield f"/etc?target=tau+Cet&set=coronagraph.table={file}"
         yield f"/etc?target=tau+Cet&set=detector.*={file}"
         yield f"/etc?target=tau+Cet&question={file}"
         yield f"/priorities?stars={file}"

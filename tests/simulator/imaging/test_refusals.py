@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from simulator.config.map_files import pixel_scale
 from simulator.imaging import HoleZone, read_maps
 from simulator.imaging.conjugation import ControlSettings
 from simulator.imaging.deformable_mirror import DeformableMirror
-from simulator.imaging.map_files import pixel_scale
 from simulator.imaging.pupil import draw_aberrations
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import KernelTransfer

@@ -7,8 +7,8 @@ import pytest
 from astropy.io import fits
 
 from cpic_core import write_npz
+from simulator.config.map_files import pixel_scale
 from simulator.imaging import header_number, read_maps, real_map
-from simulator.imaging.map_files import pixel_scale
 
 RAMP = np.arange(64.0).reshape(8, 8)
 

@@ -1,0 +1,260 @@
+"""Figures of one band whose coronagraph is a table: what the exposure-time calculator reads, without any optics.
+
+The table says what happens in the core of a source at every separation. Light beside the core, which companions and
+a second roll leave, is that of a clear pupil behind the coronagraph.
+"""
+
+import functools
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from cpic_core import ArrayLike, FloatArray
+from simulator.config import CoronagraphTable, Instrument
+from simulator.imaging.clear_pupil import FIELD_ARCSEC, airy, disc_light, scattered_light
+from simulator.imaging.geometry import BandGeometry
+from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.sampling import centred_offsets
+
+_MOST_HALF_STAMP = 600
+_WING_STEP_ARCSEC, _WING_POINTS = 0.15, 5
+_NEAR_LAMBDA_D, _NEAR_STEP_LAMBDA_D, _NEAR_ARCSEC = 60.0, 0.6, 8.0
+_ROWS = 400
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TableMetrics(PsfMetrics):
+    """Figures of merit of one band of which a table is known.
+
+    Attributes
+    ----------
+    table : CoronagraphTable
+    stability_fraction : float or None
+        Residual of a visit over the raw contrast, where the table has no column for it.
+    stability_is_common : bool
+        Whether the residual is the same in all visits.
+    contrast_factor : float
+        Raw contrast over that of the table.
+    """
+
+    table: CoronagraphTable
+    stability_fraction: float | None = None
+    stability_is_common: bool = True
+    contrast_factor: float = 1.0
+
+    def core_throughput(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Light of a unit source at (x, y) in its core; beyond the table that of its first or last row."""
+        return self.table.at_place("core_throughput", x_arcsec, y_arcsec)
+
+    def halo_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Starlight in the core at (x, y): raw contrast times core throughput."""
+        contrast = self.table.at_place("raw_contrast", x_arcsec, y_arcsec)
+        return self.contrast_factor * contrast * self.core_throughput(x_arcsec, y_arcsec)
+
+    def starlight(self, separation_arcsec: ArrayLike) -> FloatArray:
+        """Starlight in a core at separations."""
+        contrast = self.table.at("raw_contrast", separation_arcsec)
+        return self.contrast_factor * contrast * self.table.at("core_throughput", separation_arcsec)
+
+    def core_pixels(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
+        """Area in pixels of the core at (x, y)."""
+        if "core_area_arcsec2" not in self.table or not self.table.varies("core_area_arcsec2"):
+            return self.aperture_pixels
+        return self.table.at_place("core_area_arcsec2", x_arcsec, y_arcsec) / self.pixel_scale_arcsec**2
+
+    def sky_share(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
+        """Light of an even sky on a pixel at (x, y), over that of `apodizer_energy`."""
+        name = sky_column(self.table)
+        if name is None or not self.table.varies(name):
+            return 1.0
+        return self.table.at_place(name, x_arcsec, y_arcsec) / self.apodizer_energy
+
+    def dust_transmission(self, x_arcsec: FloatArray, y_arcsec: FloatArray, core: FloatArray) -> FloatArray:
+        """Part of the light of dust around the star that reaches a core at (x, y): that of extended sources."""
+        if "occulter_transmission" not in self.table:
+            return np.full(np.shape(core), self.apodizer_energy)
+        return self.table.at_place("occulter_transmission", x_arcsec, y_arcsec)
+
+    @functools.cached_property
+    def noise_fraction(self) -> float:
+        """Sum of squared weights of the pixels of a core over its area: 1 of whole pixels, if it does not say."""
+        said = self.table.constant("noise_fraction")
+        return 1.0 if said is None else said
+
+    def stability(self, separation_arcsec: FloatArray) -> tuple[FloatArray, bool] | None:
+        """Variance of core sums that the subtraction of one visit leaves, and whether it is the same in all visits."""
+        if self.stability_fraction is not None:
+            rms = self.stability_fraction * self.starlight(separation_arcsec)
+        elif "contrast_stability" in self.table:
+            throughput = self.table.at("core_throughput", separation_arcsec)
+            rms = self.table.at("contrast_stability", separation_arcsec) * throughput
+        else:
+            return None
+        return np.asarray(rms**2), self.stability_is_common
+
+    @property
+    def median_contrast(self) -> float:
+        """Median raw contrast of the places of the zone, as the table has it."""
+        offset = centred_offsets(len(self.raw_contrast)) * self.pixel_scale_arcsec
+        separation = np.hypot(offset[:, None], offset)[self.hole]
+        return self.contrast_factor * float(np.median(self.table.at("raw_contrast", separation)))
+
+    def brightened(self, factor: float) -> Self:
+        """Figures with ``factor`` times the starlight; see `PsfMetrics.brightened`.
+
+        A residual that is a fraction of the raw contrast grows with it, one of the table stays.
+        """
+        return replace(super().brightened(factor), contrast_factor=factor * self.contrast_factor)
+
+    def column_aperture(self, x_arcsec: ArrayLike) -> FloatArray:
+        """Starlight of whole columns under a core at x; see `PsfMetrics.column_aperture`."""
+        if "star_columns" not in self.table:
+            return super().column_aperture(x_arcsec)
+        return self.table.at("star_columns", math.sqrt(2.0) * np.abs(np.asarray(x_arcsec, dtype=np.float64)))
+
+
+def sky_column(table: CoronagraphTable) -> str | None:
+    """Name of the column that has the transmission of an even sky, if there is one."""
+    return next((name for name in ("sky_transmission", "occulter_transmission") if name in table), None)
+
+
+def table_metrics(instrument: Instrument, band: str, table: CoronagraphTable) -> TableMetrics:
+    """Figures of a band from its table.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument.
+    table : CoronagraphTable
+
+    Notes
+    -----
+    Without the columns that say more, the brightest pixel of the star is the brightest of the zone's mean light, a
+    source's brightest pixel is that of a clear pupil whose core holds as much, and the drift of the wavefront scatters
+    light as in a clear telescope: ``a = 4 C E`` and ``b = 2 E^2`` per nm^2 and nm^4 with C the starlight in a core and
+    E that of an error of 1 nm.
+    """
+    reach = instrument.hole_outer_arcsec(band) + 2.0 * instrument.aperture_radius_arcsec(band)
+    half = min(math.ceil(reach / instrument.pixel_scale_arcsec(band)) + 1, _MOST_HALF_STAMP)
+    geometry = BandGeometry.of(instrument, band, 2 * half + 1)
+    core = table.columns["core_throughput"]
+    sky = sky_column(table)
+    energy = 1.0 if sky is None else float(table.columns[sky].mean())
+    pupil = _pupil_light(instrument, band, geometry, _open(table))
+    peak = table.constant("source_peak_pixel")
+    if peak is None:
+        peak = min(float(core.max()) * pupil.pop("peak_over_core"), 1.0)
+    pupil.pop("peak_over_core", None)
+    light = table.columns["raw_contrast"] * core / geometry.aperture_pixels
+    offset = centred_offsets(geometry.stamp_pixels) * geometry.pixel_scale_arcsec
+    separation = np.hypot(offset[:, None], offset)
+    starlight = np.exp(np.interp(separation, table.separation_arcsec, np.log(np.maximum(light, 1e-300))))
+    brightest = float(light.max())
+    said = {
+        name: brightest if table.constant(column) is None else table.constant(column)
+        for name, column in (
+            ("peak_on_axis_hole", "star_peak_zone"),
+            ("peak_on_axis_frame", "star_peak_frame"),
+            ("peak_on_axis_columns", "star_peak_columns"),
+            ("register_tail", "star_register_tail"),
+        )
+    }
+    values: dict[str, Any] = geometry.figures() | pupil | said | _floor(instrument, band, table)
+    settings, fraction = instrument.coronagraph, instrument.coronagraph.stability_fraction
+    source = table.constant("source_noise_fraction")
+    return TableMetrics(
+        band=band,
+        strehl=None,
+        hole_state="table",
+        apodizer_energy=energy,
+        core_open=float(core.max()),
+        core_continuous=float(core.max()),
+        core_table=np.array([[0.0, 0.0], [0.0, float(core.max())]]),
+        core_table_half_arcsec=geometry.aperture_radius_arcsec,
+        peak_off_axis=peak,
+        iwa_arcsec=_half_way(table),
+        raw_contrast=starlight / peak,
+        halo_map=starlight * geometry.aperture_pixels,
+        column_light=starlight.sum(axis=0),
+        source_noise_fraction=1.0 if source is None else source,
+        table=table,
+        stability_fraction=fraction,
+        stability_is_common=settings.stability_averages == "never",
+        **values,
+    )
+
+
+def _open(table: CoronagraphTable) -> float:
+    """Light that passes far from the star: the most that the table has, all of it where it does not say."""
+    name = sky_column(table)
+    return 1.0 if name is None else float(table.columns[name].max())
+
+
+def _half_way(table: CoronagraphTable) -> float:
+    """Separation at which the core throughput first has half its maximum; the first of the table where it has more."""
+    core, place = table.columns["core_throughput"], table.separation_arcsec
+    above = int(np.argmax(core >= 0.5 * core.max()))
+    if above == 0:
+        return float(place[0])
+    return float(np.interp(0.5 * core.max(), core[above - 1 : above + 1], place[above - 1 : above + 1]))
+
+
+def _pupil_light(instrument: Instrument, band: str, geometry: BandGeometry, passed: float) -> dict[str, Any]:
+    """Wings, columns and apertures around a source, and its brightest pixel over the light of its core."""
+    configuration, unit = instrument.band(band), geometry.lambda_d_arcsec
+    pixel, radius = geometry.pixel_scale_arcsec, geometry.aperture_radius_arcsec / unit
+    shape = instrument.telescope.obstruction_diameter_ratio, configuration.width_nm / configuration.center_nm
+    per_pixel = passed * (pixel / unit) ** 2
+    n_profile = math.ceil(FIELD_ARCSEC / pixel) + 1
+    fine = np.concatenate([np.linspace(0.0, 30.0, 3001), np.geomspace(30.01, 1.5 * FIELD_ARCSEC / unit + 31.0, 4000)])
+    course = per_pixel * airy(fine, *shape)
+
+    def light(separation_arcsec: FloatArray) -> FloatArray:
+        return np.asarray(np.interp(separation_arcsec / unit, fine, course))
+
+    profile = light(pixel * np.arange(n_profile, dtype=np.float64))
+    arm = np.arange(0, FIELD_ARCSEC - 2 * _WING_STEP_ARCSEC, _WING_STEP_ARCSEC)
+    centre = np.concatenate([-arm[:0:-1], arm])
+    within = ((np.arange(_WING_POINTS) + 0.5) / _WING_POINTS - 0.5) * _WING_STEP_ARCSEC
+    axis = (centre[:, None] + within).ravel()
+    boxes = light(np.asarray(np.hypot(axis[:, None], axis))).reshape(
+        len(centre), _WING_POINTS, len(centre), _WING_POINTS
+    )
+    reach = int(min(_NEAR_ARCSEC / unit, _NEAR_LAMBDA_D) / _NEAR_STEP_LAMBDA_D)
+    steps = np.arange(-reach, reach + 1) * _NEAR_STEP_LAMBDA_D
+    course_s = np.linspace(0.0, math.sqrt(2.0) * reach * _NEAR_STEP_LAMBDA_D + 1.0, 20 * reach + 100)
+    around = passed * disc_light(course_s, radius, *shape)
+    row = np.concatenate([np.linspace(0.0, 10.0 * unit, _ROWS), np.geomspace(10.01 * unit, FIELD_ARCSEC, _ROWS)])
+    column = pixel * np.arange(n_profile)
+    half = 2.0 / pixel * np.array([float(np.trapezoid(light(np.asarray(np.hypot(at, row))), row)) for at in column])
+    core = float(disc_light(np.zeros(1), radius, *shape)[0])
+    return {
+        "wing_profile": profile,
+        "wing_map": boxes.mean(axis=(1, 3)),
+        "wing_map_step_arcsec": _WING_STEP_ARCSEC,
+        "aperture_map": np.interp(np.hypot(steps[:, None], steps), course_s, around),
+        "aperture_map_step_arcsec": _NEAR_STEP_LAMBDA_D * unit,
+        "column_profile": np.concatenate([half[:0:-1], half]),
+        # A pixel is no brighter than the middle of the source, nor holds more than its core.
+        "peak_over_core": min(float(airy(0.0, *shape)) * (pixel / unit) ** 2 / core, 1.0),
+    }
+
+
+def _floor(instrument: Instrument, band: str, table: CoronagraphTable) -> dict[str, FloatArray]:
+    """Variance of core sums between two visits that are each 1 nm off: of the whole zone, then of each row."""
+    place = table.separation_arcsec
+    names = "speckle_variance_per_nm2", "speckle_variance_per_nm4"
+    configuration = instrument.band(band)
+    core = table.columns["core_throughput"]
+    apart = place / instrument.lambda_d_arcsec(band)
+    error = core * scattered_light(apart, 1.0, instrument.drift.psd_slope, configuration.center_nm)
+    assumed = 4.0 * table.columns["raw_contrast"] * core * error, 2.0 * error**2
+    linear, square = (table.columns.get(name, other) for name, other in zip(names, assumed, strict=True))
+    return {
+        "floor_separation_arcsec": place,
+        "floor_linear": np.concatenate([[linear.mean()], linear]),
+        "floor_square": np.concatenate([[square.mean()], square]),
+    }

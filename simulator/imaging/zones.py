@@ -1,0 +1,311 @@
+"""Where planets are looked for on the detector: squares ``a <= |x|, |y| <= b``, in four quadrants or in two, or a ring.
+
+Whoever asks where a planet may stand asks the zone, and needs not know which it is.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray
+
+HoleMode = Literal["4q", "2q"]
+HoleSide = Literal["right", "left", "top", "bottom"]
+HoleStatus = Literal["reached", "not_reached", "none", "table"]
+
+
+@dataclass(frozen=True)
+class HoleZone:
+    """Where light is to be removed. In both modes the zone is a product of two sets of intervals.
+
+    Attributes
+    ----------
+    inner_arcsec, outer_arcsec : float
+        Edges a and b of the squares, per axis, 0 < a < b.
+    mode : {"4q", "2q"}
+        All four quadrants, or the two on ``side``.
+    side : {"right", "left", "top", "bottom"}
+        Side of the star on the detector that ``2q`` darkens: right is +x (growing column), top is +y. With the default
+        parity right is west at roll 0: position angles 225 and 315 deg.
+    """
+
+    inner_arcsec: float
+    outer_arcsec: float
+    mode: HoleMode = "4q"
+    side: HoleSide = "right"
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not (math.isfinite(self.outer_arcsec) and 0 < self.inner_arcsec < self.outer_arcsec):
+            allowed = "0 < inner < outer"
+            raise InputError("hole edges", (self.inner_arcsec, self.outer_arcsec), unit="arcsec", allowed=allowed)
+        for name, value, known in (("mode", self.mode, HoleMode), ("side", self.side, HoleSide)):
+            if value not in get_args(known):
+                raise InputError(name, value, allowed=", ".join(get_args(known)))
+
+    @property
+    def inner_corner_arcsec(self) -> float:
+        """Diagonal separation of the inner corner."""
+        return self.inner_arcsec * math.sqrt(2.0)
+
+    @property
+    def outer_corner_arcsec(self) -> float:
+        """Diagonal separation of the outer corner."""
+        return self.outer_arcsec * math.sqrt(2.0)
+
+    def azimuth_fraction(self, separation_arcsec: ArrayLike, margin_arcsec: float = 0.0) -> FloatArray:
+        """Fraction of the circle of that radius that lies inside the zone.
+
+        Parameters
+        ----------
+        separation_arcsec : array_like
+        margin_arcsec : float
+            Distance kept from the edges, arcsec.
+        """
+        r = np.maximum(np.asarray(separation_arcsec, dtype=np.float64), 1e-12)
+        low, high = self.inner_arcsec + margin_arcsec, self.outer_arcsec - margin_arcsec
+        from_inner = np.arcsin(np.minimum(low / r, 1.0))
+        first = np.maximum(from_inner, np.arccos(np.minimum(high / r, 1.0)))
+        fraction = 1.0 if self.mode == "4q" else 0.5
+        return fraction * np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
+
+    def usable_range_arcsec(self, radius_arcsec: float, turn_deg: float = 0.0) -> tuple[float, float]:
+        """Separations between which an aperture on a diagonal, or so many degrees beside it, lies in the zone whole.
+
+        Parameters
+        ----------
+        radius_arcsec : float
+            Of the aperture.
+        turn_deg : float
+            Angle from the diagonal, to either side.
+        """
+        low, high = self.inner_arcsec + radius_arcsec, self.outer_arcsec - radius_arcsec
+        if turn_deg == 0.0:
+            return low * math.sqrt(2.0), high * math.sqrt(2.0)
+        angle = math.pi / 4 + math.radians(turn_deg)
+        near, far = math.cos(angle), math.sin(angle)
+        return low / near if near > 0 else math.inf, high / far
+
+    def axes(self, half_axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Axes y and x of the zone, given the points of one positive half axis in ascending order."""
+        both = np.concatenate([-half_axis[::-1], half_axis])
+        if self.mode == "4q":
+            return both, both
+        one = half_axis if self.side in ("right", "top") else -half_axis[::-1]
+        return (both, one) if self.side in ("right", "left") else (one, both)
+
+    def intervals(self) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
+        """Intervals of y and of x whose product the zone is."""
+        a, b = self.inner_arcsec, self.outer_arcsec
+        left, right = (-b, -a), (a, b)
+        if self.mode == "4q":
+            return (left, right), (left, right)
+        one = (right,) if self.side in ("right", "top") else (left,)
+        return ((left, right), one) if self.side in ("right", "left") else (one, (left, right))
+
+    def covers(self, y_arcsec: FloatArray, x_arcsec: FloatArray, widen_arcsec: float = 0.0) -> NDArray[np.bool_]:
+        """Which points of a grid lie in the zone, its intervals widened at both ends (narrowed if negative).
+
+        Parameters
+        ----------
+        y_arcsec : ndarray
+            Offset from the star on the detector along y, arcsec.
+        x_arcsec : ndarray
+            Offset from the star on the detector along x, arcsec.
+        widen_arcsec : float, optional
+            Widening at both ends, arcsec; negative to narrow.
+        """
+        rows, columns = (
+            np.any([(axis >= low - widen_arcsec) & (axis <= high + widen_arcsec) for low, high in parts], axis=0)
+            for axis, parts in zip((y_arcsec, x_arcsec), self.intervals(), strict=True)
+        )
+        return np.outer(rows, columns)
+
+    def contains(self, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
+        """Which points lie in the zone, at least ``margin`` from its edges.
+
+        Parameters
+        ----------
+        x_arcsec : ndarray
+            Offset from the star on the detector along x, arcsec.
+        y_arcsec : ndarray
+            Offset from the star on the detector along y, arcsec.
+        margin_arcsec : float
+            Distance kept from the edges, arcsec.
+        """
+        inside = np.ones(np.broadcast_shapes(np.shape(x_arcsec), np.shape(y_arcsec)), bool)
+        for offset, parts in zip((y_arcsec, x_arcsec), self.intervals(), strict=True):
+            within = [(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts]
+            inside &= np.any(within, axis=0)
+        return inside
+
+    def crosses_inner(self, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> bool:
+        """Whether an aperture that does not lie in the zone crosses its inner edge.
+
+        Parameters
+        ----------
+        x_arcsec, y_arcsec : float
+            Offsets of its middle from the star on the detector.
+        radius_arcsec : float
+            Of the aperture.
+        """
+        near, far = sorted((abs(x_arcsec), abs(y_arcsec)))
+        return near - radius_arcsec < self.inner_arcsec and far + radius_arcsec <= self.outer_arcsec
+
+    def cells(
+        self, step_arcsec: float, radius_arcsec: float, pixel_arcsec: float
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Places x and y of apertures whose pixels lie in the zone, centres of square cells, and the side of a cell.
+
+        Parameters
+        ----------
+        step_arcsec : float
+            Side that a cell should have.
+        radius_arcsec : float
+            Of the aperture.
+        pixel_arcsec : float
+            Of the detector.
+        """
+        # Edges of the pixels whose centres lie in the zone.
+        low = (math.ceil(self.inner_arcsec / pixel_arcsec) - 0.5) * pixel_arcsec + radius_arcsec
+        high = (math.floor(self.outer_arcsec / pixel_arcsec) + 0.5) * pixel_arcsec - radius_arcsec
+        cells = max(1, round((high - low) / step_arcsec))
+        step = (high - low) / cells
+        rows, columns = self.axes(np.asarray(low + step * (np.arange(cells) + 0.5), np.float64))
+        y, x = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))
+        return x, y, step
+
+    @property
+    def diagonal(self) -> tuple[int, int]:
+        """Signs of x and y of one quadrant of the zone."""
+        y, x = self.intervals()
+        return (1 if x[-1][0] > 0 else -1), (1 if y[-1][0] > 0 else -1)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Place x and y in the middle of one quadrant of the zone."""
+        sign_x, sign_y = self.diagonal
+        offset = 0.5 * (self.inner_arcsec + self.outer_arcsec)
+        return sign_x * offset, sign_y * offset
+
+    def control_axes(self, step_arcsec: float, margin_arcsec: float) -> tuple[FloatArray, FloatArray]:
+        """Points at most ``step`` apart that include the edges, widened by ``margin`` on every side.
+
+        Parameters
+        ----------
+        step_arcsec : float
+            Largest distance between neighbouring points, arcsec.
+        margin_arcsec : float
+            Distance kept from the edges, arcsec.
+        """
+        low, high = max(self.inner_arcsec - margin_arcsec, 0.0), self.outer_arcsec + margin_arcsec
+        points = np.linspace(low, high, math.ceil((high - low) / step_arcsec) + 1)
+        return self.axes(np.asarray(points, dtype=np.float64))
+
+    def score_axes(self, step_arcsec: float) -> tuple[FloatArray, FloatArray]:
+        """Centres of cells of exactly ``step``, as many as fit, centred in the zone: not the points of control."""
+        n = max(1, math.floor((self.outer_arcsec - self.inner_arcsec) / step_arcsec + 1e-9))
+        middle = 0.5 * (self.inner_arcsec + self.outer_arcsec)
+        points = middle + (np.arange(n) - (n - 1) / 2) * step_arcsec
+        return self.axes(np.asarray(points, dtype=np.float64))
+
+
+@dataclass(frozen=True)
+class RingZone:
+    """A ring around the star: where a coronagraph that is known by tables of separation shows planets.
+
+    It has what `HoleZone` tells whoever looks for planets. Separations of its edges are the same in all directions.
+
+    Attributes
+    ----------
+    inner_arcsec, outer_arcsec : float
+        Radii of its edges, inner < outer; an inner one below 0 lets apertures reach across the star.
+    """
+
+    inner_arcsec: float
+    outer_arcsec: float
+    mode: ClassVar[Literal["ring"]] = "ring"
+    side: ClassVar[HoleSide] = "right"
+    diagonal: ClassVar[tuple[int, int]] = (1, 1)
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not (math.isfinite(self.outer_arcsec) and abs(self.inner_arcsec) < self.outer_arcsec):
+            allowed = "inner < outer"
+            raise InputError("ring edges", (self.inner_arcsec, self.outer_arcsec), unit="arcsec", allowed=allowed)
+
+    @property
+    def inner_corner_arcsec(self) -> float:
+        """Separation of the inner edge, above 0."""
+        return max(self.inner_arcsec, _NEAREST * self.outer_arcsec)
+
+    @property
+    def outer_corner_arcsec(self) -> float:
+        """Separation of the outer edge."""
+        return self.outer_arcsec
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Place x and y in the middle of the ring, on a diagonal."""
+        offset = 0.5 * (self.inner_arcsec + self.outer_arcsec) / math.sqrt(2.0)
+        return offset, offset
+
+    def azimuth_fraction(self, separation_arcsec: ArrayLike, margin_arcsec: float = 0.0) -> FloatArray:
+        """Fraction of the circle of that radius that lies inside the ring; parameters as of `HoleZone`."""
+        r = np.asarray(separation_arcsec, dtype=np.float64)
+        inside = (r >= self.inner_arcsec + margin_arcsec) & (r <= self.outer_arcsec - margin_arcsec)
+        return inside.astype(np.float64)
+
+    def usable_range_arcsec(self, radius_arcsec: float, turn_deg: float = 0.0) -> tuple[float, float]:
+        """Separations between which an aperture lies in the ring whole; parameters as of `HoleZone`."""
+        return self.inner_arcsec + radius_arcsec, self.outer_arcsec - radius_arcsec
+
+    def covers(self, y_arcsec: FloatArray, x_arcsec: FloatArray, widen_arcsec: float = 0.0) -> NDArray[np.bool_]:
+        """Which points of a grid lie in the ring; parameters as of `HoleZone`."""
+        return self.contains(x_arcsec[None, :], y_arcsec[:, None], -widen_arcsec)
+
+    def contains(self, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
+        """Which points lie in the ring, at least ``margin`` from its edges; parameters as of `HoleZone`."""
+        separation = np.hypot(x_arcsec, y_arcsec)
+        inner = (self.inner_arcsec + margin_arcsec) * (1.0 - _ROUNDING)
+        return np.asarray((separation >= inner) & (separation <= (self.outer_arcsec - margin_arcsec) * (1 + _ROUNDING)))
+
+    def crosses_inner(self, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> bool:
+        """Whether an aperture that does not lie in the ring crosses its inner edge; parameters as of `HoleZone`."""
+        return math.hypot(x_arcsec, y_arcsec) - radius_arcsec < self.inner_arcsec
+
+    def cells(
+        self, step_arcsec: float, radius_arcsec: float, pixel_arcsec: float
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Places x and y of apertures that lie in the ring whole, and the side of a cell; as `HoleZone.cells`."""
+        low, high = self.usable_range_arcsec(radius_arcsec)
+        cells = 2 * max(1, round(high / step_arcsec))
+        step = 2.0 * high / cells
+        axis = step * (np.arange(cells) + 0.5) - high
+        y, x = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
+        separation = np.hypot(x, y)
+        # Of a ring that is narrower than a cell, the cells nearest to its middle.
+        room = max(0.5 * (high - low), step)
+        inside = np.abs(separation - 0.5 * (low + high)) <= room
+        return x[inside], y[inside], step
+
+
+Zone: TypeAlias = HoleZone | RingZone
+ZoneMode: TypeAlias = Literal["4q", "2q", "ring"]
+_ROUNDING, _NEAREST = 1e-9, 1e-3
+
+
+def zone_from(inner_arcsec: float, outer_arcsec: float, mode: ZoneMode, side: HoleSide) -> Zone:
+    """Return the zone of some edges.
+
+    Parameters
+    ----------
+    inner_arcsec, outer_arcsec : float
+        Of `HoleZone` per axis, of `RingZone` radii.
+    mode : {"4q", "2q", "ring"}
+    side : {"right", "left", "top", "bottom"}
+        Of ``2q``.
+    """
+    return RingZone(inner_arcsec, outer_arcsec) if mode == "ring" else HoleZone(inner_arcsec, outer_arcsec, mode, side)

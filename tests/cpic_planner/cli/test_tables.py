@@ -1,0 +1,181 @@
+"""A telescope that nobody here knows, as a YAML file beside a CSV file: no line of code knows its names."""
+
+import json
+
+import pytest
+
+TABLE = """# made for this test; columns as a spreadsheet has them
+Separation [mas];Core throughput [%];Raw contrast;Contrast stability;Occulter transmission;Core area (lambda/D)^2
+60;8;4e-9;3e-10;0.30;1.4
+90;12;2e-9;2e-10;0.45;1.5
+400;12;1e-9;1e-10;0.50;1.6
+700;11;2e-9;1e-10;0.50;1.6
+"""
+TELESCOPE = """
+name: Laplace-4
+telescope: {diameter_m: 4.1, obstruction_diameter_ratio: 0.14, area_m2: 12.5}
+coronagraph: {table: laplace.csv, stability_averages: visits}
+bands:
+  green_2: {center_nm: 550, width_nm: 55, t_opt: 0.35, qe: 0.9}
+  Far-Red: {center_nm: 810, width_nm: 81, t_opt: 0.33, qe: 0.6}
+detector:
+  pixel_scale_arcsec: 0.013
+  em_gain_max: 1
+  read_noise_e: 1.5
+  gain_e_adu: 1
+  full_well_e: 60000
+  switches: {em_register: false, smear: false}
+drift: {visit_nm: 0}
+"""
+STRATEGIES = """
+strategies:
+  - name: once
+    targets: {names: [tau Cet, eps Eri]}
+    visit: {bands: [green_2]}
+"""
+
+
+@pytest.fixture
+def laplace(tmp_path, monkeypatch):
+    """The telescope in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "laplace.csv").write_text(TABLE, encoding="utf-8")
+    (tmp_path / "laplace.yaml").write_text(TELESCOPE, encoding="utf-8")
+    (tmp_path / "once.yaml").write_text(STRATEGIES, encoding="utf-8")
+    return tmp_path
+
+
+def test_its_answers_about_a_star(laplace, done):
+    out, _ = done(
+        "etc",
+        "47 UMa",
+        "--instrument",
+        "laplace.yaml",
+        "--separation-arcsec",
+        0.25,
+        "--contrast",
+        1e-8,
+        "--time-s",
+        36000,
+        "--json",
+    )
+    answers = json.loads(out)["answers"]
+    assert [answer["band"] for answer in answers] == ["green_2", "Far-Red"]
+    # Between 90 and 400 mas, where the table has 12 %.
+    assert [answer["core_throughput"] for answer in answers] == pytest.approx([0.12, 0.12])
+    assert all(answer["value"] > 1 for answer in answers)
+    assert answers[0]["value"] > answers[1]["value"]
+    out, _ = done("etc", "47 UMa", "--instrument", "laplace.yaml", "--separation-arcsec", 0.9, "--time-s", 3600)
+    assert "leaves the dark hole" in " ".join(out.split()) or "outside" in out
+    out, _ = done(
+        "etc", "alpha Cen B", "--instrument", "laplace.yaml", "--band", "green_2", "--detect", "--plot", "limit.png"
+    )
+    assert (laplace / "limit.png").stat().st_size > 5000
+
+
+def test_its_ranking(laplace, done):
+    done(
+        "rank",
+        "--instrument",
+        "laplace.yaml",
+        "--dwarfs",
+        "--limit",
+        3,
+        "--time-s",
+        36000,
+        "--planets",
+        300,
+        "--out",
+        "rank.json",
+    )
+    found = json.loads((laplace / "rank.json").read_text())
+    best = found["targets"][0]
+    assert best["band"] in ("green_2", "Far-Red")
+    assert best["status"] == "ok"
+    assert 0.06 <= best["separation_arcsec"] <= 0.7
+
+
+def test_its_surveys(laplace, done):
+    done(
+        "whatif",
+        "once.yaml",
+        "--instrument",
+        "laplace.yaml",
+        "--universes",
+        20,
+        "--images",
+        2,
+        "--no-facts",
+        "--days",
+        90,
+        "--out",
+        "survey",
+    )
+    found = json.loads((laplace / "survey/whatif.json").read_text())
+    assert "table" in json.dumps(found)
+    assert (laplace / "survey/report.html").is_file()
+
+
+def test_what_it_is(laplace, done):
+    out, _ = done("instrument", "show", "laplace.yaml", "--key", "coronagraph.table")
+    assert "laplace.csv" in out
+    out, _ = done("instrument", "keys", "coronagraph")
+    assert "coronagraph.stability_averages" in out
+    out, _ = done("instrument", "diff", "laplace.yaml", "roman_hlc_like", "--key", "telescope")
+    assert "4.1" in out
+    assert "2.363" in out
+
+
+@pytest.mark.parametrize("preset", ["roman_hlc_like", "hwo_like"])
+def test_shipped_telescopes_answer(done, preset):
+    out, _ = done(
+        "etc", "tau Cet", "--instrument", preset, "--separation-arcsec", 0.2, "--contrast", 1e-8, "--snr", 5, "--json"
+    )
+    assert all(answer["value"] > 0 for answer in json.loads(out)["answers"])
+
+
+def test_our_own_as_a_table(laplace, done, refuses):
+    done("instrument", "table", "--band", "F662", "--out", "f662.csv")
+    (laplace / "ours.yaml").write_text("coronagraph: {table: {F662: f662.csv}, zone: quadrants}\n", encoding="utf-8")
+    asked = ("etc", "tau Cet", "--band", "F662", "--separation-arcsec", 0.6, "--contrast", 1e-8, "--snr", 5, "--json")
+    ours, theirs = (
+        json.loads(done(*asked, "--instrument", name)[0])["answers"][0] for name in ("cpic_default", "ours.yaml")
+    )
+    assert theirs["value"] == pytest.approx(ours["value"], rel=5e-3)
+    refuses(("instrument", "table", "--out", "x.csv"), "--band")
+    refuses(("instrument", "table", "--band", "F662", "--out", "no/such/folder/x.csv"), "writable file")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("plan", "--top", 1, "--time-s", 7200), "a table says nothing of images"),
+        (("confirm", "paper_example", "--band", "green_2"), "a table says nothing of images"),
+        (("simulate", "paper_example", "--band", "green_2", "--frames", 2, "--exposure-s", 10), "nothing of images"),
+        (("rank", "--instruments", 3, "--limit", 2), "no ensemble of instruments"),
+        (("etc", "tau Cet", "--band", "F662", "--time-s", 3600), "green_2, Far-Red"),
+    ],
+)
+def test_what_a_table_cannot_do_is_refused_in_one_line(laplace, refuses, arguments, words):
+    out = ("--out", "folder") if arguments[0] in ("plan", "confirm", "simulate") else ()
+    refuses((*arguments, "--instrument", "laplace.yaml", *out), words)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("12;2e-9", "120;2e-9", "laplace.csv row 2 column Core throughput"),
+        ("12;2e-9", "12;dark", "laplace.csv row 2 column Raw contrast"),
+        ("Raw contrast", "Brightness", "raw_contrast"),
+        ("[mas]", "[kg]", "unit"),
+        ("90;", "60;", "every separation once"),
+    ],
+)
+def test_a_bad_table_is_refused_in_one_line(laplace, refuses, old, new, words):
+    (laplace / "laplace.csv").write_text(TABLE.replace(old, new, 1), encoding="utf-8")
+    refuses(("etc", "tau Cet", "--instrument", "laplace.yaml", "--time-s", 3600), words)
+
+
+def test_a_table_that_is_not_there_is_refused_in_one_line(laplace, refuses):
+    (laplace / "laplace.csv").unlink()
+    refuses(("etc", "tau Cet", "--instrument", "laplace.yaml", "--time-s", 3600), "coronagraph.table")
