@@ -1,7 +1,9 @@
 """The way from a star's name to the time beside three calculators: what makes them differ."""
 
-import itertools
+import csv
+from importlib.resources import files
 
+import numpy as np
 import pytest
 
 from reports.external import comparison
@@ -77,13 +79,35 @@ def test_times_of_the_sheet_follow_from_its_rates():
         assert stark.wall_time(case["t_science"], case["code"]) == pytest.approx(case["t_exp"], rel=2e-3)
 
 
-def test_curves_pass_through_their_points():
-    points = [case for case in CASES if case["code"] == "ebs"]
-    for case in points:
-        found = stark.coronagraph(CASES, case["sp"])
-        assert found["T_core"] == pytest.approx(case["T_core"], rel=1e-9)
-        assert found["skytrans"] == pytest.approx(case["skytrans"], rel=1e-9)
-    inside = sorted(case["sp"] for case in points)
-    for low, high in itertools.pairwise(inside):
-        middle = stark.coronagraph(CASES, 0.5 * (low + high))["T_core"]
-        assert stark.coronagraph(CASES, low)["T_core"] < middle < stark.coronagraph(CASES, high)["T_core"]
+def test_the_table_is_what_ebs_has_at_ten_separations():
+    """The leak is an intensity times the aperture, over the planet's throughput; the ends are assumed."""
+    text = (files("simulator") / "presets/coronagraph/hwo_example.csv").read_text(encoding="utf-8")
+    table = list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
+    points = sorted((case for case in CASES if case["code"] == "ebs"), key=lambda case: case["sp"])
+    assert len(table) == len(points) + 2
+    for row, case in zip(table[1:-1], points, strict=True):
+        contrast = case["I_star"] * case["omega_core"] / case["T_core"]
+        expected = {
+            "separation_lambda_d": case["sp"],
+            "core_throughput": case["T_core"],
+            "raw_contrast": contrast,
+            "contrast_stability": stark.FLOOR * contrast,
+            "occulter_transmission": case["skytrans"] / stark.SKY_PIXELS,
+            "core_area_lambda_d2": case["omega_core"],
+        }
+        assert {name: float(value) for name, value in row.items()} == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize(("name", "wavelength_nm"), PLACES)
+def test_the_calculator_gives_what_its_rates_give(name, wavelength_nm):
+    """`exposure_time` beside the few lines of `rates`; besides, it measures the background's mean in an annulus."""
+    star, ebs = Star(name, wavelength_nm), _of("ebs", name, wavelength_nm)
+    found = stark.whole_way(star, ebs["t_photon_count"])
+    assert stark.science_time(found, "ayo") == pytest.approx(found["t_science"], rel=0.01)
+    place = float(star.row.luminosity_lsun), float(star.row.distance_pc)
+    points = np.array(sorted((case["sp"], case["skytrans"]) for case in CASES if case["code"] == "ebs"))
+    optics = ebs | {"T_core": found["T_core"], "skytrans": np.interp(found["sp"], *points.T)}
+    expected = stark.rates(star, stark.fluxes(star, *place), optics)
+    inside = found["sp"] > points[0, 0]
+    for rate in ("CR_p", "CR_bd", *(("CR_bz", "CR_bez") if inside else ())):
+        assert found[rate] == pytest.approx(expected[rate], rel=0.01), rate
