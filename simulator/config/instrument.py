@@ -13,7 +13,7 @@ from cpic_core import InputError, Provenance, is_file, load_mapping, load_yaml, 
 from simulator.config.base import FrozenModel, deep_merge, validate
 from simulator.config.coronagraph_table import KEY as TABLE_KEY, CoronagraphTable, coronagraph_table
 from simulator.config.detector import AnyDetector, Detector
-from simulator.config.optics import Coronagraph, NearInfrared, Telescope
+from simulator.config.optics import Coronagraph, NearInfrared, Telescope, drop_bands
 from simulator.config.presets import preset_names, preset_path
 from simulator.config.sky import CosmicRayConfig, SkyConfig, own_sky
 from simulator.config.telescope import (
@@ -28,9 +28,8 @@ from simulator.config.telescope import (
 from simulator.detectors import INFRARED, VISIBLE, chain_preset
 
 _ORIGIN = ("unit", "source", "confidence", "range", "note")
-_FILE_KEYS = (
-    *("apodizer", "transmission_file", "surface_files", "calibration_files", "map_file", "template_file", "table"),
-)
+_MAPS = ("map_file", "template_file", "transmission_file", "surface_files", "calibration_files")
+_FILE_KEYS = ("apodizer", "table", "psf", *_MAPS)
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
 
 Positive = Annotated[float, Field(gt=0)]
@@ -227,6 +226,11 @@ class Instrument(FrozenModel):
             return float(table.separation_arcsec[-1]) + self.aperture_radius_arcsec(band)
         return self.channel_of(band).optics.outer_half_side_arcsec
 
+    def psf_file(self, band: str) -> str | None:
+        """File of the point-spread functions of a table's band; None where there is none."""
+        named = self.coronagraph.psf
+        return named.get(band) if isinstance(named, dict) else named
+
     def _ring_table(self, band: str) -> CoronagraphTable | None:
         return self.table(band) if self.coronagraph.is_ring else None
 
@@ -318,22 +322,11 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         own = _with_own_sky(own, shipped["sky"])
         merged = deep_merge(shipped, _plain_over_sourced(shipped, own))
         merged["name"] = own.get("name", f"{base}+changes" if own else base)
-        _drop_bands(own, merged)
+        drop_bands(own, merged)
         return merged
     # Effects may bring defaults of their own.
     brought = {"detector": chain_preset(VISIBLE), "near_infrared": {"detector": chain_preset(INFRARED)}}
     return deep_merge(brought, own)
-
-
-def _drop_bands(own: Mapping[str, Any], merged: dict[str, Any]) -> None:
-    """Leave out the bands of the base where a table replaces its optics: those that neither bands nor tables name."""
-    coronagraph = own.get("coronagraph")
-    table = coronagraph.get("table") if isinstance(coronagraph, Mapping) else None
-    if isinstance(table, Mapping) and "value" in table:
-        table = table["value"]
-    named = own.get("bands") if isinstance(own.get("bands"), Mapping) else table
-    if table is not None and isinstance(named, Mapping) and isinstance(merged.get("bands"), Mapping):
-        merged["bands"] = {name: band for name, band in merged["bands"].items() if name in named}
 
 
 def _with_own_sky(own: dict[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:

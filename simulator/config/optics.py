@@ -1,7 +1,8 @@
 """Telescope and coronagraph as configuration: pupil, apodizer, focal-plane mask, dark hole, or a table instead."""
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -49,7 +50,8 @@ class Coronagraph(FrozenModel):
     ``stability_fraction`` of the raw contrast is given instead, that is the residual of a visit and no drift of the
     wavefront changes it; ``stability_averages`` says whether it is a new one in every visit, so that V visits leave
     V^(-1/2) of it (``visits``), or the same in all (``never``). Without either, the drift scatters light as the same
-    wavefront error does in a clear telescope.
+    wavefront error does in a clear telescope. Images are made from ``psf``, a file of `simulator.load_psf`, or one for
+    each band, and refused without.
     """
 
     apodizer: str
@@ -61,13 +63,14 @@ class Coronagraph(FrozenModel):
     outer_half_side_arcsec: Annotated[float, Field(gt=0, le=1)]
     aperture_radius_lambda_d: Annotated[float, Field(ge=0.2, le=5)]
     table: str | dict[str, str] | None = None
+    psf: str | dict[str, str] | None = None
     zone: Literal["quadrants", "ring"] | None = None
     stability_fraction: Annotated[float, Field(ge=0, le=1)] | None = None
     stability_averages: Literal["visits", "never"] = "never"
 
     def _check_values(self) -> None:
         if self.table is None:
-            for key in ("zone", "stability_fraction"):
+            for key in ("psf", "zone", "stability_fraction"):
                 if getattr(self, key) is not None:
                     raise InputError(key, getattr(self, key), allowed="not given without coronagraph.table")
 
@@ -84,3 +87,22 @@ class NearInfrared(FrozenModel):
     mask_half_width_arcsec: Annotated[float, Field(ge=0, le=4)]
     outer_half_side_arcsec: Annotated[float, Field(gt=0, le=3)]
     detector: InfraredDetector
+
+
+def drop_bands(own: Mapping[str, Any], merged: dict[str, Any]) -> None:
+    """Leave out the bands of the base where a table replaces its optics: those that neither bands nor tables name.
+
+    Parameters
+    ----------
+    own : mapping
+        What a file says of an instrument.
+    merged : dict
+        The same over its base, which is changed.
+    """
+    coronagraph = own.get("coronagraph")
+    table = coronagraph.get("table") if isinstance(coronagraph, Mapping) else None
+    if isinstance(table, Mapping) and "value" in table:
+        table = table["value"]
+    named = own.get("bands") if isinstance(own.get("bands"), Mapping) else table
+    if table is not None and isinstance(named, Mapping) and isinstance(merged.get("bands"), Mapping):
+        merged["bands"] = {name: band for name, band in merged["bands"].items() if name in named}

@@ -8,7 +8,7 @@ from simulator.imaging.aperture import aperture_sums as aperture_sums, overlap_w
 from simulator.imaging.build import build_imager as build_imager, refuse_table as refuse_table
 from simulator.imaging.clear_pupil import scattered_light as scattered_light
 from simulator.imaging.drift import SharedTerms as SharedTerms, visit_frames as visit_frames
-from simulator.imaging.external import ExternalPsf as ExternalPsf
+from simulator.imaging.external import ExternalPsf as ExternalPsf, psf_of_table as psf_of_table
 from simulator.imaging.frame import (
     AnyPsf as AnyPsf,
     SceneModel as SceneModel,

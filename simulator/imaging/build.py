@@ -27,7 +27,7 @@ def refuse_table(instrument: Instrument) -> None:
     InputError
     """
     if instrument.coronagraph.table is not None:
-        hint = "the calculator, rankings and surveys work with it; images need those of a file (simulator.load_psf)"
+        hint = "calculator, rankings and surveys work with it; cpic simulate with the images of a file, coronagraph.psf"
         allowed = "an instrument with modelled optics: a table says nothing of images"
         raise InputError("coronagraph.table", instrument.name, allowed=allowed, hint=hint)
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, as_path, numeric_context
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, as_path, numeric_context
 from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
 from simulator.config.map_files import real_map
 from simulator.imaging.geometry import BandGeometry
@@ -129,6 +129,17 @@ class ExternalPsf:
     def _open(self) -> FloatArray:
         return open_pixels(len(self.off_axis), self.pixel_scale_arcsec, self.mask_half_width_arcsec)
 
+    def passed(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Light of a source at (x, y) over that of `off_axis`: what the table of its coronagraph says, else all of it.
+
+        The kernel is that of a source where the core throughput has its most.
+        """
+        table = self.instrument.table(self.band) if self.band else None
+        if table is None:
+            return np.ones(np.broadcast_shapes(np.shape(x_arcsec), np.shape(y_arcsec)))
+        most = table.maps.get("core_throughput", table.columns["core_throughput"]).max()
+        return table.at_place("core_throughput", x_arcsec, y_arcsec) / float(most)
+
     def at(self, x_arcsec: float, y_arcsec: float) -> FloatArray:
         """Image of a unit source at any sub-pixel position, behind the mask, on the star-centred stamp.
 
@@ -155,7 +166,25 @@ class ExternalPsf:
         if not (math.isfinite(x_arcsec) and math.isfinite(y_arcsec)):
             raise InputError("x_arcsec, y_arcsec", (x_arcsec, y_arcsec), unit="arcsec", allowed="finite numbers")
         offset = (float(part) / self.pixel_scale_arcsec for part in (y_arcsec, x_arcsec))
-        return displaced(self.off_axis, *offset) * self._open
+        return displaced(self.off_axis, *offset) * self._open * float(self.passed(x_arcsec, y_arcsec))
+
+
+def psf_of_table(instrument: Instrument, band: str) -> ExternalPsf | None:
+    """Point-spread functions that an instrument names beside the table of its coronagraph; None without.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument.
+
+    Raises
+    ------
+    InputError
+        As `load_psf`.
+    """
+    path = instrument.psf_file(band)
+    return None if path is None else load_psf(path, instrument=instrument, band=band)
 
 
 @numeric_context()

@@ -216,6 +216,8 @@ def off_axis_light(
     x = np.array([source.x_arcsec for source in sources]) + star_arcsec[0]
     y = np.array([source.y_arcsec for source in sources]) + star_arcsec[1]
     rates = np.array([source.rate_e_s for source in sources])
+    if isinstance(psf, ExternalPsf):
+        rates = rates * psf.passed(x, y)
     if model == "paper":
         if isinstance(psf, ExternalPsf) or extended:
             raise InputError("scene_model", model, allowed="exact for extended sources and for PSFs from files")
@@ -327,4 +329,5 @@ def _grid(
         reach_arcsec=reach,
     )
     x, y = grid.x_arcsec + star_arcsec[0], grid.y_arcsec + star_arcsec[1]
-    return SourceGrid(x, y, item.rate_e_s * grid.flux)
+    flux = item.rate_e_s * grid.flux
+    return SourceGrid(x, y, flux * psf.passed(x[None, :], y[:, None]) if isinstance(psf, ExternalPsf) else flux)

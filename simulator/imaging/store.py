@@ -267,7 +267,7 @@ def metrics_key(instrument: Instrument, band: str) -> str:
 
 def _table_key(instrument: Instrument, band: str, table: CoronagraphTable) -> str:
     """Content key of the metrics of a table: its content, and what `table_metrics` reads beside it."""
-    coronagraph = instrument.coronagraph.model_dump(mode="json", exclude={"table"})
+    coronagraph = instrument.coronagraph.model_dump(mode="json", exclude={"table", "psf"})
     parts = {
         "table": [TABLE_SCHEMA, table.sha256],
         "coronagraph": coronagraph,

@@ -9,7 +9,17 @@ from typing import Any, Literal, get_args
 from cpic_core import InputError, check_number, check_pair, check_whole, check_word, numeric_context
 from simulator.config import Instrument, Scene, Timing, checked_utc, load_instrument, load_scene
 from simulator.effects import sky_rate_e_s_arcsec2
-from simulator.imaging import AnyPsf, ExternalPsf, PsfError, SceneModel, Window, psf_metrics, single_band_psf, window_of
+from simulator.imaging import (
+    AnyPsf,
+    ExternalPsf,
+    PsfError,
+    SceneModel,
+    Window,
+    psf_metrics,
+    psf_of_table,
+    single_band_psf,
+    window_of,
+)
 from simulator.knobs import Knobs, Quantity, resolve_knobs
 from simulator.ledger import (
     MAX_EPOCHS,
@@ -160,7 +170,8 @@ def observe(
         ``exact``: every source at its place behind the mask. ``paper``: the shortcut of Zhu et al. 2025, in which
         sources other than the star go to the nearest of 4 x 4 cells of a pixel and no mask hides them.
     psf : ExternalPsf, optional
-        Point-spread functions from a file (`simulator.load_psf`) instead of the model's; they do not drift.
+        Point-spread functions from a file (`simulator.load_psf`) instead of the model's; they do not drift. Those that
+        the instrument names beside a table by default.
     kind : {"SCI", "DSF", "CALS"}
         Science, dense star field, or calibration star.
     start_utc : str, optional
@@ -210,6 +221,7 @@ def observe(
     number = check_whole("realisation", realisation, 0, MAX_REALISATION)
     star = check_pair("star_offset_arcsec", star_offset_arcsec, MAX_OFFSET_ARCSEC, "arcsec")
     start = checked_utc("start_utc", instrument.mission.start_utc if start_utc is None else start_utc)
+    psf = psf or psf_of_table(instrument, band)
     if psf is not None:
         _check_psf(psf, band, instrument, tolerance)
     if quantity is not None:
