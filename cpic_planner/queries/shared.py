@@ -163,7 +163,7 @@ class Reduction(FrozenModel):
         5.0,
         "Level of a detection whose false-alarm probability the small-sample threshold keeps (its key is "
         "strategy.sigma; cpic etc --sigma asks for a plain significance, which is another number).",
-        gt=0,
+        ge=0.01,
         le=20,
         option="--threshold-sigma",
     )

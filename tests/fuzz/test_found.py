@@ -42,6 +42,7 @@ OWN = ("etc", "--v-mag", "5", "--sp-type", "G2V", "--band", "F520", "--snr", "5"
         ((*STAR, "--snr", "5", "--separation-au", "1e308"), ("--separation-au = 1e+308 au", "0 to 43")),
         ((*STAR, "--snr", "5", "--semi-major-axis-au", "1e4"), ("--semi-major-axis-au = 10000.0 au", "0.001 to 43")),
         ((*STAR, "--snr", "5", "--reference-ratio", "5e-324"), ("--reference-ratio = 5e-324", "0.001 to 1000")),
+        ((*STAR, "--snr", "5", "--threshold-sigma", "1e-30"), ("--threshold-sigma = 1e-30", "0.01 to 20")),
         ((*OWN, "--distance-pc", "1e308"), ("--distance-pc = 1e+308 pc", "0.01 to 100000")),
         ((*OWN, "--distance-pc", "1e-308"), ("--distance-pc = 1e-308 pc", "0.01 to 100000")),
         (("rank", "--planets", "9" * 30), ("--planets = 9999", "1 to 1000000")),
