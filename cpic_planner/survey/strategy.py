@@ -33,7 +33,8 @@ class TargetCuts(FrozenModel):
 
     ``names`` are the only stars, if given; ``max_targets`` the most that are visited, best first by planets expected
     per hour of the first visit; ``known_planets`` ``only`` leaves stars with a known planet, ``first`` visits them
-    before all others.
+    before all others. ``v_mag_max``, ``distance_max_pc``, ``dwarfs_only`` and ``singles_only`` select as options of
+    ``cpic rank`` do; stars of ``exclude`` are never visited.
     """
 
     v_mag_max: Real | None = None
@@ -78,6 +79,7 @@ class VisitRule(FrozenModel):
 class Revisits(FrozenModel):
     """How often a star is visited, how far apart, and how the telescope is rolled.
 
+    A star is visited at most ``max_visits`` times, and again after ``min_gap_days`` at the earliest.
     ``roll`` ``sun``: the roll that the solar panels ask for on the day of the visit, so that the dark quadrants turn
     with the year; ``north``: the same roll always. ``roll_dither_deg`` is added and taken away at every other visit.
     """
@@ -91,7 +93,8 @@ class Revisits(FrozenModel):
 class FollowUp(FrozenModel):
     """Visits in other bands once a planet has been found; none by default.
 
-    A visit is for all planets of the star that lack the band; each of them has ``attempts`` visits of its own.
+    A visit is for all planets of the star that lack one of the ``bands``, and takes at most ``time_s`` of wall time;
+    each planet has ``attempts`` visits of its own.
     With ``snr`` a band counts for a planet whose photometric SNR reaches it there, follow-up visits in that band
     added in quadrature. A visit is made only in slots in which as many visits as are left of ``attempts`` would reach
     it: the orbit is taken as known, as two epochs tell for some months ahead where the planet stands. Without ``snr``

@@ -112,7 +112,18 @@ class Body(SpelledModel):
     """What every source has: a name, a place, and perhaps a brightness and a spectrum of its own.
 
     The place is either ``ra_deg`` and ``dec_deg`` (same epoch as the central star's) or ``separation_arcsec`` and
-    ``pa_deg`` from the central star, degrees east of north.
+    ``pa_deg`` from the central star.
+
+    Attributes
+    ----------
+    name : str
+        Name in tables, headers and the truth.
+    ra_deg, dec_deg : float or str, optional
+        Right ascension and declination, ICRS: degrees, or text such as ``14:39:36.5``.
+    separation_arcsec : float, optional
+        Angle from the central star.
+    pa_deg : float, optional
+        Position angle from the central star, east of north.
     """
 
     name: str = ""
@@ -134,11 +145,27 @@ class Body(SpelledModel):
 class SceneStar(Body):
     """A star: brightness, atmosphere, and a place when it is not the central one.
 
-    ``spectrum`` is ``grid`` (shipped PHOENIX and CK04 fluxes), ``blackbody``, ``pickles``, the path of a file or of a
-    CK04 or PHOENIX tree, or a table; it is scaled to ``v_mag`` (Johnson V, Vega). Temperature and gravity are those of
-    ``spectral_type`` unless ``teff_k`` and ``log_g`` are given; a file or table needs neither. ``distance_pc`` and
-    ``luminosity_lsun`` of the central star turn angles into distances and distances into insolation. A star that is no
-    ``companion`` (a star of the field, a calibrator) stays where a scene leaves companions out.
+    Attributes
+    ----------
+    v_mag : float
+        Johnson V (Vega), to which the spectrum is scaled.
+    spectral_type : str, optional
+        MK type, which gives temperature and gravity where they are not given; a file or table needs neither.
+    teff_k : float, optional
+        Effective temperature.
+    log_g : float, optional
+        Decimal logarithm of the surface gravity in cm/s2.
+    metallicity : float, optional
+        Decimal logarithm of the metallicity over the Sun's.
+    spectrum : str or SpectrumTable
+        ``grid`` (shipped PHOENIX and CK04 fluxes), ``blackbody``, ``pickles``, the path of a file or of a CK04 or
+        PHOENIX tree, or a table.
+    distance_pc : float, optional
+        Distance of the central star, which turns angles into distances.
+    luminosity_lsun : float, optional
+        Luminosity of the central star, which turns distances into insolation.
+    companion : bool
+        Whether the star stays away where a scene leaves companions out; no for a star of the field or a calibrator.
     """
 
     ALIASES = _ALIASES | other_names(spectral_type="sp_type sptype", log_g="logg", distance_pc="distance")
@@ -179,6 +206,23 @@ class Planet(Body):
     ``spectrum: blackbody`` is thermal light of temperature ``teff_k``, as bright as ``radius_rjup`` at the star's
     distance makes it or of the given ``v_mag``. A file or table is taken as it is, at the telescope, or scaled to
     ``v_mag``.
+
+    Attributes
+    ----------
+    radius_rjup : float, optional
+        Radius in Jupiter's equatorial radius, 71 492 km.
+    distance_au : float, optional
+        True distance from the star.
+    phase_deg : float, optional
+        Angle between star and observer as seen from the planet.
+    albedo : optional
+        A planet of the solar system, ``parametric``, a number, or a mapping with ``model`` or ``file``.
+    spectrum : str or SpectrumTable
+        ``reflected``, ``blackbody``, the path of a file, or a table.
+    teff_k : float, optional
+        Temperature of ``spectrum: blackbody``.
+    v_mag : float, optional
+        Johnson V of a planet with light of its own.
     """
 
     ALIASES = _ALIASES | other_names(radius_rjup="radius", phase_deg="phase phase_angle phase_angle_deg")

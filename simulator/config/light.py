@@ -34,7 +34,14 @@ _TABLE_HINTS = {
 class SpectrumTable(SpelledModel):
     """A user's spectrum at the telescope, linear between its samples.
 
-    ``photlam`` (ph/s/cm2/A) or ``flam`` (erg/s/cm2/A) over increasing ``wavelength_nm``.
+    Attributes
+    ----------
+    wavelength_nm : tuple of float
+        Wavelengths in vacuum, increasing.
+    photlam : tuple of float, optional
+        Photons, ph/s/cm2/A; this or ``flam``.
+    flam : tuple of float, optional
+        Energy, erg/s/cm2/A.
     """
 
     HINTS = _TABLE_HINTS
@@ -160,11 +167,21 @@ class MeasuredAlbedo(FrozenModel):
 class _Atmosphere(FrozenModel):
     """A giant planet's atmosphere by metallicity, clouds and insolation.
 
-    ``log10_mh`` is the metallicity over the Sun's and ``log10_fsed`` the sedimentation efficiency of the clouds, both
-    as decimal logarithms; a mapping may give ``mh`` or ``fsed``, not logarithms, instead, and ``fsed: 0`` or
-    ``log10_fsed: null`` means cloud-free. Without ``insolation_au`` it is the true distance over the square root of
-    the star's luminosity. The defaults are Jupiter-like: carbon about three times the Sun's (Wong et al. 2004, Icarus
-    171, 153), f_sed 3 of the ammonia clouds (Ackerman & Marley 2001, ApJ 556, 872).
+    A mapping may give ``mh`` or ``fsed``, not logarithms, instead; ``fsed: 0`` means cloud-free. The defaults are
+    Jupiter-like: carbon about three times the Sun's (Wong et al. 2004, Icarus 171, 153), f_sed 3 of the ammonia clouds
+    (Ackerman & Marley 2001, ApJ 556, 872).
+
+    Attributes
+    ----------
+    log10_mh : float
+        Decimal logarithm of the metallicity over the Sun's.
+    log10_fsed : float, optional
+        Decimal logarithm of the sedimentation efficiency of the clouds; null means cloud-free.
+    insolation_au : float, optional
+        Distance from the Sun of equal insolation; by default the true distance over the square root of the star's
+        luminosity.
+    phase_function : {"lambert", "grid"}
+        Lambert's law, or that of the models.
     """
 
     log10_mh: Annotated[Real, Field(ge=0, le=2)] = 0.5
@@ -219,7 +236,13 @@ class ParametricAlbedo(_Atmosphere):
 
 
 class GridAlbedo(_Atmosphere):
-    """A user's copy of a grid of models: the SQLite or npz layout of Batalha et al. 2018, given by path."""
+    """A user's copy of a grid of models.
+
+    Attributes
+    ----------
+    file : str
+        Path of the grid, in the SQLite or npz layout of Batalha et al. 2018.
+    """
 
     model: Literal["grid"] = "grid"
     file: str
@@ -229,7 +252,13 @@ class GridAlbedo(_Atmosphere):
 
 
 class ConstantAlbedo(FrozenModel):
-    """The same geometric albedo at every wavelength."""
+    """The same geometric albedo at every wavelength.
+
+    Attributes
+    ----------
+    value : float
+        The albedo.
+    """
 
     model: Literal["constant"] = "constant"
     value: Annotated[Real, Field(ge=0, le=1.5)]
@@ -241,7 +270,17 @@ class ConstantAlbedo(FrozenModel):
 
 
 class TableAlbedo(FrozenModel):
-    """A user's spectrum: a two-column file, or wavelengths and values."""
+    """A user's spectrum: a two-column file, or wavelengths and values.
+
+    Attributes
+    ----------
+    file : str, optional
+        Path of a file with wavelength and geometric albedo.
+    wavelength_nm : tuple of float, optional
+        Wavelengths, increasing.
+    albedo : tuple of float, optional
+        Geometric albedo at these wavelengths.
+    """
 
     model: Literal["table"] = "table"
     file: str | None = None

@@ -215,9 +215,20 @@ _KIND_WORDS = {"disk": "disc", "exozodi": "disc"}
 class _Scattered(FrozenModel):
     """What every extended source has.
 
-    The light is that of the star, scattered without colour: in every band the source sends ``contrast`` times the
-    detected rate of the central star, all of it together, before mask and aperture. Instead of ``contrast`` its total
-    may be given as ``v_mag`` (Johnson V). ``pa_deg`` and ``center_pa_deg`` are degrees east of north.
+    The light is that of the star, scattered without colour.
+
+    Attributes
+    ----------
+    name : str
+        Name in tables and the truth.
+    contrast : float, optional
+        Detected rate of the whole source over that of the central star in every band, before mask and aperture.
+    v_mag : float, optional
+        Total light as Johnson V, instead of ``contrast``.
+    pa_deg : float
+        Position angle of the major axis, or of what is up in an image, east of north.
+    center_separation_arcsec, center_pa_deg : float
+        Place of the centre from the star, east of north.
     """
 
     name: str = ""
@@ -244,8 +255,14 @@ class _Scattered(FrozenModel):
 class DiscSource(_Scattered):
     """A thin disc (exozodiacal dust, debris): surface brightness ``r^slope`` between two radii, else 0.
 
-    ``r`` is the distance from the centre in the plane of the disc, which is inclined by ``inclination_deg`` (0 face-on,
-    90 edge-on) about the major axis at ``pa_deg``.
+    Attributes
+    ----------
+    inner_arcsec, outer_arcsec : float
+        Radii between which it shines, in the plane of the disc.
+    slope : float
+        Power of the radius with which the brightness goes.
+    inclination_deg : float
+        Inclination about the major axis: 0 face-on, 90 edge-on.
     """
 
     kind: Literal["disc"] = "disc"
@@ -266,7 +283,12 @@ class DiscSource(_Scattered):
 class RingSource(_Scattered):
     """A thin ring: surface brightness a Gaussian of ``fwhm_arcsec`` about ``radius_arcsec``, in the plane of the ring.
 
-    Inclination and position angle are as for a disc.
+    Attributes
+    ----------
+    radius_arcsec, fwhm_arcsec : float
+        Radius of the ring, and full width at half maximum of its brightness.
+    inclination_deg : float
+        Inclination about the major axis: 0 face-on, 90 edge-on.
     """
 
     kind: Literal["ring"] = "ring"
@@ -282,6 +304,15 @@ class ImageSource(_Scattered):
     position angle. The pixel is ``pixel_scale_arcsec``, or the header's ``PIXSCALE`` or ``CDELT``. The middle of the
     image, or ``center_pixel`` (column, row, from 0), is where the star stands, or at the ``center_...`` offset.
     Other orientation cards are not read.
+
+    Attributes
+    ----------
+    file : str
+        Path of a FITS or npz file.
+    pixel_scale_arcsec : float, optional
+        Side of a pixel.
+    center_pixel : tuple of float, optional
+        Column and row of the star, from 0.
     """
 
     kind: Literal["image"] = "image"

@@ -1,5 +1,6 @@
 """Keys of YAML files: of the instrument with value, source and confidence, and of every other kind of file."""
 
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
@@ -116,12 +117,18 @@ def entries(
             continue
         source = sources.get(key) or _like(key, sources)
         default = getattr(value, name, field.default)
-        text = [said[name]] if name in said else [marked(field.description)] if field.description else []
+        text = [_said(name, field.description or "", said, summary(model))]
         text += [prose(source.source)] if source else []
         text += [f"Its keys: {', '.join(f'`{seen[one]}` ({one.__name__})' for one in inner)}"] if inner else []
         unit = "" if isinstance(default, bool) else (source.unit if source else "") or unit_of(name)
         cells = (code(unit), _shown(default), cell(limits_of(field)), source.confidence if source else "")
-        found.append(Entry(anchored("key", anchor, key), name, (*cells, ". ".join(text) or _kind(field.annotation))))
+        found.append(
+            Entry(
+                anchored("key", anchor, key),
+                name,
+                (*cells, ". ".join(part.rstrip(".") for part in text if part) or said_type(field.annotation)),
+            )
+        )
     return found
 
 
@@ -141,8 +148,18 @@ def _like(key: str, sources: Mapping[str, Provenance]) -> Provenance | None:
     return next((item for name, item in sources.items() if "*" in key and fnmatchcase(name, key)), None)
 
 
-def _kind(annotation: Any) -> str:
-    return said_type(annotation)
+_ANYWHERE = {
+    "name": "name in tables and reports",
+    "description": "what it is, for people",
+    "seed": "seed of what is drawn",
+}
+
+
+def _said(name: str, description: str, said: Mapping[str, str], about: str) -> str:
+    """Return what is said of a key: in the docstring's attributes, in its field, or in a sentence that quotes it."""
+    sentences = re.split(r"(?<=[.;])\s+", re.sub(r"\s+", " ", about))
+    quoted = " ".join(sentence for sentence in sentences if f"`{name}`" in sentence).rstrip(";.")
+    return said.get(name) or marked(description) or quoted or _ANYWHERE.get(name, "")
 
 
 def _shown(default: Any) -> str:
@@ -150,7 +167,7 @@ def _shown(default: Any) -> str:
         return ""
     if isinstance(default, dict | tuple | list) and (not default or any(isinstance(i, BaseModel) for i in default)):
         return ""
-    if isinstance(default, dict):
+    if isinstance(default, dict | tuple | list):
         return code(", ".join(map(str, default)))
     if default is None or isinstance(default, bool):
         return code({None: "null", True: "true", False: "false"}[default])

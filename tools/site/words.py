@@ -45,6 +45,23 @@ def registered() -> dict[str, list[Entry]]:
     }
 
 
+def flags() -> list[Entry]:
+    """Return the flags of answers, stars and known planets, with their words."""
+    from catalogs import ADDED_FLAGS
+    from catalogs.known_planet_columns import FLAGS as OF_PLANETS
+    from catalogs.star_columns import FLAGS as OF_STARS
+    from cpic_planner.registry import LIBRARIES
+    from cpic_planner.report.words import FLAGS as OF_ANSWERS
+
+    of_libraries = {flag: text for library in LIBRARIES.values() for flag, text in library.caveats.items()}
+    kinds = {"answer": of_libraries | OF_ANSWERS, "star": OF_STARS | ADDED_FLAGS, "known planet": OF_PLANETS}
+    return [
+        Entry(anchored("flag", kind, flag), flag, (kind, marked(text)))
+        for kind, words in kinds.items()
+        for flag, text in sorted(words.items())
+    ]
+
+
 def units() -> str:
     """Return the units that names of numbers end in."""
     from cpic_planner.results.base import UNITS
@@ -58,9 +75,11 @@ def page() -> str:
     from cpic_core import Reason, Status
 
     own = registered()
+    flagged = "A flag is a remark on a value that stands: a caveat, never a refusal."
     return (
         f"(statuses)=\n## Status\n\n{table(('status', 'meaning'), entries(Status))}\n"
         f"(reasons)=\n## Reason\n\n{table(('reason', 'meaning'), entries(Reason))}\n"
         f"(reference-libraries)=\n## Reference libraries\n\n{table(('library', 'reference frames'), own['library'])}\n"
-        f"(scores)=\n## Scores of a ranking\n\n{table(('score', 'meaning'), own['score'])}"
+        f"(scores)=\n## Scores of a ranking\n\n{table(('score', 'meaning'), own['score'])}\n"
+        f"(flags)=\n## Flags\n\n{flagged}\n\n{table(('flag', 'of', 'meaning'), flags())}"
     )

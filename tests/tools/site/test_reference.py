@@ -132,6 +132,17 @@ def test_every_status_and_reason_has_a_sentence():
         assert f"`{name}`" in page, name
 
 
+def test_every_flag_of_an_answer():
+    """Those that answers about many stars carry."""
+    from cpic_planner import rank_targets
+
+    page = {entry.name for entry in words.flags()}
+    rows = rank_targets(n_planets=20, bands=["F520"], v_mag_max=4.0).targets
+    carried = {flag.partition(":")[0] for row in rows for flag in row.flags}
+    assert len(carried) > 5
+    assert carried <= page
+
+
 def test_every_verdict_and_limit():
     page = (ROOT / "docs" / "reference" / "words.md").read_text(encoding="utf-8")
     for name in (*VerdictText.__args__, *LimitText.__args__):
