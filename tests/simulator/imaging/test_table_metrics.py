@@ -1,0 +1,79 @@
+"""Figures of a band of which a table is known: shipped telescopes against what was published of them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from simulator.config import load_instrument
+from simulator.imaging import TableMetrics, metrics_key, psf_metrics
+
+HWO, ROMAN = load_instrument("hwo_like"), load_instrument("roman_hlc_like")
+
+
+@pytest.mark.parametrize(
+    ("band", "separation", "planet", "star", "floor", "pixels"),
+    [
+        ("V500", 5.662605, 0.0231164 / 4.542177e-09, 9.385974e-05 / 71.54789, 2.721932e-06 / 71.54789, 9.054697),
+        ("I1000", 2.831302, 0.01692387 / 3.074575e-09, 0.0004499519 / 48.43038, 1.304861e-05 / 48.43038, 36.29151),
+        ("V500", 4.792579, 0.02756076 / 6.047878e-09, 0.000107748 / 45.05549, 3.124691e-06 / 45.05549, 9.038068),
+    ],
+)
+def test_rates_are_those_of_the_comparison_of_calculators(band, separation, planet, star, floor, pixels):
+    """Stark et al. 2025 (arXiv:2502.18556), AYO: count rates over fluxes (ph/s/cm2/nm) of planet, star, floor."""
+    metrics, configuration = psf_metrics(HWO, band), HWO.band(band)
+    rate = HWO.telescope.area_cm2 * configuration.t_opt * configuration.qe * configuration.width_nm
+    x = np.array(separation * HWO.lambda_d_arcsec(band))
+    assert rate * float(metrics.core_throughput(x, 0.0)) == pytest.approx(planet, rel=2e-3)
+    assert rate * float(metrics.halo_aperture(x, 0.0)) == pytest.approx(star, rel=5e-3)
+    variance, common = metrics.stability(x)
+    assert rate * math.sqrt(variance) == pytest.approx(floor, rel=5e-3)
+    assert common
+    assert metrics.aperture_pixels == pytest.approx(pixels, rel=5e-3)
+
+
+def test_cores_of_the_roman_table_have_their_own_size_and_sky():
+    """At a row, 6.1 lambda/D: 0.00234 arcsec2 and 0.43045 of the sky, as in the public table."""
+    metrics = psf_metrics(ROMAN, "CGI1")
+    x, y = np.array(6.1 * ROMAN.lambda_d_arcsec("CGI1")), np.array(0.0)
+    assert float(metrics.core_pixels(x, y)) * metrics.pixel_scale_arcsec**2 == pytest.approx(0.00234, rel=1e-6)
+    assert float(metrics.sky_share(x, y)) * metrics.apodizer_energy == pytest.approx(0.43045, rel=1e-6)
+    assert float(metrics.dust_transmission(x, y, metrics.core_throughput(x, y))) == pytest.approx(0.43045, rel=1e-6)
+    assert float(metrics.core_throughput(x, y)) == pytest.approx(0.04326, rel=1e-6)
+
+
+def test_the_key_of_figures_holds_the_content_of_the_file(tmp_path):
+    text = "separation_arcsec,core_throughput,raw_contrast\n0.1,0.05,1e-9\n0.3,0.05,1e-9\n"
+    keys, names = set(), ("a.csv", "b.csv")
+    for name in names:
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        keys.add(metrics_key(load_instrument({"coronagraph": {"table": str(tmp_path / name)}}), "F662"))
+    assert len(keys) == 1
+    (tmp_path / "b.csv").write_text(text.replace("0.05", "0.06"), encoding="utf-8")
+    keys.add(metrics_key(load_instrument({"coronagraph": {"table": str(tmp_path / "b.csv")}}), "F662"))
+    assert len(keys) == 2
+
+
+def test_another_contrast_is_the_same_table_with_more_light():
+    metrics = psf_metrics(HWO, "V500")
+    assert isinstance(metrics, TableMetrics)
+    bright = metrics.brightened(1e-10 / metrics.median_contrast)
+    assert bright.median_contrast == pytest.approx(1e-10, rel=1e-12)
+    x = np.array(0.2)
+    ratio = 1e-10 / metrics.median_contrast
+    assert float(bright.halo_aperture(x, 0.0) / metrics.halo_aperture(x, 0.0)) == pytest.approx(ratio, rel=1e-12)
+    assert float(bright.core_throughput(x, 0.0)) == float(metrics.core_throughput(x, 0.0))
+    assert bright.stability(x)[0] == metrics.stability(x)[0]
+
+
+def test_light_beside_the_core_is_that_of_the_pupil():
+    """All of a source's columns and rings hold the light that passes: 0.43 of the collected in the Roman table."""
+    metrics = psf_metrics(ROMAN, "CGI1")
+    passed = float(metrics.table.columns["occulter_transmission"].max())
+    assert metrics.column_profile.sum() == pytest.approx(passed, rel=0.02)
+    pixel = np.arange(len(metrics.wing_profile), dtype=float)
+    rings = 2.0 * np.pi * float(pixel[3:] @ metrics.wing_profile[3:])
+    assert 0.1 * passed < rings < 0.6 * passed
+    middle = len(metrics.aperture_map) // 2
+    assert metrics.aperture_map[middle, middle] == metrics.aperture_map.max()
+    np.testing.assert_allclose(metrics.aperture_map, metrics.aperture_map.T)
