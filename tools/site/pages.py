@@ -26,6 +26,7 @@ PARTS: dict[str, Callable[[], str]] = {
 }
 """Generated parts of pages by name; a page includes them from ``_made``."""
 _FIGURE = re.compile(r"\{\{ (\w+)\.(\w+) \}\}")
+_ASKED = re.compile(r"^\|\s+\| asked \| found \| met \|$", re.MULTILINE)
 _RUN = re.compile(r"^```\{run\}\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?:|#)([^)\s]+)\)")
 
@@ -139,7 +140,7 @@ def with_figures(text: str) -> str:
     Parameters
     ----------
     text : str
-        Text with ``{{ group.figure }}`` in it.
+        Text with ``{{ group.figure }}`` in it; ``{{ asked.report }}`` is what a report asks for and finds.
 
     Raises
     ------
@@ -151,4 +152,11 @@ def with_figures(text: str) -> str:
 
 @functools.cache
 def _figures(group: str) -> readme.Figures:
-    return readme.FIGURES[group]()
+    return _asked() if group == "asked" else readme.FIGURES[group]()
+
+
+def _asked() -> readme.Figures:
+    """Return the table of each report that says what was asked and what was found."""
+    texts = {path.parent.name: path.read_text(encoding="utf-8") for path in (ROOT / "reports").glob("*/report.md")}
+    headings = {name: _ASKED.search(text) for name, text in texts.items()}
+    return {name: readme.table_of(texts[name], found[0]) for name, found in headings.items() if found}
