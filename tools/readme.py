@@ -215,7 +215,7 @@ def camera() -> Figures:
 def paper() -> Figures:
     """Return how the numbers of the paper that the project follows stand beside ours."""
     beside = report("external")
-    counts = search(r"^\| The paper of .*?\| (\d+) \| (\d+) \| (\d+) \| 0 \|$", beside)
+    counts = search(r"^\| \[The paper of .*? \| .*? \| (\d+) \| (\d+) \| (\d+) \| 0 \|$", beside)
     text = report("paper_table1")
     ratios = search(r"At the contrasts of Table 1 our ratios are ([\d.]+) to\s+([\d.]+) times", text)
     off = search(r"leaves\s+one\s+row\s+(\d+)%\s+off", text)

@@ -18,7 +18,7 @@ from tests.docs.blocks import PAGES, ROOT, blocks_of, python_of
 
 PROVES = ("cpic_planner.api", "cpic_planner.cli", "cpic_planner.queries")
 BLOCKS = [block for path in PAGES for block in blocks_of(path)]
-FOREIGN = ("openssl ", "export ", "for who ", "T=", "dask ")
+FOREIGN = ("pip ", "make ", "openssl ", "export ", "for who ", "T=", "dask ")
 LOADERS = {
     "instrument": load_instrument,
     "scene": load_scene,

@@ -24,6 +24,7 @@ QUESTIONS = {
     "noise model checked": r"equations.*evaluated",
     "assumed about the instrument": r"source and its confidence",
     "Level-0 keywords": r"keywords\.yaml.*public code or documents",
+    "is a table": r"separation_lambda_d,core_throughput,raw_contrast",
     "add a band": r"bands:\n  F606",
     "new detector effect": r"simulator\.detectors\.effect\.Effect",
     "cite it": r"CITATION\.cff",

@@ -52,16 +52,6 @@ def test_every_quoted_figure_is_found_once(jobs):
             assert float(found[0]) > 0
 
 
-def test_every_row_of_speed_has_a_job(jobs):
-    """Rows of README and reports whose cells are seconds: none without a benchmark."""
-    quotes = [quote for job in jobs.values() for quote in job.quotes]
-    rows = re.findall(r"(?m)^\| (?!job|\*\*|---)[^|]+ \| [\d.]+ \|$", (ROOT / "README.md").read_text(encoding="utf-8"))
-    frames = [row for row in rows if "gain" in row and "e-" not in row]
-    assert len(frames) == 4
-    for row in frames:
-        assert any(re.search(quote.pattern, row) for quote in quotes if quote.file == "README.md"), row
-
-
 def test_others_are_named_as_such(jobs):
     peers = {name.rpartition(": peer ")[2].split(":")[0] for name in jobs if ": peer " in name}
     assert peers == set(PEERS)

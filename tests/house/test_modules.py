@@ -30,8 +30,8 @@ ROOT = Path(__file__).resolve().parents[2]
 # characteristics were commands: question, results, programme and images, words, figures and pages of them (`searched`),
 # their jobs (`confirm.curve`, `confirm.roc`), what frames promise anywhere in the hole (`etc.prospects`), and
 # planets to be measured, which stand apart from their measurement (`validation.templates`),
-# 431 before coronagraphs came as tables: the file, maps, figures, writing one, a clear pupil, zones of squares and rings,
-# the optics as configuration, and stamps apart from figures (`config.coronagraph_table`, `config.optics`,
+# 431 before coronagraphs came as tables: the file, maps, figures, writing one, a clear pupil, zones of squares and of
+# rings, the optics as configuration, and stamps apart from figures (`config.coronagraph_table`, `config.optics`,
 # `imaging.table_metrics`, `imaging.zones`).
 MOST_MODULES, MOST_LINES, MOST_SKIPS = 439, 400, 20
 
