@@ -6,6 +6,7 @@ columns, or in brackets behind them: ``separation [mas]``, ``core throughput [%]
 
 import functools
 import hashlib
+import logging
 import math
 import re
 from collections.abc import Mapping
@@ -21,6 +22,7 @@ from cpic_core import ArrayLike, FloatArray, InputError, file_state, read_file
 from simulator.config.base import nearest
 
 KEY = "coronagraph.table"
+_LOG = logging.getLogger(__name__)
 MOST_BYTES, MOST_BYTES_OF_MAPS = 20_000_000, 200_000_000
 _TINY = 1e-300
 
@@ -250,7 +252,15 @@ def _read(path: str, state: tuple[int, int], lambda_d_arcsec: float) -> Coronagr
     if (np.diff(place) <= 0).any():
         twice = float(place[:-1][np.diff(place) <= 0][0])
         raise InputError(f"{file.name} column separation", twice, unit="arcsec", allowed="every separation once")
+    for note in rows.notes:
+        _say(note)
     return checked(CoronagraphTable(file.name, file.sha256, place, columns, rows.notes))
+
+
+@functools.lru_cache(maxsize=64)
+def _say(note: str) -> None:
+    """Say once for a file what was not read of it: every band of one file reads it."""
+    _LOG.warning("%s", note)
 
 
 def _is_fits_table(path: str) -> bool:
