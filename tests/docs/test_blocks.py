@@ -132,7 +132,7 @@ def test_targets_of_make_exist():
 # Proofs run what pages show with fewer draws, as the notebooks; the last of two values of an option counts.
 FEWER = {
     "plan": ["--top", "1", "--realisations", "1", "--fidelity", "quick", "--force"],
-    "confirm": ["--realisations", "1", "--fidelity", "quick", "--force"],
+    "confirm": ["--realisations", "1", "--fidelity", "quick"],
     "whatif": ["--universes", "20", "--images", "0", "--no-facts", "--workers", "1", "--force"],
     "simulate": ["--frames", "1", "--force"],
     "rank": ["--planets", "200"],
