@@ -13,7 +13,9 @@ from cpic_planner.cli import main as command_line
 from cpic_planner.planets import load_population
 from cpic_planner.queries import Question
 from cpic_planner.survey.strategy_file import load_strategies
+from cpic_planner.web import application
 from simulator import load_instrument, load_scene
+from tests.cpic_planner.web.conftest import Browser
 from tests.docs.blocks import PAGES, ROOT, blocks_of, python_of
 
 PROVES = ("cpic_planner.api", "cpic_planner.cli", "cpic_planner.queries")
@@ -130,7 +132,7 @@ def test_targets_of_make_exist():
 # Proofs run what pages show with fewer draws, as the notebooks; the last of two values of an option counts.
 FEWER = {
     "plan": ["--top", "1", "--realisations", "1", "--fidelity", "quick", "--force"],
-    "confirm": ["--realisations", "1", "--fidelity", "quick", "--force"],
+    "confirm": ["--realisations", "1", "--fidelity", "quick"],
     "whatif": ["--universes", "20", "--images", "0", "--no-facts", "--workers", "1", "--force"],
     "simulate": ["--frames", "1", "--force"],
     "rank": ["--planets", "200"],
@@ -170,3 +172,14 @@ def test_python_of_a_page_runs(page, tmp_path, monkeypatch):
     for block in BLOCKS:
         if block.page == page and block.language == "python":
             exec(python_of(block), values)
+
+
+@pytest.mark.long
+def test_addresses_are_answered():
+    """Addresses of the pages are those of the server, and each is a question that can be asked."""
+    browser = Browser(application())
+    found = [line.split()[0] for block in BLOCKS for line in block.text.splitlines() if re.match(r"/\w+\?", line)]
+    assert len(found) >= 5
+    for address in found:
+        told = browser.get(address)
+        assert told.status == 200, f"{address}: {re.sub('<[^>]*>', ' ', told.text)[-500:]}"
