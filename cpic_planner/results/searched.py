@@ -167,9 +167,7 @@ class RocRow(Row):
     false_alarms_known_place: float = column(
         "expected where one place is tested alone", label="false alarms a place", short="at place", format=".2e"
     )
-    detection_probability_known_place: float = column(
-        "the same for a look at the planet's known place", label="found at its place", short="place %", format="%"
-    )
+    detection_probability_known_place: float
     n_searches: int = column(
         "images without planets that were searched", label="images without it", short="searches", default=0
     )
