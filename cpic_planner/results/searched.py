@@ -186,10 +186,6 @@ class RocProgramme(SearchedProgramme):
 
     significance: float | None = None
     threshold: float | None = column("of small samples at the level of the strategy", short="thresh")
-    injected_predicted: float | None = optional(
-        "mean probability of the planets in the images by the law of detection, at their azimuths and the level of the "
-        "strategy"
-    )
 
 
 class RocResult(SearchedResult):
