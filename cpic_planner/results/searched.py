@@ -167,9 +167,7 @@ class RocRow(Row):
     false_alarms_known_place: float = column(
         "expected where one place is tested alone", label="false alarms a place", short="at place", format=".2e"
     )
-    detection_probability_known_place: float = column(
-        "the same for a look at the planet's known place", label="found at its place", short="place %", format="%"
-    )
+    detection_probability_known_place: float
     n_searches: int = column(
         "images without planets that were searched", label="images without it", short="searches", default=0
     )
@@ -188,10 +186,6 @@ class RocProgramme(SearchedProgramme):
 
     significance: float | None = None
     threshold: float | None = column("of small samples at the level of the strategy", short="thresh")
-    injected_predicted: float | None = optional(
-        "mean probability of the planets in the images by the law of detection, at their azimuths and the level of the "
-        "strategy"
-    )
 
 
 class RocResult(SearchedResult):
