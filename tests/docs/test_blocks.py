@@ -1,4 +1,4 @@
-"""Blocks of code in the README and the pages can be run as they stand; those that take long are run as proofs."""
+"""Blocks of code in the README and the pages can be run as they stand; ``make pages`` runs those that take long."""
 
 import contextlib
 import re
@@ -146,7 +146,7 @@ def fewer(given):
     return [*given, *own, *(["--instruments", "4"] if "--instruments" in given else []), "-q"]
 
 
-@pytest.mark.long
+@pytest.mark.pages
 @pytest.mark.parametrize("page", sorted({block.page for block in BLOCKS if block.commands}))
 def test_commands_of_a_page_run(page, tmp_path, monkeypatch, capsys):
     write_files(tmp_path, page)
@@ -161,7 +161,7 @@ def test_commands_of_a_page_run(page, tmp_path, monkeypatch, capsys):
             assert status == 0 or (status == 1 and given[0] == "check"), f"{line}: {told}"
 
 
-@pytest.mark.long
+@pytest.mark.pages
 @pytest.mark.parametrize("page", sorted({block.page for block in BLOCKS if block.language == "python"}))
 def test_python_of_a_page_runs(page, tmp_path, monkeypatch):
     write_files(tmp_path, page)
@@ -172,7 +172,7 @@ def test_python_of_a_page_runs(page, tmp_path, monkeypatch):
             exec(python_of(block), values)
 
 
-@pytest.mark.long
+@pytest.mark.pages
 def test_addresses_are_answered():
     """Addresses of the pages are those of the server, and each is a question that can be asked."""
     browser = Browser(application())
