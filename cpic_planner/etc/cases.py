@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, NDArray, Reason, Status, fingerprint
+from cpic_core import ArrayLike, FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.detection import default_law, threshold_array
 from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
@@ -355,7 +355,6 @@ def etc_result(
     decides |= {"target": target.content(), "detection": default_law().model_dump(mode="json"), "asked": asked}
     decides["planet"] = None if planet is None else planet.content()
     return EtcResult(
-        fingerprint=str(fingerprint()),
         config_hash=content_hash(decides),
         target=str(target.name[0]),
         hip=int(target.hip[0]) if target.hip[0] else None,

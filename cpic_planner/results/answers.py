@@ -15,7 +15,6 @@ from cpic_planner.results.base import (
     ReferencePlanetRecord,
     Result,
     Row,
-    RunResult,
     StatusText,
     VerdictColumns,
     column,
@@ -235,7 +234,7 @@ class EtcAnswer(ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns
         return tree if self.fidelity is None else tree | {"fidelity": self.fidelity.model_dump(mode="json")}
 
 
-class EtcResult(RunResult):
+class EtcResult(Result):
     """Answers of the exposure-time calculator for one target."""
 
     schema_version: Literal[1] = 1

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cpic_core import FloatArray, as_path, write_bytes
+from cpic_core import FloatArray, as_path, numeric_context, write_bytes
 from simulator.config import InstrumentLike, load_instrument
 from simulator.config.instrument import Instrument
 from simulator.imaging.store import psf_metrics
@@ -12,6 +12,7 @@ from simulator.imaging.store import psf_metrics
 N_ROWS = 240
 
 
+@numeric_context()
 def write_coronagraph_table(instrument: InstrumentLike, band: str, path: str | Path) -> Path:
     """Write what the coronagraph of an instrument does in one band, by separation on a diagonal of its zone.
 

@@ -254,8 +254,8 @@ def test_shipped_schemas_match_the_models_and_describe_the_output(ranked):
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("etc", "tau Cet", "--snr", "5", "--band", "F520"),
         ("known", "eps Eri", "--date", "2030-01-01"),
+        ("rank", "--v-mag-max", "2"),
     ],
 )
 def test_answers_say_what_made_them(arguments, capsys):

@@ -180,7 +180,7 @@ def test_figures(done, few, tmp_path):
         (["--counting-sigma", "3"], ["--counting-sigma", "--mode photon_counting"]),
         (["--exozodi", "-3"], ["--exozodi = -3", "zodi"]),
         (["--drift-nm", "-3"], ["--drift-nm = -3", "nm"]),
-        (["--reference-ratio", "-1"], ["--reference-ratio", "above 0"]),
+        (["--reference-ratio", "-1"], ["--reference-ratio", "0.001 to 1000"]),
         (["--exclusions", "velocities"], ["--exclusions", "rv, stability, known_giants"]),
         (["--exclusions", "none", "--exclusions", "rv"], ["--exclusions", "none alone"]),
         (["--exclusions", "rv", "--known-planets", "snapshot"], ["--exclusions", "--known-planets"]),
