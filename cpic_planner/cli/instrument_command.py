@@ -118,7 +118,8 @@ def table(
     if not band:
         raise InputError("--band", "missing", allowed=", ".join(instrument.bands))
     try:
-        write_coronagraph_table(instrument, band, out)
+        with called_as({"path": "--out"}):
+            write_coronagraph_table(instrument, band, out)
     except OSError as error:
         raise InputError("--out", str(out), allowed="a writable file", hint=error.strerror or "") from None
     note(f"wrote {out}")

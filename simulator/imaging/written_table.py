@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cpic_core import FloatArray, as_path, numeric_context, write_bytes
+from cpic_core import FloatArray, InputError, as_path, numeric_context, write_bytes
 from simulator.config import InstrumentLike, load_instrument
 from simulator.config.instrument import Instrument
 from simulator.imaging.store import psf_metrics
@@ -27,7 +27,7 @@ def write_coronagraph_table(instrument: InstrumentLike, band: str, path: str | P
     band : str
         Name of a band of the instrument.
     path : str or Path
-        CSV file to write.
+        CSV file to write, a name that ends in ``.csv``.
 
     Returns
     -------
@@ -36,11 +36,13 @@ def write_coronagraph_table(instrument: InstrumentLike, band: str, path: str | P
     Raises
     ------
     InputError
-        For an unknown instrument or band.
+        For an unknown instrument or band, or another name.
     OSError
         If the file cannot be written.
     """
     place = as_path("path", path)
+    if place.suffix != ".csv":
+        raise InputError("path", path, allowed="a name that ends in .csv")
     chosen = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
     separation, columns = _columns(chosen, band)
     about = (

@@ -82,6 +82,7 @@ def good_calls(folder: Path) -> dict[str, dict[str, Any]]:
         },
         "single_band_psf": {"band": "no such band", "fidelity": "quick"},
         "save_psf": {"psf": None, "path": NOWHERE},
+        "write_coronagraph_table": {"instrument": None, "band": "F520", "path": NOWHERE},
         "observe": {"scene": scene, "band": "F520", "exposure_s": 10.0, "n_frames": 1, "visit": 10**9},
         "calibrate": {"kind": "BIAS", "n_frames": 1, "em_gain": 1.0},
         "check_level0": {"path": str(folder / "stars.csv")},
@@ -100,7 +101,7 @@ def good_calls(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 REFUSED = ("load_psf", "load_dm_surface", "confirm_targets", "single_band_psf", "save_psf", "write_level0", "observe")
-REFUSED += ("make_plan", "confirm_scene", "simulate_products", "compare_strategies")
+REFUSED += ("make_plan", "confirm_scene", "simulate_products", "compare_strategies", "write_coronagraph_table")
 """Of these even the good call is refused, by the last thing that is looked at: else it works for long."""
 NO_CALLS = (
     "ExternalPsf",

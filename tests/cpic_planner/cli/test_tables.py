@@ -143,6 +143,7 @@ def test_our_own_as_a_table(laplace, done, refuses):
     )
     assert theirs["value"] == pytest.approx(ours["value"], rel=5e-3)
     refuses(("instrument", "table", "--out", "x.csv"), "--band")
+    refuses(("instrument", "table", "--band", "F662", "--out", "x.txt"), ".csv")
     refuses(("instrument", "table", "--band", "F662", "--out", "no/such/folder/x.csv"), "writable file")
 
 
