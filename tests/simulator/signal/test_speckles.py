@@ -1,5 +1,7 @@
 """The law of the speckle residual against the table that the imaging model measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from simulator.signal import (
     speckle_law,
     unit_parts,
 )
+from simulator.signal.speckles import LOW_ORDER_SQUARE
 
 MODEL = build_model(load_instrument())
 DRIFT = MODEL.instrument.drift
@@ -109,6 +112,28 @@ def coefficients(metrics, r):
         beyond = part[-1] * (r / bins[-1]) ** power
         found.append(np.where(r > bins[-1], beyond, np.exp(np.interp(r, bins, np.log(part)))))
     return found
+
+
+def test_a_floor_that_rises_outward_stays_what_it_is_at_the_last_place():
+    """Beyond the measured places a residual falls on, but is not taken to rise for ever."""
+    metrics = MODEL.metrics["F662"]
+    rising = [np.concatenate([part[:1], np.sort(part[1:])]) for part in (metrics.floor_linear, metrics.floor_square)]
+    metrics = replace(metrics, floor_linear=rising[0], floor_square=rising[1])
+    last = metrics.floor_separation_arcsec[-1]
+    assert metrics.owa_arcsec > 1.02 * last
+    at_last, beyond = speckle_fraction(metrics, drift(0.05), 0.0, np.array([last, metrics.owa_arcsec]), 0.0)
+    assert beyond == pytest.approx(at_last, rel=2e-3)
+
+
+def test_light_that_crosses_with_an_orbital_term_goes_with_its_amplitude():
+    """Low orders leave a part of the variance that is the square of their light: the cross term has its root."""
+    added = {}
+    for orders in ("low", "all"):
+        with_orbit = drift(1.0, orbital_nm=1.0, orbital_period_s=5700.0, orbital_orders=orders)
+        (_, one), (_, other) = (unit_parts(chosen) for chosen in (with_orbit, drift(1.0)))
+        added[orders] = float(np.squeeze(one.science.k0 - other.science.k0))
+    assert added["all"] > 0.01
+    assert added["low"] / added["all"] == pytest.approx(np.sqrt(LOW_ORDER_SQUARE), rel=1e-6)
 
 
 def test_an_annulus_counts_with_the_mean_variance_of_its_whole_apertures():
