@@ -208,7 +208,7 @@ def _injected(question: CurveQuestion, rows: Sequence[CurveRow]) -> Planets:
 
 
 def _measured(rows: Sequence[CurveRow], images: Searched) -> list[CurveRow]:
-    """The same limits with those of the images."""
+    """Return the rows of a curve with the limits that images showed beside the predicted ones."""
     told = []
     for row, sigma, left in zip(rows, images.sigma.T, images.throughput.T, strict=True):
         if row.threshold is None or not np.isfinite(sigma).all():

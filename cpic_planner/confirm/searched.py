@@ -33,7 +33,7 @@ _SEARCH_S = 0.05
 """Processor time of one blind search."""
 
 Planets = Sequence[tuple[float, list[float], list[float]]]
-"""As `cpic_planner.validation.SearchTask.planets`."""
+"""Planets that are put into images, in the form of `cpic_planner.validation.SearchTask.planets`."""
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ class EtcModel:
 
     @property
     def of_table(self) -> bool:
-        """Whether the coronagraph is a table, of which no images are known."""
+        """Say whether the coronagraph is a table, of which no images are known."""
         return self.instrument.coronagraph.table is not None
 
     def camera(self, band: str) -> FrameCamera:
