@@ -46,7 +46,8 @@ def roc_job(question: RocQuestion, model: etc.EtcModel, asked: AskedStar) -> Job
     Notes
     -----
     One programme a band, that which shows the planet clearest. Images have the planet at one place, and the search does
-    not know it.
+    not know it. The prediction takes a companion's light as the mean over the annulus that measures the noise, the
+    search takes it place by place: beside a bright companion, in the darkest quadrant, images find more than predicted.
     """
     from cpic_planner.report import ROC_PRODUCTS, write_roc
 

@@ -91,6 +91,16 @@ def test_images_count_the_planet_and_the_alarms():
     assert 0.5 < low < high == 1.0
 
 
+def test_beside_a_bright_companion_images_find_more_than_predicted():
+    """At the planet, the light of alpha Cen A is a seventh of its mean over the annulus, which makes the prediction."""
+    asked = {"bands": ["F662"], "contrast": 2.8e-9, "separation_arcsec": 0.6, "time_s": 36000.0}
+    found = roc_curve("alpha Cen B", **asked, images=6)
+    six = next(row for row in found.levels if row.sigma == 6.0)
+    assert six.detection_probability < 0.5
+    assert six.n_detected == 6
+    assert six.recovered_low > six.detection_probability
+
+
 def test_frames_that_sums_cannot_stand_for_have_no_images(monkeypatch):
     monkeypatch.setattr("cpic_planner.confirm.searched.search_task", lambda tree: {"refused": "they saturate"})
     found = roc_curve(**PLANET, time_s=7200.0, images=2)
