@@ -91,6 +91,7 @@ def test_images_count_the_planet_and_the_alarms():
     assert 0.5 < low < high == 1.0
 
 
+@pytest.mark.long
 def test_beside_a_bright_companion_images_find_more_than_predicted():
     """At the planet, the light of alpha Cen A is a seventh of its mean over the annulus, which makes the prediction."""
     asked = {"bands": ["F662"], "contrast": 2.8e-9, "separation_arcsec": 0.6, "time_s": 36000.0}
