@@ -90,7 +90,7 @@ def _known(item: BinaryOrbit | PublishedParameters) -> dict[str, Any]:
 
 
 def catalogue_info() -> dict[str, Any]:
-    """Everything that ``cpic catalog info`` shows.
+    """Return everything that ``cpic catalog info`` shows.
 
     Returns
     -------

@@ -142,7 +142,7 @@ class _Adapter(HTTPAdapter):
         return b"".join(parts)
 
     def _unpacked(self, body: bytes, coding: str) -> bytes:
-        """Content of an answer that was sent packed, within the limit of size."""
+        """Return the content of an answer that was sent packed, within the limit of size."""
         if coding.lower() in ("", "identity"):
             return body
         unpacker = zlib.decompressobj(wbits=47)  # gzip or zlib, as its first bytes say

@@ -45,7 +45,7 @@ _Cells: TypeAlias = dict[str, str]
 
 
 def amplitude_m_s(msini_mjup: ArrayLike, semi_major_axis_au: ArrayLike, star_mass_msun: ArrayLike) -> FloatArray:
-    """Semi-amplitude of a star's velocity, m/s, that a light planet on a circular orbit gives it; arguments broadcast.
+    """Return the semi-amplitude (m/s) of a star's velocity that a light planet on a circular orbit gives; broadcasts.
 
     Notes
     -----
@@ -120,7 +120,7 @@ def _rows(path: Path) -> list[_Cells]:
 
 
 def _limit(row: _Cells, rules: dict[str, _Cells], star_mass_msun: float) -> VelocityLimit:
-    """A row with what its rule says in the annuli without numbers of their own."""
+    """Return a row with what its rule says in the annuli without numbers of their own."""
     rule = rules.get(row["rule"])
     numbers = [_annulus(row, rule, number, star_mass_msun) for number in range(1, len(VELOCITY_AXES_AU) + 1)]
     m50, m90, ceiling = zip(*numbers, strict=True)
@@ -145,7 +145,7 @@ def _limit(row: _Cells, rules: dict[str, _Cells], star_mass_msun: float) -> Velo
 
 
 def _annulus(row: _Cells, rule: _Cells | None, number: int, star_mass_msun: float) -> tuple[float, float, float]:
-    """Limits at 50 and 90 %, and ceiling, of one annulus; a ceiling of 0 where nothing is known."""
+    """Return the limits at 50 and 90 %, and ceiling, of one annulus; a ceiling of 0 where nothing is known."""
     if row[f"ceiling_{number}"]:
         m50, m90, ceiling = (float(row[f"{name}_{number}"]) for name in NUMBERS)
         return m50, m90, ceiling

@@ -138,7 +138,7 @@ def whatif(
 
 
 def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfig:
-    """The strategies that are asked for, in the order of the file."""
+    """Return the strategies that are asked for, in the order of the file."""
     if not names:
         return config
     known = [item.name for item in config.strategies]

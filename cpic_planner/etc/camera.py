@@ -87,7 +87,7 @@ class FrameCamera(Wells):
 
     @classmethod
     def of(cls, instrument: Instrument, band: str) -> Self:
-        """Camera of a band; effects that are switched off count nothing.
+        """Return the camera of a band; effects that are switched off count nothing.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ def _switch(true: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, hi
 def best_gain(
     light_variance_e2: FloatArray, read_variance_e2: FloatArray, gain_cap: FloatArray, gain_max: float, stages: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Gain of least variance up to a cap, and that variance.
+    """Return the gain of least variance up to a cap, and that variance.
 
     Parameters
     ----------

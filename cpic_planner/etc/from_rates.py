@@ -134,7 +134,7 @@ def time_for_rates(
     floor_rate: ArrayLike = 0.0,
     convention: str | Mapping[str, Any] | RateConvention,
 ) -> Outcome[float] | Outcomes:
-    """Time on the star until a planet of known count rate reaches a signal-to-noise ratio.
+    """Return the time on the star until a planet of known count rate reaches a signal-to-noise ratio.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def snr_for_rates(
     floor_rate: ArrayLike = 0.0,
     convention: str | Mapping[str, Any] | RateConvention,
 ) -> Outcome[float] | Outcomes:
-    """Signal-to-noise ratio of a planet of known count rate in a time: the inverse of `time_for_rates`.
+    """Return the signal-to-noise ratio of a planet of known count rate in a time: the inverse of `time_for_rates`.
 
     Parameters
     ----------

@@ -119,7 +119,7 @@ def programme_days(model: EtcModel, visits: ArrayLike, time_s: ArrayLike) -> Flo
 
 
 def _level(sigma: float) -> float:
-    """Significance of the false alarms at rest, within what trials are stated for."""
+    """Return the significance of the false alarms at rest, within what trials are stated for."""
     return min(max(sigma, 1.0), 20.0)
 
 

@@ -103,7 +103,7 @@ class StarImagesQuestion(ImageQuestion, shared.StarsQuestion, shared.RunQuestion
 
 
 def audited(dial: Dial, asked_for: bool | None = None) -> bool:
-    """Whether one more realisation runs frame by frame beside those that are drawn as sums.
+    """Return whether one more realisation runs frame by frame beside those that are drawn as sums.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ class SceneParts(Parts):
 
 
 def _scene(source: str) -> Scene:
-    """Scene of a preset or a file; says what to do with the name of a star."""
+    """Return the scene of a preset or a file; say what to do with the name of a star."""
     try:
         return load_scene(source)
     except InputError as error:

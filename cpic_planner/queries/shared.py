@@ -82,7 +82,7 @@ class ReferencePlanet(FrozenModel):
     )
 
     def content(self) -> dict[str, Any]:
-        """Everything that decides its light, for content hashes: a file counts by what is in it."""
+        """Return everything that decides its light, for content hashes: a file counts by what is in it."""
         tree = self.model_dump(mode="json")
         file = getattr(self.albedo, "file", None)
         if file is not None:

@@ -86,7 +86,7 @@ class LibraryNoise:
     variance_factor: float
 
     def light(self, halo_e_s: FloatArray, companion_e_s: FloatArray, even_e_s: FloatArray) -> FloatArray:
-        """Light and dark charge of a reference frame as they enter the variance, e-/s."""
+        """Return the light and dark charge of a reference frame as they enter the variance, e-/s."""
         return self.halo * halo_e_s + self.even * even_e_s + self.scale * self.companion * companion_e_s
 
 

@@ -256,7 +256,7 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
 
 
 def _velocities(report: PlanReport) -> Iterator[doc.Block]:
-    """What is expected with what is known, and where more velocities would change it."""
+    """Yield what is expected with what is known, and where more velocities would change it."""
     if expected := summary.expected_sentence(report.rank):
         yield doc.Paragraph(expected)
     if rows := summary.unprobed_stars(report.rank, len(report.rows)):

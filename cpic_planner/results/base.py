@@ -378,7 +378,7 @@ def described(name: str, field: FieldInfo) -> Look:
 
 
 def _dtype(annotation: Any) -> str:
-    """Type of the cells; empty for what no cell can hold."""
+    """Return the type of the cells; empty for what no cell can hold."""
     kinds = [kind for kind in get_args(annotation) if kind is not type(None)]
     origin = get_origin(annotation)
     if origin in (Union, types.UnionType):

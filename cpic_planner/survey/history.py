@@ -61,7 +61,7 @@ class StarHistory:
         self.orbit_slots: BoolArray | None = None
 
     def universes_of(self, some: BoolArray | IntArray) -> BoolArray:
-        """Universes that have at least one of some planets."""
+        """Return the universes that have at least one of some planets."""
         found = np.zeros(len(self.stopped), bool)
         found[self.planets.universe[some]] = True
         return found

@@ -38,7 +38,7 @@ class Prices:
     slots: FloatArray
 
     def near(self, other: "Prices") -> bool:
-        """Whether they hardly differ from others."""
+        """Return whether they hardly differ from others."""
         return bool(np.allclose(self.slots, other.slots) and np.isclose(self.budget, other.budget))
 
 
@@ -140,7 +140,7 @@ def improved(problem: Problem, room: Room, star: int, start: Sequence[Visit], pr
 
 
 def pools_of(problem: Problem, room: Room, group: Sequence[int], made: Chosen) -> list[Pool]:
-    """Plans of stars to begin with: those of the greedy choice, the surest, the cheapest, and all their beginnings.
+    """Return plans of stars to begin with: the greedy choice's, the surest, the cheapest, and all beginnings.
 
     Parameters
     ----------

@@ -15,12 +15,12 @@ from simulator.config import FrozenModel, Real, validate
 
 
 def _listed(value: Any) -> Any:
-    """A single text as a list of one."""
+    """Return a single text as a list of one."""
     return (value,) if isinstance(value, str) else value
 
 
 def _factor(value: Any) -> Any:
-    """A factor that is written with its x, as a number."""
+    """Return a factor that is written with its x, as a number."""
     written = read_value("factor", value) if isinstance(value, str) else None
     return value if written is None or written.action == "set" else written.value
 
@@ -190,7 +190,7 @@ class _OneLevel(FrozenModel):
 
 
 def _dust(value: Any, _: Any) -> DustLaw | float | None:
-    """A law of dust, or one level."""
+    """Return a law of dust, or one level."""
     if value is None or isinstance(value, DustLaw):
         return value
     return validate(DustLaw, value) if isinstance(value, Mapping) else validate(_OneLevel, {"exozodi": value}).exozodi

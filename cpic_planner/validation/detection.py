@@ -113,7 +113,7 @@ class BlindSearch:
         return tuple(candidate for candidate in self.candidates if candidate.detected)
 
     def near(self, x_arcsec: float, y_arcsec: float, reach_arcsec: float) -> list[Candidate]:
-        """Candidates within reach of a place.
+        """Return the candidates within reach of a place.
 
         Parameters
         ----------

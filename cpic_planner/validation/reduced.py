@@ -57,7 +57,7 @@ class FrameLevel:
     wave: FloatArray
 
     def of(self, image_adu: FloatArray, usable: BoolArray) -> FloatArray | None:
-        """Level of a frame, (y, x), bias taken off before; None where too few pixels are usable.
+        """Return the level of a frame, (y, x), bias taken off before; None where too few pixels are usable.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class FrameLevel:
 
 
 def dark_bar(observation: Observation) -> BoolArray:
-    """Pixels behind the upright bar of the cross mask, a margin inside its edges; (y, x)."""
+    """Return the pixels behind the upright bar of the cross mask, a margin inside its edges; (y, x)."""
     area, geometry = observation.area, observation.psf.geometry
     half, pixel = geometry.mask_half_width_arcsec, geometry.pixel_scale_arcsec
     inside = (area.columns > -half + _TRAIL_PIXELS * pixel) & (area.columns < half - pixel)
@@ -93,7 +93,7 @@ def dark_bar(observation: Observation) -> BoolArray:
 def frame_level(
     observation: Observation, level_pixels: ArrayLike | None, *, flaws: NDArray[np.uint8], mean_e: FloatArray
 ) -> FrameLevel | None:
-    """Fit of the level for frames of an observation.
+    """Return the fit of the level for frames of an observation.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ class ReducedStack:
 
 
 def _summed(cut: RdiResult, frames: FloatArray, other_star: bool) -> FloatArray:
-    """Sum of the residuals of images of so many frames; the sky of another star leaves an even level, taken off."""
+    """Return the sum of residuals of images of so many frames; another star's sky, an even level, is taken off."""
     image = np.tensordot(frames, cut.residuals, axes=1)
     if other_star:
         image[cut.region] -= image[cut.region].mean()

@@ -142,7 +142,7 @@ def _kept_ranking(pairs: Pairs) -> RankResult:
 
 
 def _whole_ranking(pairs: Pairs) -> RankResult:
-    """The ranking of all stars; who asks while it is worked out waits for it."""
+    """Return the ranking of all stars; who asks while it is worked out waits for it."""
     with _RANKER:
         return _kept_ranking(pairs)
 

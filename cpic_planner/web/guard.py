@@ -168,7 +168,7 @@ def host_name(given: str) -> str:
 
 
 def _missing(given: Any) -> list[tuple[bytes, bytes]]:
-    """Headers that an answer does not have yet."""
+    """Return the headers that an answer does not have yet."""
     there = {name.decode("latin-1").lower() for name, _ in given}
     rest: Mapping[str, str] = {name: value for name, value in HEADERS.items() if name.lower() not in there}
     return [(name.lower().encode(), value.encode()) for name, value in rest.items()]

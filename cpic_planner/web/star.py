@@ -268,7 +268,7 @@ def _priority(answer: StarAnswer) -> Iterator[report.Block]:
 
 
 def _velocities(name: str, row: RankedTarget) -> Iterator[report.Block]:
-    """What radial velocities say."""
+    """Yield what radial velocities say."""
     limit = velocity_limit(name)
     if limit is None:
         yield report.Paragraph("No published search by radial velocities excludes planets of this star.")

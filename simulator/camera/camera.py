@@ -112,7 +112,7 @@ class Camera:
         return self.particles or effect.switch != "cosmic_rays"
 
     def _tracks(self, detector: AnyDetector, exposure_s: float) -> Any:
-        """What draws the particles of one frame."""
+        """Return what draws the particles of one frame."""
         if self._rays is None or not self.particles:
             return None
         rate = self._rate

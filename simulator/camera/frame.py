@@ -17,7 +17,7 @@ MOST_E_S = 1e100
 
 
 def checked_rates(rate_map_e_s: ArrayLike) -> tuple[FloatArray, int]:
-    """Rates of a 2-D map with rounding-error negatives set to 0 (and those above 1e100 to that), and their number.
+    """Return the rates of a 2-D map with rounding-error negatives set to 0 (those above 1e100 too), and their number.
 
     Raises
     ------

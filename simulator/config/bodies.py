@@ -70,7 +70,7 @@ def _angle(key: str, value: Any, degrees_per_part: float, limits: tuple[float, f
 
 
 def _read(text: str, degrees_per_part: float) -> float | None:
-    """Degrees of an angle whose colons separate parts of that many degrees, None if it cannot be read."""
+    """Return the degrees of an angle whose colons separate parts of that many degrees, None if it cannot be read."""
     plain = text.strip().lower().translate(_SPELLINGS)
     found = _SEXAGESIMAL.fullmatch(plain)
     if found:
@@ -190,7 +190,7 @@ class SceneStar(Body):
             raise required("spectral_type", "an MK type such as K1V, or teff_k in K")
 
     def _needs_parameters(self) -> bool:
-        """Whether the spectrum is made from parameters: by a model or a tree of them, not by a file or table."""
+        """Return whether the spectrum is made from parameters: by a model or a tree of them, not by a file or table."""
         if isinstance(self.spectrum, SpectrumTable):
             return False
         return self.spectrum in STAR_MODELS or not is_file(self.spectrum)

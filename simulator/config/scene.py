@@ -30,7 +30,7 @@ class Place(NamedTuple):
 
 
 def place(host: SceneStar, body: Body) -> Place:
-    """Offset of a body from the central star, exact on the sphere.
+    """Return the offset of a body from the central star, exact on the sphere.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def place(host: SceneStar, body: Body) -> Place:
 
 
 def true_distance_au(planet: Planet, separation: float, distance_pc: float | None) -> float | None:
-    """True distance of a planet from its star, au.
+    """Return the true distance of a planet from its star, au.
 
     The given one, or ``r = rho / sin(phase)`` with the projected distance ``rho = separation x distance_pc``
     (1 arcsec at 1 pc is 1 au). A given distance must agree with the projected one where both are known.
@@ -177,11 +177,11 @@ class Scene(SpelledModel):
                 raise InputError(f"extended.{number}.v_mag", source.v_mag, unit="mag", allowed=allowed)
 
     def is_lit(self, star: SceneStar) -> bool:
-        """Whether one of its stars is put on the image."""
+        """Return whether one of its stars is put on the image."""
         return self.companions == "on" or not star.companion
 
     def without_planets(self) -> "Scene":
-        """The same scene, star only: what the reference library sees."""
+        """Return the same scene, star only: what the reference library sees."""
         return self.model_copy(update={"planets": ()})
 
 
@@ -244,7 +244,7 @@ def _named(body: Any, name: Any) -> Any:
 
 
 def paths_beside(tree: Any, folder: Path) -> Any:
-    """Paths of spectra and albedos that exist beside the scene's file, made whole.
+    """Return the paths of spectra and albedos that exist beside the scene's file, made whole.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ def _is_day(year: int, month: int, day: int) -> bool:
 
 
 def _ends_in_leap_second(year: int, month: int, day: int) -> bool:
-    """Whether a leap second was put behind a day: the table names the months that begin behind one."""
+    """Return whether a leap second was put behind a day: the table names the months that begin behind one."""
     if (month, day) not in ((6, 30), (12, 31)):
         return False
     behind = (year, 7) if month == 6 else (year + 1, 1)
@@ -226,7 +226,7 @@ class Drift(FrozenModel):
         return self.common_fraction * self.visit_nm
 
     def correlation(self, gap_s: float) -> float:
-        """Correlation of the offsets of two visits whose starts are so many seconds apart, 0 to 1."""
+        """Return the correlation of the offsets of two visits whose starts are so many seconds apart, 0 to 1."""
         hours = self.correlation_time_h
         return math.exp(-gap_s / (3600.0 * hours)) if hours > 0 else 0.0
 
@@ -279,7 +279,7 @@ class Timing:
     def phasors(
         self, on_source_turns: ArrayLike, *, reference: bool = False, visit: int = 0, harmonic: int = 1
     ) -> ComplexArray:
-        """Mean of ``exp(2 pi i h t)`` between successive times on source, t in orbits after a window opens.
+        """Return the mean of ``exp(2 pi i h t)`` between successive times on source, t in orbits after a window opens.
 
         Parameters
         ----------

@@ -224,11 +224,11 @@ class Effect:
         return self.term or self.switch
 
     def on(self, detector: Any) -> bool:
-        """Whether its switch is on, or it has none."""
+        """Return whether its switch is on, or it has none."""
         return self.fixed or bool(getattr(detector.switches, self.switch))
 
     def runs(self, detector: Any) -> bool:
-        """Whether it is part of the chain of a camera."""
+        """Return whether it is part of the chain of a camera."""
         return self.always or self.on(detector)
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:

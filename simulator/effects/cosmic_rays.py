@@ -19,7 +19,7 @@ from simulator.effects.tracks import REACH_SIGMA, PaperModel, PhysicalModel, Tra
 
 
 def cosmic_ray_rate(config: CosmicRayConfig, when: str | float) -> float:
-    """Rate of cosmic rays through the detector outside the South Atlantic Anomaly, where nothing is observed.
+    """Return the rate of cosmic rays through the detector outside the South Atlantic Anomaly (no observations there).
 
     Parameters
     ----------

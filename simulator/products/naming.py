@@ -145,7 +145,7 @@ class ProductName:
 
 
 def product_name(sequence: FrameSequence, times: SequenceTimes, obsid: str | int | None) -> ProductName:
-    """Name of a sequence's file.
+    """Return the name of a sequence's file.
 
     Parameters
     ----------

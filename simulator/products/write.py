@@ -31,7 +31,7 @@ SCHEMA_VERSION = 1
 
 
 def log_times(times: SequenceTimes) -> tuple[str, ...]:
-    """Times of the logs: begin of every exposure and end of the last."""
+    """Return the times of the logs: begin of every exposure and end of the last."""
     return (*times.begin_utc, times.stop_utc)
 
 

@@ -221,7 +221,7 @@ def star_photlam(
 
 
 def synphot_source(wavelength_nm: np.ndarray, photlam: np.ndarray, meta: dict[str, Any]) -> SourceSpectrum:
-    """Samples as a synphot source, zero outside them.
+    """Return the samples as a synphot source, zero outside them.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ _TINY = 1e-300
 
 
 def roll_half_range_deg(sun_deg: FloatArray, config: "VisibilityConfig") -> FloatArray:
-    """How far the telescope may roll either way from the best roll.
+    """Return how far the telescope may roll either way from the best roll.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class VisibilityConfig(PointingRecord):
         return self.panel_turn_deg if self.panel == "one_axis" else 0.0
 
     def content(self) -> dict[str, Any]:
-        """Everything that decides where the telescope points and what a slew costs, for content hashes."""
+        """Return everything that decides where the telescope points and what a slew costs, for content hashes."""
         return self.model_dump(mode="json", exclude={"name", "description"})
 
 
@@ -97,7 +97,7 @@ VisibilitySource = VisibilityConfig | Mapping[str, Any] | str | Path | None
 
 
 def visibility_names() -> tuple[str, ...]:
-    """Names of the limits of pointing that ship with the package."""
+    """Return the names of the limits of pointing that ship with the package."""
     return preset_names("visibility", package=PACKAGE)
 
 
@@ -147,7 +147,7 @@ def _tree(source: Any) -> dict[str, Any]:
 
 
 def _sun_limit() -> dict[str, Any]:
-    """The Sun's limit of the default instrument, whose sky needs it too, with its source."""
+    """Return the Sun's limit of the default instrument, whose sky needs it too, with its source."""
     instrument = load_instrument()
     origin = instrument.provenance["sky.sun_limit_deg"]
     return {

@@ -49,7 +49,7 @@ class Geometry:
     sun_target: FloatArray
 
     def take(self, rows: NDArray[np.intp]) -> "Geometry":
-        """Some of them."""
+        """Return some of them."""
         return Geometry(self.in_plane[rows], self.sun_ahead[rows], self.sun_aside[rows], self.sun_target[rows])
 
 
@@ -77,7 +77,7 @@ class _Runs:
 def clear_arcs(
     geometry: Geometry, radius_deg: float, dark_limb_deg: float, bright_limb_deg: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Part of the orbit on which each target stands clear of the Earth.
+    """Return the part of the orbit on which each target stands clear of the Earth.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def clear_arcs(
 
 
 def _whole_orbit(geometry: Geometry, core: FloatArray, outer: FloatArray, rho: float, pieces: int) -> _Runs:
-    """One revolution, from where the target comes up to where it comes up again."""
+    """Return one revolution, from where the target comes up to where it comes up again."""
     share = np.linspace(0.0, 1.0, 2 * pieces + 1)[:, None]
     place = core + (outer - core) * share
     cosine, sine = np.cos(place), np.sin(place)
@@ -157,12 +157,12 @@ def _all(length: FloatArray) -> _Runs:
 
 
 def _turned(runs: _Runs) -> _Runs:
-    """The same piece from the other side."""
+    """Return the same piece from the other side."""
     return _Runs(runs.total, runs.end, runs.begin, runs.longest, runs.length)
 
 
 def _flank(sunlit: FloatArray, step: FloatArray) -> list[_Runs]:
-    """Dark runs of the pieces of a flank, from the core outwards.
+    """Return the dark runs of the pieces of a flank, from the core outwards.
 
     Parameters
     ----------
