@@ -36,7 +36,7 @@ def design_step_mask(
     leak_spacing_lambda_d: float = 0.7,
     open_side_diameters: float = 1.0,
 ) -> FloatArray:
-    """Step mask of largest throughput that is dark in four square quadrants.
+    """Return the step mask of largest throughput that is dark in four square quadrants.
 
     Parameters
     ----------

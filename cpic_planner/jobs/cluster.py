@@ -78,7 +78,7 @@ class TaskQueue:
         (self._suspects if index in self._deaths_alone else self._waiting).popleft()
 
     def put_back(self, indices: Iterable[int]) -> None:
-        """Have tasks that were lost sent out again, before the others."""
+        """Send tasks that were lost out again, before the others."""
         for index in sorted(indices, reverse=True):
             (self._suspects if index in self._deaths_alone else self._waiting).appendleft(index)
 

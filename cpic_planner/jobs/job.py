@@ -246,7 +246,7 @@ class Runner:
         tells: bool = False,
         again: bool = False,
     ) -> dict[str, Any]:
-        """Have tasks done.
+        """Run tasks.
 
         Parameters
         ----------

@@ -187,7 +187,7 @@ def compare_rankings(before: Ranking, after: Ranking) -> RankComparison:
 
 
 def _rank(row: RankedTarget) -> int:
-    """Rank among all stars; in older results, which had no filters, the rank."""
+    """Return the rank among all stars; in older results, which had no filters, the rank."""
     return row.rank if row.rank_in_catalogue is None else row.rank_in_catalogue
 
 

@@ -265,7 +265,7 @@ def _ticks(norm: Any) -> list[float]:
 
 
 def _even_ticks(limit: float) -> list[float]:
-    """Round values on both sides of zero."""
+    """Return round values on both sides of zero."""
     from matplotlib.ticker import MaxNLocator
 
     return [float(value) for value in MaxNLocator(5, symmetric=True).tick_values(-limit, limit)[1:-1]]

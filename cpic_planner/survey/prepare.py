@@ -355,7 +355,7 @@ def _survey(ground: Ground, item: Screened, found: list[Candidate], calendar: Ca
 
 
 def _follow_ups(strategy: SurveyStrategy, model: EtcModel, targets: Targets) -> tuple[tuple[Setting, ...], ...]:
-    """Follow-up settings of each star, one a band."""
+    """Return the follow-up settings of each star, one a band."""
     rule = strategy.follow_up
     if not rule.wanted or not len(targets):
         return ((),) * len(targets)

@@ -376,7 +376,7 @@ class _Simulation:
         return uniform_draws(mine, self.seed, name, self.block, visit, self.n)
 
     def follow(self, i: int, star: StarHistory, slot: int) -> None:
-        """Follow-up of one star in one slot: every band that a found planet still lacks, once it is confirmed."""
+        """Follow up one star in one slot: every band that a found planet still lacks, once it is confirmed."""
         survey, clock, rule = self.survey, self.clock, self.survey.strategy.follow_up
         ready = star.found & (star.confirmed | (not survey.strategy.checks_candidates))
         for f, setting in enumerate(survey.follow[i]):

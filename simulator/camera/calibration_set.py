@@ -39,7 +39,7 @@ def response_map(shape: tuple[int, int], rms: float, rng: np.random.Generator) -
 
 
 def scatter_map(shape: tuple[int, int], rms: float, rng: np.random.Generator) -> FloatArray:
-    """Log-normal factors above 0 of mean 1 and relative standard deviation ``rms``."""
+    """Return log-normal factors above 0 of mean 1 and relative standard deviation ``rms``."""
     if rms == 0.0:
         return np.ones(shape)
     variance = math.log1p(rms * rms)
@@ -334,7 +334,7 @@ def _dark(detector: AnyDetector, given: FloatArray | None, bad_column: BoolArray
 
 
 def _clock_charge(detector: AnyDetector, given: FloatArray | None) -> tuple[FloatArray, bool]:
-    """Clock-induced charge of all rows of the image's columns, and whether it varies."""
+    """Return the clock-induced charge of all rows of the image's columns, and whether it varies."""
     cic, section = np.zeros(detector.shape), (slice(0, detector.n_rows), detector.sections["image"][1])
     if given is not None:
         cic[section] = given[section]

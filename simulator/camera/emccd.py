@@ -94,7 +94,7 @@ def em_gain_of(voltage_v: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
 
 
 def em_voltage_of(em_gain: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
-    """Clock voltage that gives a gain at a temperature: the inverse of `em_gain_of`.
+    """Return the clock voltage that gives a gain at a temperature: the inverse of `em_gain_of`.
 
     Parameters
     ----------

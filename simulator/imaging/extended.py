@@ -133,7 +133,7 @@ def _deal(flux: FloatArray, column: FloatArray, row: FloatArray, light: FloatArr
 
 
 def _sky(separation: float, pa_deg: float) -> tuple[float, float]:
-    """Offset toward east and toward north."""
+    """Return the offset toward east and toward north."""
     angle = math.radians(pa_deg)
     return separation * math.sin(angle), separation * math.cos(angle)
 

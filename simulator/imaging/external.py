@@ -170,7 +170,7 @@ class ExternalPsf:
 
 
 def psf_of_table(instrument: Instrument, band: str) -> ExternalPsf | None:
-    """Point-spread functions that an instrument names beside the table of its coronagraph; None without.
+    """Return the point-spread functions that an instrument names beside its coronagraph's table; None without.
 
     Parameters
     ----------

@@ -176,7 +176,7 @@ def single_band_psf(
     spectrum: str | Spectrum | None = None,
     engine: Engine = "matrix",
 ) -> Psf:
-    """Point-spread functions of one band, static wavefront, mirror and pointing jitter included.
+    """Return the point-spread functions of one band, static wavefront, mirror and pointing jitter included.
 
     Parameters
     ----------

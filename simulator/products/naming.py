@@ -183,7 +183,7 @@ def checked_obsid(obsid: Any, prefix: str) -> str:
 
 
 def obsid_of(sequence: FrameSequence) -> str:
-    """Number made from the content of a sequence: the same sequence has the same one in every run."""
+    """Return a number made from the content of a sequence: the same sequence has the same one in every run."""
     prefix, scene = sequence.instrument.mission.obsid_prefix, sequence.scene
     identity = settings_of(sequence)
     del identity["readout_s"]  # which is of the instrument

@@ -299,7 +299,7 @@ def _words(text: str) -> set[str]:
 
 
 def _plain(text: str) -> str:
-    """Lower case, Greek and Swedish letters spelled out, one spelling of 1/cm."""
+    """Return a text in lower case, Greek and Swedish letters spelled out, one spelling of 1/cm."""
     plain = text.lower()
     for letter, word in (("\u00b5", "u"), ("\u03bc", "u"), ("\u00e5", "angstrom"), ("\u03bb", "lambda")):
         plain = plain.replace(letter, word)

@@ -165,7 +165,7 @@ class Source:
 
 
 def scene_sources(scene: Scene, instrument: Instrument, band: str, *, roll_deg: float = 0.0) -> tuple[Source, ...]:
-    """Point sources of a scene in one band, the central star first.
+    """Return the point sources of a scene in one band, the central star first.
 
     Parameters
     ----------
