@@ -1,4 +1,4 @@
-"""Where the stars of a table and their companions stand at a date.
+"""Positions of the stars of a table and of their companions at a date.
 
 Proper motion carries the stars. A companion on a known orbit follows it; any other stays where it was last seen, and
 may have moved since by as much as on a circular orbit in the plane of the sky.

@@ -1,4 +1,4 @@
-"""One question to a TAP service at a time, in a process that `catalogs.tap_client` starts, waits for and ends.
+"""Ask a TAP service one question at a time, in a process that `catalogs.tap_client` starts, waits for and ends.
 
 ``python -m catalogs.tap_session FD`` reads questions from a connection and writes answers to it, both as JSON. An
 answer is read whole, against one limit of size, packed and unpacked, and comes back as plain columns or as words for

@@ -1,4 +1,4 @@
-"""What radial velocities would have shown: of each star that was searched, which planets were likely to be found.
+"""Limits from radial velocities: for each star that was searched, which planets were likely to be found.
 
 ``velocity_limits.csv`` has one row a star. Its numbers are fits to planets that a survey put into its own velocities
 and searched for (`tools.velocity_limits`); where a row has none it names a rule, the medians of a kind of stars, in

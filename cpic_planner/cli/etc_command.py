@@ -1,4 +1,4 @@
-"""``cpic etc``."""
+"""The command ``cpic etc``."""
 
 from __future__ import annotations
 

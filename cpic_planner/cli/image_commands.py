@@ -1,9 +1,4 @@
-"""``cpic plan``.
-
-``cpic confirm``.
-
-``cpic simulate``.
-"""
+"""The commands ``cpic plan``, ``cpic confirm`` and ``cpic simulate``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every command shares: error lines, JSON on stdout, consoles, progress on stderr.
+"""Code that every command shares: error lines, JSON on stdout, consoles, progress on stderr.
 
 Options of commands that are no part of a question, and paragraphs that several of them say.
 """

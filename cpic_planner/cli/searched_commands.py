@@ -1,7 +1,4 @@
-"""``cpic curve``.
-
-``cpic roc``.
-"""
+"""The commands ``cpic curve`` and ``cpic roc``."""
 
 from __future__ import annotations
 

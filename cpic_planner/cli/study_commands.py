@@ -1,7 +1,4 @@
-"""``cpic whatif``.
-
-``cpic tradeoff``.
-"""
+"""The commands ``cpic whatif`` and ``cpic tradeoff``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One answer of the exposure-time calculator, observed in simulated images with its own frames."""
+"""Observe one answer of the exposure-time calculator in simulated images with its own frames."""
 
 import dataclasses
 import itertools

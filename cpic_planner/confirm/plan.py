@@ -1,4 +1,4 @@
-"""The main job: rank, confirm the best targets with images, write the products.
+"""Rank, confirm the best targets with images, and write the products: the job of ``cpic plan``.
 
 Targets are the first of the ranking that are seen in the period of the plan, or those of a schedule.
 """

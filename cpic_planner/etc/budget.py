@@ -1,4 +1,4 @@
-"""Where the noise of an answer comes from, what binds its frames, what would help, and what limits it.
+"""The noise budget of an answer: its origins, what binds its frames, what would help, and what limits it.
 
 An answer is limited by the single change of the model that would make the planet detected in the given time: ``none``
 where it is detected. ``geometry`` where the dark hole does not cover its place, ``saturation`` where no frame is

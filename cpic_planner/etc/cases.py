@@ -1,7 +1,4 @@
-"""Targets x planets of one band, ready for a question.
-
-From answers to the result that leaves the program.
-"""
+"""Cases of one band, targets x planets, ready for a question, and the result that is made of their answers."""
 
 import copy
 import functools

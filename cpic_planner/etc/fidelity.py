@@ -1,4 +1,4 @@
-"""How firm answers of the closed forms are: how far they may lie from images of the same frames, measured and stated.
+"""Stated errors of the closed forms: how far answers may lie from images of the same frames, as measured.
 
 The dial of the exposure-time calculator asks for it, and its records say it.
 """

@@ -1,4 +1,4 @@
-"""What the ETC knows of the instrument: the same passbands, PSF metrics and detector as the images.
+"""The instrument as the ETC knows it: the same passbands, PSF metrics and detector as the images.
 
 Where a planet may stand in the dark hole, the visits of a programme, and the check of plain numbers.
 """

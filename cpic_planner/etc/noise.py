@@ -1,4 +1,4 @@
-"""From rates to signal-to-noise: one noise model for every question.
+"""Signal-to-noise ratios from rates: one noise model answers every question.
 
 The signal-to-noise ratio of Zhu et al. 2025 (Eqs. 3 and 4) as a prediction: for comparison, never for a decision.
 """

@@ -1,4 +1,4 @@
-"""What a programme of given frames promises of planets anywhere in the dark hole of a band."""
+"""Expected detections of planets anywhere in the dark hole of a band, by a programme of given frames."""
 
 from dataclasses import dataclass
 

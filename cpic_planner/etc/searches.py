@@ -1,4 +1,4 @@
-"""Many cases at once: their arrays, least values and first roots of functions of one argument.
+"""Search for least values and first roots of functions of one argument, for many cases at once.
 
 Functions are searched in the logarithm of their argument.
 """

@@ -1,4 +1,4 @@
-"""From solved frames to typed answers."""
+"""Make typed answers from solved frames."""
 
 import math
 from dataclasses import dataclass

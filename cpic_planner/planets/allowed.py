@@ -1,4 +1,4 @@
-"""Which planets may still be there: not found by radial velocities, stable, and not beside a giant that is known."""
+"""Planets that may still exist: not found by radial velocities, stable, and not beside a giant that is known."""
 
 import functools
 import hashlib

@@ -1,4 +1,4 @@
-"""What the columns of a table of known planets leave open: each quantity as a function of uniform numbers."""
+"""Quantities that a table of known planets leaves open, each as a function of uniform numbers."""
 
 import functools
 

@@ -1,4 +1,4 @@
-"""How well orbits are known from astrometry that is still to be taken: errors of their elements and of places to come.
+"""Errors of orbits from astrometry that is still to be taken: of their elements and of places to come.
 
 Elements are those that stay regular for circles and for orbits seen from their pole (Broucke & Cefola 1972, Celest.
 Mech. 5, 303): ``ln a``, ``h = e sin W``, ``k = e cos W`` with the longitude of pericentre ``W = omega + Omega``, ``p =

@@ -1,4 +1,4 @@
-"""What a search for unknown planets does about their motion: the orbits that it goes through, and what they cost.
+"""Search for unknown planets that move: the orbits that it goes through, and what they cost.
 
 A stack of visits that looks for unknown planets shifts its images along orbits and pays for the trials. While a planet
 has not gone far round its star, its path is a straight line, and the orbits are velocities. Planets at a known place

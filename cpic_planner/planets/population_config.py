@@ -1,4 +1,4 @@
-"""What is assumed of planets: a population as configuration, its presets and its loader."""
+"""A population of planets as configuration, with its presets and its loader."""
 
 import functools
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,4 @@
-"""What decides images that are measured; the part that a plan, a scene and single stars share.
-
-The question of ``cpic confirm``: what simulated images of a scene show.
-"""
+"""The question of ``cpic confirm``, and the settings of measured images that plans and single stars share."""
 
 import os
 from pathlib import Path

@@ -1,8 +1,6 @@
-"""The stated planet that a star's numbers refer to, as configuration.
+"""Fields that several questions share: the stated planet, the reduction, the instrument, the stars, runs.
 
 How an observation is made and reduced, as configuration: one name of each setting for commands, YAML and Python.
-
-Fields that several questions share: the instrument and its bands, the stars, runs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How many planets of a population one observation of each star detects, of all and of those that may still exist."""
+"""Completeness: the planets of a population that one observation of each star detects, all or still possible."""
 
 import functools
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How sure an order is: the stars ranked under many instruments that fit what is known, and what decides."""
+"""Rank the stars under many instruments that fit what is known, and tell how sure the order is."""
 
 import functools
 from collections.abc import Mapping, Sequence

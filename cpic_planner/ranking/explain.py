@@ -1,4 +1,4 @@
-"""Why a star stands where it stands in the ranking."""
+"""Explain why a star stands where it stands in the ranking."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Which planets of a population stand in the dark zone around which stars, and which of them are too faint to count.
+"""Select the planets of a population that stand in the dark zone of a star and are not too faint to count.
 
 Neither where planets stand nor what they are depends on how dark the zone is: rankings under many instruments of one
 geometry place them once.

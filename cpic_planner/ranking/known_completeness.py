@@ -1,7 +1,4 @@
-"""How likely one observation of each star detects its known planets: completeness star by star.
-
-The stars that a question ranks, and those that its filters choose of them.
-"""
+"""Completeness of known planets, star by star, and the filters that choose the stars of a question."""
 
 import hashlib
 import re

@@ -1,4 +1,4 @@
-"""Of how many visits, and how long ones, the observation of a planet is best made: closed forms over many places.
+"""The best number and length of the visits of a programme, by closed forms over many places.
 
 With ``G`` the white noise over signal squared of one second of frames, and ``z(v; V)`` the residual of V visits of
 ``v`` seconds over signal squared, a programme has ``1 / SNR^2 = G / (V v) + z(v; V)``. Each visit has an overhead, so

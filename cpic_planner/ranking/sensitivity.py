@@ -1,4 +1,4 @@
-"""How the ranking depends on what nobody knows yet: the same stars ranked under other assumptions."""
+"""Rank the same stars under other assumptions, to show how the ranking depends on what is not known yet."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence

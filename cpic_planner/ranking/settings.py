@@ -1,4 +1,4 @@
-"""Where planets are looked for, the best setting of every target, what of it is detected, and what limits it."""
+"""The best setting of every target: where planets are looked for, what is detected, and what limits it."""
 
 import functools
 import math

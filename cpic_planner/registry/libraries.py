@@ -1,4 +1,4 @@
-"""Where the reference frames of the subtraction come from: one entry a library.
+"""The registry of reference libraries: where the reference frames of the subtraction come from.
 
 An entry says what its frames show, in the exposure-time calculator and in the images alike, what it costs, and the
 words for it. `Library` itself is the library of the same star without its planet; the others differ from it.

@@ -1,4 +1,4 @@
-"""What a ranking can be by: one entry a score."""
+"""The registry of scores: the numbers that can order a ranking."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

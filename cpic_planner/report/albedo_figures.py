@@ -1,4 +1,4 @@
-"""What measured contrasts say of a planet's atmosphere: the posterior, and the contrasts on the spectrum."""
+"""Figures of a planet's atmosphere from measured contrasts: the posterior, and the contrasts on the spectrum."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every figure shares: canvas, style, colours, and saving as a data URI with the same bytes every time."""
+"""Code that every figure shares: canvas, style, colours, and saving as a data URI with the same bytes every time."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Figures with one row a strategy: yields, differences, time, and what is detected.
-
-All figures of the reports, each drawn by a module of its own.
-"""
+"""The figures of the reports by key; those with one row a strategy are drawn here."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What images recover: SNR against the predicted one, and contrasts on the spectrum that went in.
-
-What the reports of a plan and of a confirmed scene show of images: measurements, pictures, how they were made.
-"""
+"""Figures of what images recover, and the parts of reports that show measurements and pictures."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""A ranking as figures: its first stars as bars, and how the whole sample fares.
+"""Figures of a ranking: its first stars as bars, the fate of the whole sample, and the stars on the sky.
 
 Where the ranked stars are on the sky.
 """

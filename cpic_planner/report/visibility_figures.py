@@ -1,4 +1,4 @@
-"""Separation of known planets against time, with the dark holes of the bands.
+"""Figures against the date: separations of known planets, and when stars can be seen.
 
 When stars can be seen: the year of one star, or a calendar of several.
 """

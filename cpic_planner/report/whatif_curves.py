@@ -1,4 +1,4 @@
-"""What surveys yield against telescope time, against a varied key, and against the number of universes."""
+"""Figures of survey yields against telescope time, a varied key, and the number of universes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How strategies look in figures: one colour and marker each, and what a sweep varies.
+"""Appearance of strategies in figures: one colour and marker each, and the values that a sweep varies.
 
 When strategies visit which stars, and where these stand on the sky.
 """

@@ -1,4 +1,4 @@
-"""What a comparison of survey strategies says, and the settings of strategies, in words."""
+"""Sentences about a comparison of survey strategies, and the settings of strategies in words."""
 
 import math
 from collections.abc import Mapping, Sequence

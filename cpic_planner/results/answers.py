@@ -1,8 +1,6 @@
-"""What images contain and what they leave out, with the error that this is predicted to cost.
+"""Results of the exposure-time calculator, with their stated errors and their checks in images.
 
 What stands behind answers of the exposure-time calculator: stated errors, and checks in images.
-
-Results of the exposure-time calculator.
 """
 
 from typing import Any, Literal, Self

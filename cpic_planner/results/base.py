@@ -1,6 +1,4 @@
-"""What all results and their rows share.
-
-Columns of result rows: what a field is called, its unit, and how its numbers are written, said once.
+"""Base classes of results and their rows: what a column is called, its unit, and how its numbers are written.
 
 A field of a `cpic_planner.results.base.Row` is a column of every table that shows such rows. What a column is called
 and how its numbers are written stands beside the field (`column`); words that mean the same in every row stand in

@@ -1,4 +1,4 @@
-"""What becomes of a ranking under other assumptions, and under an ensemble of instruments."""
+"""Results of a ranking under other assumptions and under an ensemble of instruments."""
 
 from typing import Literal
 

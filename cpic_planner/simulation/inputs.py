@@ -1,6 +1,4 @@
-"""What a sequence leaves out for its tolerance, before its frames are made.
-
-What a person names on the command line, as one simulation: scenes, simulations, tables of stars, or a kind.
+"""Make one simulation of what a person names (scenes, tables of stars, a kind), and choose what it leaves out.
 
 What a simulation costs before it is run: time, memory and disk from the number and size of its frames.
 """

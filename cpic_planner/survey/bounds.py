@@ -1,4 +1,4 @@
-"""What no schedule can pass: bounds of single stars under a price of telescope time, and their sum."""
+"""Bounds that no schedule can pass: of single stars under a price of telescope time, and their sum."""
 
 import heapq
 from collections.abc import Sequence

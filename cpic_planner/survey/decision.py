@@ -1,4 +1,4 @@
-"""What to choose of plans where a number is not known: the smallest largest loss, and most in the mean."""
+"""Choose among plans where a number is not known: by the smallest largest loss, and by the mean."""
 
 from dataclasses import dataclass
 

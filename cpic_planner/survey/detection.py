@@ -1,4 +1,4 @@
-"""Whether a visit shows planets that stand anywhere: significance over threshold, and the chance of a detection."""
+"""Tell whether a visit shows planets that stand anywhere: significance over threshold, and probability."""
 
 import math
 from collections.abc import Sequence

@@ -1,7 +1,4 @@
-"""What a survey spends and finds, event after event.
-
-Tables of a survey's results and their keys: one kind of row each, its fields are the columns.
-"""
+"""Tables of a survey's results: what it spends and finds, event after event; fields of a row are the columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which fact moved which number: strategies planned and played again as if one of the facts were not known."""
+"""Plan and play strategies again as if one fact were not known, to show which fact moves which number."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

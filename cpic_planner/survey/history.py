@@ -1,4 +1,4 @@
-"""What a survey has done at a star, and what that has shown, in all universes of a block."""
+"""Record of what a survey has done at a star and found there, in all universes of a block."""
 
 from dataclasses import InitVar, dataclass, field
 from typing import TYPE_CHECKING

@@ -1,7 +1,4 @@
-"""From tables of universes to what strategies yield, how they differ, and which stars changed their rank.
-
-The calendar of every strategy as a table for an observatory: one line a visit, as CSV, ECSV and JSON.
-"""
+"""Yields of strategies from tables of universes, how they differ, and the calendar as a table for an observatory."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence

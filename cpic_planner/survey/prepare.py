@@ -1,4 +1,4 @@
-"""From strategies to surveys that can be simulated: stars, calendar, frames, schedule."""
+"""Make surveys that can be simulated from strategies: stars, calendar, frames, schedule."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What is to be scheduled, what visits of a star are worth, and the calendar that is made of them.
+"""The problem that a scheduler solves, the worth of visits of a star, and the calendar that results.
 
 Visits are worth the detections expected of the planets drawn for planning, and what a strategy gives for their orbits.
 """

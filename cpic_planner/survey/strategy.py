@@ -1,4 +1,4 @@
-"""What a survey does: targets, visits, revisits, detection and stop rules as frozen configuration."""
+"""A survey strategy as frozen configuration: targets, visits, revisits, detection and stop rules."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal

@@ -1,8 +1,4 @@
-"""Where the noise is measured: apertures of the hole beside the planet's, and what is expected of them.
-
-The closed-form answer: what the exposure-time calculator says of a fixed scene.
-
-The images of a programme of visits, reduced as one.
+"""The work that is timed on a fixed scene: both visits drawn, calibrated and measured, and the closed form.
 
 The work that is timed: both visits of an observation, drawn, calibrated, and the planet's aperture measured.
 """

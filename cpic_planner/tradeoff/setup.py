@@ -1,8 +1,6 @@
-"""The machine on which something was timed.
+"""Fixed scenes on which speed and accuracy are measured, the ways to model them, and the machine.
 
 The fixed scenes on which speed and accuracy are measured: one for each place where shortcuts can fail.
-
-What one way to an answer models, and the observations that follow from it.
 """
 
 import dataclasses

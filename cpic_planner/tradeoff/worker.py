@@ -1,7 +1,4 @@
-"""Wall clock, processor time and peak memory of one piece of work.
-
-One row, or several that share a process: timed, and its flux and noise measured.
-"""
+"""Measure one row, or several that share a process: wall clock, processor time, memory, flux and noise."""
 
 import contextlib
 import dataclasses

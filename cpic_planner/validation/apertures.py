@@ -1,7 +1,4 @@
-"""Images as rows of the pixels that take part in a reduction, and back.
-
-Exact circular apertures, and the scatter of their sums over a region.
-"""
+"""Exact circular apertures, the scatter of their sums over a region, and images as rows of pixels."""
 
 import math
 from collections.abc import Iterable, Sequence

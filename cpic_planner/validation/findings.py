@@ -1,7 +1,4 @@
-"""How predictions and measurements compare: in one band, over all of a target, over a plan.
-
-What several bands of a scene say together: positions and albedos of its planets.
-"""
+"""Comparison of predictions and measurements over bands, targets and plans; positions and albedos of planets."""
 
 import math
 from collections.abc import Sequence

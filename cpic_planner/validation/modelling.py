@@ -1,4 +1,4 @@
-"""What the images of a task take, before any is made.
+"""Estimate the cost of the images of a task before any is made.
 
 How the images of a task are made: sums or frames, hole or whole frames, which knobs, what is left out.
 """

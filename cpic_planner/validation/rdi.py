@@ -1,7 +1,4 @@
-"""Principal modes of a few long rows: orthonormal, exact down to the numerical rank, and fast.
-
-Reference-star differential imaging: projection of the science frames off the leading reference modes.
-"""
+"""Reference-star differential imaging: projection of the science frames off the leading reference modes."""
 
 import math
 from dataclasses import dataclass, field

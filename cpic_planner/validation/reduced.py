@@ -1,10 +1,8 @@
-"""Level and electrical pick-up of single frames, measured on pixels that no light reaches.
+"""Reduce one observation to a stack: level and pick-up of its frames taken off, residual, and what was used.
 
 The bias drifts from frame to frame, and a sine of known period and unknown phase is picked up during readout. Both are
 fitted behind the upright bar of the cross mask: no light of star or planet gets there, nor does charge that transfers
 leave behind along a column, so that the fit cannot touch a source.
-
-One observation reduced: science frames minus what the references explain, with its noise and forward model.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Where residual speckles are strong and how heavy their tails are: maps of the optics, per unit of star light."""
+"""Maps of where residual speckles are strong and how heavy their tails are, per unit of star light."""
 
 import functools
 import hashlib

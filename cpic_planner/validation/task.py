@@ -1,4 +1,4 @@
-"""What is to be confirmed: a scene, its frames, and what was predicted of them, as plain data for any process."""
+"""The task of a confirmation: a scene, its frames, and their predictions, as plain data for any process."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""From realisations to an answer: what was recovered, whether the planet is confirmed, and how the ETC stands."""
+"""Make an answer from realisations: what was recovered, whether the planet is confirmed, and the ETC's standing."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What is printed on a console, as blocks of a page."""
+"""Blocks of a page made from what is printed on a console."""
 
 from __future__ import annotations
 

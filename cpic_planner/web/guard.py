@@ -1,4 +1,4 @@
-"""What stands before every request: hosts, methods, lengths, bodies; headers of every answer.
+"""Check every request before it is answered (hosts, methods, lengths, bodies), and set headers of answers.
 
 What is refused is refused in one line.
 """

@@ -1,4 +1,4 @@
-"""What the frames before a frame of a sequence leave in it, without drawing them.
+"""The base of both cameras: a chain of effects on one detector, prepared once and exposed many times.
 
 What both cameras are: a chain of effects on one detector, prepared once and exposed many times.
 """

@@ -1,7 +1,4 @@
-"""Gain of the multiplication register from clock voltage and temperature, and back.
-
-One-call forms of the visible camera: a noiseless map, a noisy frame, and back to electrons.
-"""
+"""One-call functions of the visible camera (noiseless map, noisy frame, electrons) and of its gain and voltage."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,4 @@
-"""Input checks shared by the camera: refuse by name, with the offending pixel.
-
-One raw frame with its truth: what every camera gives back.
-"""
+"""A raw frame with its truth, as every camera returns it, and the checks of input that cameras share."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,6 +1,4 @@
-"""From charge to reads, and from reads to one number per pixel: single read, double sampling, fit of a ramp.
-
-The near-infrared camera: from photon rate to the numbers of a frame, read once, twice, or up the ramp.
+"""The near-infrared camera: from photon rate to the numbers of a frame, read once, twice, or up the ramp.
 
 Light goes through the response of the pixels and dark current is added (`InfraredCamera.prepare`, noise-free, once for
 a sequence). Each frame then collects photons, dark current, persistence and cosmic rays, and is read without

@@ -1,7 +1,4 @@
-"""Noise of a pixel in one frame of a camera, as far as its numbers are certain.
-
-Tracks of cosmic rays that touch an aperture: what they cost in frames.
-"""
+"""The noise of a pixel in one frame, and the frames that tracks of cosmic rays through an aperture cost."""
 
 import math
 from collections.abc import Mapping

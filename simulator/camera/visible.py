@@ -1,10 +1,8 @@
-"""The sum of many frames as one draw, where nothing saturates.
+"""The visible camera: the effects of an EMCCD in their order, on a whole frame, a window, or a sum of frames.
 
 Poisson counts, transfer losses and the multiplication register act on every electron for itself, so the sum of ``n``
 frames has the law of one frame of ``n`` times the mean. Limits and curves do not add up: where they matter, frames are
 drawn one by one.
-
-The visible camera: the effects of an EMCCD in their order, on a whole frame or on a window of it.
 
 Light goes through the response of the pixels, smear and dark current are added (`prepare`, noise-free, once for a
 sequence). Each frame then runs through photon noise, cosmic rays, non-linearity, full well and blooming, parallel

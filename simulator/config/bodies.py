@@ -1,7 +1,4 @@
-"""Right ascension and declination as people write them, in degrees.
-
-Stars and planets of a scene as configuration.
-"""
+"""Stars and planets of a scene as configuration, with right ascension and declination as people write them."""
 
 import math
 import re

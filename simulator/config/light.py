@@ -1,7 +1,4 @@
-"""Where the light of an object comes from, as configuration: a named model, a file, or a table of numbers.
-
-What reflects the star's light, as configuration: one of five kinds of geometric albedo.
-"""
+"""Light of an object as configuration: a spectrum or an albedo by a named model, a file, or a table of numbers."""
 
 import math
 import os

@@ -1,7 +1,4 @@
-"""Where the bodies of a scene stand: offsets from the central star on the sky, and true distances from it.
-
-The scene as configuration: a central star, its planets, other stars, discs and images.
-"""
+"""A scene as configuration: the central star, its planets, other stars, discs and images, and where they stand."""
 
 import math
 from collections.abc import Mapping

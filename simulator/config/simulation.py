@@ -1,7 +1,4 @@
-"""A field full of stars, made from a seed: for frames of kind DSF.
-
-A simulation as configuration: sequences of frames to be taken one after another.
-"""
+"""A simulation as configuration: sequences of frames to be taken one after another, and fields full of stars."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""Cosmic rays and sky as configuration.
+"""Cosmic rays, the sky, and extended sources (discs, rings, images) as configuration.
 
 Light that is no point: discs, rings and images of scattered starlight, as configuration.
 """

@@ -1,6 +1,4 @@
-"""The mission as configuration: when observations begin, where the telescope is, and how products are labelled.
-
-What shapes the wavefront as configuration: static wavefront, mirror, dark hole, drift.
+"""Mission, wavefront and channels as configuration: dates, orbit, labels, mirror, dark hole, drift and cameras.
 
 One camera of the instrument with what is in front of it: what differs between the channels, said once.
 """

@@ -1,10 +1,10 @@
-"""What an effect of a detector is: all that the program knows about it stands in one class.
+"""The base class of the effects of a detector: all that the program knows about an effect stands in its class.
 
 A new effect is a subclass of `Effect` in a file of its own and one entry in `simulator.detectors.chains`. From there it
 has its switch and its numbers in the configuration of the camera, is drawn in frames, is part of the expected image,
 adds its variance to the noise of the exposure-time calculator and of the effect ledger, and has its words in both.
 
-Whole electrons: Poisson counts of means, drawn by the kernels.
+Whole electrons are Poisson counts of means; the kernels draw them.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""How many cosmic rays: the rate over the solar cycle.
-
-Cosmic rays in one exposure: a Poisson number of tracks, their charge in whole electrons.
-"""
+"""Cosmic rays in one exposure: their rate over the solar cycle, and a Poisson number of tracks."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""Dates as people write them, places on the ecliptic, and the light of the sky in front of the telescope.
+"""Light of the sky in front of the telescope at a date and place: zodiacal light, and how it is seen in each band.
 
 Zodiacal light is that of Leinert et al. 1998 (A&AS 127, 1): brightness by place, colour by wavelength.
 

@@ -1,7 +1,4 @@
-"""Units of maps in FITS files: one reading of ``BUNIT`` for calibration maps and for stray light.
-
-Light on the detector that no optics of this model made: earthshine and stray light as numbers or maps.
-"""
+"""Earthshine and stray light on the detector as numbers or maps, and the units of maps in FITS files."""
 
 import re
 import warnings

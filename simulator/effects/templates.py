@@ -1,6 +1,4 @@
-"""An image of whole electrons that tracks are added to.
-
-Tracks from templates: small images of events, from a file or generated, turned and placed at random.
+"""Tracks from templates: small images of events, from a file or generated, turned and placed at random.
 
 A file is a FITS image or npz file, never pickle:
 

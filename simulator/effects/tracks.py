@@ -1,10 +1,8 @@
-"""Landau's law of energy loss, cut off so that it has a mean.
+"""The laws of tracks of cosmic rays: chord lengths, charge, width and texture.
 
 Landau's lambda is the stable law of index 1 and skewness 1; the form of Chambers, Mallows & Stuck (1976, JASA 71, 340)
 samples it exactly: with t uniform on (0, pi) and W exponential, ``lambda = -t cot t - ln(W sin t / t)``. Its tail
 falls as ``1 / lambda^2``, so that the mean is that of a cut.
-
-The laws of tracks: chord lengths, charge, width and texture of the two straight-line models.
 """
 
 import functools

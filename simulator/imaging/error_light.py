@@ -1,4 +1,4 @@
-"""How much the light of random wavefront errors in an aperture differs from visit to visit, exact.
+"""Variance from visit to visit of the light that random wavefront errors put into an aperture; it is exact.
 
 The field ``dE`` of an error is linear in its screen, so that the light ``|dE|^2`` in an aperture is a quadratic form of
 the waves' amplitudes, which are independent normal numbers a: ``Q = |R a|^2``, where each row of R is what one mode of

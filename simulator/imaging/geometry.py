@@ -1,4 +1,4 @@
-"""Where the dark zone, the mask and the apertures of a band lie on a star-centred stamp: known without any optics."""
+"""The dark zone, the mask and the apertures of a band on a star-centred stamp, which need no optics."""
 
 from dataclasses import dataclass
 from typing import Any

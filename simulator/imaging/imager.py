@@ -1,4 +1,4 @@
-"""From pupil field to detector pixels: one optical model, propagated by HCIPy or by its bare matrix products.
+"""The optical model from pupil field to detector pixels, propagated by HCIPy or by its bare matrix products.
 
 The pupil holds ``n x n`` samples of constant field each (the steps of the apodizer, phase screens piecewise
 constant). Its Fraunhofer field is the sampled transform times ``sinc(u/n) sinc(v/n)``, u in lambda/D: with that

@@ -1,6 +1,4 @@
-"""Apodizers: amplitude transmission maps of the pupil.
-
-Static aberrations of the instrument: phase and amplitude maps over the pupil, fixed for a seed.
+"""The pupil: apodizers and static aberrations, maps of amplitude and phase that are fixed for a seed.
 
 Both are Gaussian random fields with power ``max(f, 1)^-slope``, f in cycles per pupil diameter, up to half a cycle per
 sample: the law of the drift screens, and everything that the pupil grid can hold. They are drawn on a grid twice as

@@ -1,10 +1,8 @@
-"""Where the focal plane is sampled: a few nodes for the open part of every pixel, jitter of the pointing included.
+"""Samples of the focal plane, for the open part of every pixel and pointing jitter, and images between pixels.
 
 An interval of the detector behind the mask sees the image averaged over the interval and over the pointing, that is
 with the density of the interval convolved with a Gaussian. A Gauss rule for this density (Golub & Welsch 1969) has
 positive weights, stays local, and makes the incoherent sum over the jitter free. Without jitter it is Gauss-Legendre.
-
-Pixel-integrated images of a point source between the pixels: exact for what the pixels sample well enough.
 
 An image of a telescope holds no spatial frequency beyond D/lambda. Pixels of at most lambda/2D therefore sample it
 completely, and Fourier interpolation of the pixel values is exact but for the cut at the edge of the stamp.

@@ -1,9 +1,7 @@
-"""Where dark holes come from: shipped states for every instrument preset, a cache for any other instrument.
+"""The store of dark holes and of `PsfMetrics`: shipped for every instrument preset, cached for any other.
 
 A state is valid for a content key: apodizer, telescope, band, zone, static wavefront, mirror and control, but not the
 resolution and noise of the mirror's electronics, which act on the finished command.
-
-Where `PsfMetrics` come from: shipped files for every instrument preset, a cache for any other instrument.
 
 A file is valid for the content key in its name: the apodizer's values, telescope, geometry of mask and hole, static
 wavefront, mirror and its control, jitter, pixel scale, band edges and spectral slope of the drift; not detector noise,

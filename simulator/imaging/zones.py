@@ -1,4 +1,4 @@
-"""Where planets are looked for on the detector: squares ``a <= |x|, |y| <= b``, in four quadrants or in two, or a ring.
+"""The zone in which planets are looked for: squares ``a <= |x|, |y| <= b`` in four quadrants or in two, or a ring.
 
 Whoever asks where a planet may stand asks the zone, and needs not know which it is.
 """

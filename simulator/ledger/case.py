@@ -1,4 +1,4 @@
-"""What the sizes of the effects of the camera are worked out for: pixels, planets, their noise, hits by particles.
+"""The inputs of the sizes of camera effects: pixels, planets, their noise, hits by particles.
 
 Whether sums of frames may stand for the frames, from closed forms.
 """

@@ -1,4 +1,4 @@
-"""What is left out: the cheapest way to model an observation that keeps every quantity within its tolerance.
+"""Choose the cheapest way to model an observation that keeps every quantity within its tolerance.
 
 Which quantities a tolerance holds for.
 """

@@ -1,8 +1,6 @@
-"""Processor time that the parts of an observation take, as far as leaving them out saves it.
+"""A choice in words: the row of every effect, source and setting, with the processor time that it saves.
 
 Rough times of one core; only their ratios matter, which decide what is left out first.
-
-A choice in words: the row of every effect, source and setting.
 """
 
 import dataclasses

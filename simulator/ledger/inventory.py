@@ -1,7 +1,4 @@
-"""One row of the effect ledger.
-
-What a configuration contains and what it lacks, row by row, with the reason; no sizes.
-"""
+"""The rows of the effect ledger: what a configuration contains and what it lacks, each with its reason."""
 
 import dataclasses
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Whether charge that a pixel or the register cannot hold flows into a part of the frame.
+"""Tell whether charge that a pixel or the register cannot hold flows into a part of the frame.
 
 A pixel above its full well passes the excess on along its column, the register above its own along the row, to what is
 read next. Nothing arrives at a place exactly if every run of pixels that ends there holds less than its wells do: the

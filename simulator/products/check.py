@@ -1,7 +1,4 @@
-"""Check that the truth beside a Level-0 file is the truth of that file.
-
-Check Level-0 products: one file, or a whole tree of them.
-"""
+"""Check Level-0 products: one file with its truth, or a whole tree of them."""
 
 import os
 from collections import defaultdict

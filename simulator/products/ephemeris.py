@@ -1,4 +1,4 @@
-"""Times of frames: UTC by way of atomic time, so that a leap second is a second like any other.
+"""The times of frames, the orbit of the telescope, and its angles from Sun, Moon and the limb of the Earth.
 
 Where the telescope is: a circular orbit about an oblate Earth. A model; it follows no ephemeris.
 

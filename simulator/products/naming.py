@@ -1,4 +1,4 @@
-"""Folders and temporary files of a tree of products: made when needed, gone again when a write fails or failed.
+"""Names and places of Level-0 products (Zhu et al. 2025), and their folders and temporary files.
 
 Names and places of Level-0 products (Zhu et al. 2025, section Level 0 Data Products).
 """

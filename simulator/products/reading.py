@@ -1,7 +1,4 @@
-"""What a check found wrong.
-
-Open FITS files for a check: every complaint is a finding, and no byte is taken on trust.
-"""
+"""Open FITS files for a check: every complaint is a finding, and no byte is taken on trust."""
 
 import contextlib
 import math

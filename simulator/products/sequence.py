@@ -1,8 +1,6 @@
-"""What a sequence of frames offers to be written as a product.
+"""The protocol of a sequence of frames that can be written, and the visits of a programme in windows of the orbit.
 
 Places on the sky of what stands at an offset on the detector.
-
-Visits of a programme in the windows of the orbit: which frames of a visit are one sequence, and when it begins.
 """
 
 from __future__ import annotations

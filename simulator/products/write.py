@@ -1,7 +1,4 @@
-"""The folder ``Params``: resolved configuration, table of keywords, logs of attitude and temperature.
-
-Write a sequence as Level-0 products: the file, its truth, and its folder of parameters.
-"""
+"""Write a sequence as Level-0 products: the file, its truth, and its folder of parameters."""
 
 import contextlib
 import csv

@@ -1,4 +1,4 @@
-"""What a subtraction with modes of many reference visits leaves of speckles, noise and planet, in closed form.
+"""Closed forms of what remains of speckles, noise and planet when modes of many reference visits are subtracted.
 
 The visits of the optical model tell the covariance of the speckle field. R of them are taken as references with their
 modes, and the covariance of the others says what is left. The mean of a Gaussian sample and the modes of its scatter

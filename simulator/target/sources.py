@@ -1,4 +1,4 @@
-"""From a scene to a table of point sources: where they stand on the detector and how bright they are.
+"""Make a table of point sources from a scene: where they stand on the detector and how bright they are.
 
 Parity and roll, by which offsets on the sky become offsets on the detector, are applied in this one place.
 """

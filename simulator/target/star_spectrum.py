@@ -1,7 +1,4 @@
-"""Thermal light of a sphere.
-
-Stellar spectra normalised in Johnson V (Vega).
-"""
+"""Stellar spectra normalised in Johnson V (Vega), and the thermal light of a sphere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Sphinx needs of the project: formulas as MathML, names of docstrings as links, figures of reports in pages."""
+"""The project's Sphinx extension: formulas as MathML, names of docstrings as links, figures of reports."""
 
 import inspect
 import pkgutil

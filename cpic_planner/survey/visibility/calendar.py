@@ -1,4 +1,4 @@
-"""When targets can be seen: targets x dates, with what prevents it."""
+"""The calendar of visibility, targets x dates, with what prevents an observation."""
 
 import functools
 import math

@@ -1,4 +1,4 @@
-"""Solar panels: which roll of the telescope keeps them in the Sun.
+"""The limits of pointing as configuration, and the roll that keeps the solar panels in the Sun.
 
 The normal of the panels, when they are not turned, stands across the boresight; the panels turn about the axis across
 both. With the Sun at the angle ``theta`` from the boresight and the telescope rolled by ``psi`` from where that normal
@@ -9,8 +9,6 @@ and ``90 deg - theta`` away from the normal at ``psi = 0``, which turning does m
 - fixed panels allow ``sin(theta) cos(psi) >= cos(panel_deg)``, which is possible within ``panel_deg`` of 90 deg;
 - panels that turn by at most ``turn`` follow the first rule until they stand at their limit, and then
   ``cos(turn) sin(theta) cos(psi) + sin(turn) |cos(theta)| >= cos(panel_deg)``.
-
-What limits where the telescope points, as configuration: model, preset and loader.
 """
 
 import math

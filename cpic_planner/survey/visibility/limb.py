@@ -1,4 +1,4 @@
-"""Which part of an orbit a target stands clear of the Earth.
+"""The part of an orbit during which a target stands clear of the Earth.
 
 At the place ``u`` of a circular orbit the target stands ``zeta`` from the zenith ``z``, with
 ``cos(zeta) = cos(beta) cos(u - u0)`` where ``beta`` is its angle from the plane of the orbit, and
