@@ -44,7 +44,7 @@ _DROPPED = ("IncompleteRead", "RemoteDisconnected", "ConnectionResetError")
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of which service, and what is not to be done for it.
+    """A question to a service, and limits of what is done for it.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Question:
 
 
 class Problem(Exception):
-    """What went wrong, in words.
+    """A failed question in words.
 
     Parameters
     ----------

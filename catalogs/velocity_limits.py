@@ -58,7 +58,7 @@ def amplitude_m_s(msini_mjup: ArrayLike, semi_major_axis_au: ArrayLike, star_mas
 
 @dataclass(frozen=True)
 class VelocityLimit:
-    """How likely the velocities of one star would have shown a planet; tuples are over `VELOCITY_AXES_AU`.
+    """The probabilities with which one star's velocities would have shown a planet; over `VELOCITY_AXES_AU`.
 
     ``P(found) = ceiling / (1 + (m50 / m)^s)`` with ``s = ln 9 / ln(m90 / m50)`` and ``m = m sin i``.
 

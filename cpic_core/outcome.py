@@ -13,7 +13,7 @@ U = TypeVar("U")
 
 
 class Status(StrEnum):
-    """What kind of answer this is."""
+    """The kind of an answer."""
 
     OK = "ok"
     """There is a value."""
@@ -28,7 +28,7 @@ class Status(StrEnum):
 
 
 class Reason(StrEnum):
-    """Why an answer is not ``ok`` (empty when it is)."""
+    """The reason why an answer is not ``ok`` (empty when it is)."""
 
     NONE = ""
     SPECKLE_FLOOR = "speckle_floor"

@@ -114,7 +114,7 @@ def _duration(seconds: float) -> str:
 
 
 class Display(Protocol):
-    """How work is shown."""
+    """A way to show how far work is."""
 
     def tick(self, work: Work, now: float) -> None:
         """Show what is due."""

@@ -196,7 +196,7 @@ def search_cost(tasks: Sequence[SearchTask]) -> Cost:
 
 @dataclass(frozen=True, eq=False)
 class Searched:
-    """What the images of a programme showed.
+    """The findings in the images of a programme.
 
     Attributes
     ----------

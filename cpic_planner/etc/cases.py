@@ -50,7 +50,7 @@ _FAINTEST, _ORDINARY = 1e-30, 1e-9
 
 @dataclass(frozen=True)
 class FixedFrames:
-    """What the user fixes of the frames; the rest is optimised."""
+    """The settings of frames that the user fixes; the rest is optimised."""
 
     exposure_s: float | None = None
     em_gain: float | None = None

@@ -35,7 +35,7 @@ _NEARLY = 2.0
 
 @dataclass(frozen=True)
 class FrameProblem(CaseArrays):
-    """What decides the frames of any number of cases; arrays of one shape.
+    """The numbers that decide the frames of any number of cases; arrays of one shape.
 
     Attributes
     ----------

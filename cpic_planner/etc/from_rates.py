@@ -28,7 +28,7 @@ LARGEST_RATE, LARGEST_SNR, LARGEST_TIME_S = 1e30, 1e12, 1e30
 
 
 class RateConvention(FrozenModel):
-    """What counts as noise: ``SNR^2 = P^2 t^2 / ((a P + b B) t + F^2 t^2)``.
+    """The terms that count as noise: ``SNR^2 = P^2 t^2 / ((a P + b B) t + F^2 t^2)``.
 
     ``P``, ``B`` and ``F`` are the rates of planet, background and noise floor, ``t`` the time on the star.
 

@@ -19,7 +19,7 @@ from cpic_planner.targets import Targets
 
 @dataclass(frozen=True, eq=False)
 class SearchMotion:
-    """What a blind search pays for the motion of planets at places of stars; made by `of`.
+    """The cost of the motion of planets to a blind search at places of stars; made by `of`.
 
     Attributes
     ----------

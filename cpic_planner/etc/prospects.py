@@ -18,7 +18,7 @@ from cpic_planner.targets import Targets
 
 @dataclass(frozen=True, eq=False)
 class Prospect:
-    """What is expected of planets; arrays of stars x planets, made by `prospect_of`.
+    """The expected signals of planets; arrays of stars x planets, made by `prospect_of`.
 
     Attributes
     ----------

@@ -218,7 +218,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class _Most:
-    """What cases without an answer could reach, solved together; 0 for the others.
+    """The most that cases without an answer could reach, solved together; 0 for the others.
 
     Longest exposure, least ``G`` (`inf` for none), visit for the level if frames need not be whole, highest SNR of any
     visit, of any number of visits, and the visits for the level without speckles and without background.
@@ -257,7 +257,7 @@ class _Most:
 
 @dataclass(frozen=True)
 class _Detection:
-    """Whether the planets of answers are detected, how likely, and what would make them so; arrays of the cases."""
+    """The detection of planets: whether, how likely, and what would make it so; arrays of the cases."""
 
     mode: DetectionMode
     detected: NDArray[np.bool_]

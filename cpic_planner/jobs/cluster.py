@@ -45,7 +45,7 @@ _ENOUGH_BLAMED = 3  # such tasks, after which the run ends: it may be all of the
 
 @dataclass(frozen=True)
 class Work:
-    """What to run: ``function(*common, *arguments[i])`` for every ``i``."""
+    """The work to run: ``function(*common, *arguments[i])`` for every ``i``."""
 
     function: Callable[..., Any]
     common: tuple[Any, ...]

@@ -32,7 +32,7 @@ _POLES = 64
 
 @dataclass(frozen=True, eq=False)
 class StarLimits:
-    """What is known of ``n`` stars; made by `of`.
+    """The limits that are known of ``n`` stars; made by `of`.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ class KnownDraws(OrbitingPlanets):
 
 @dataclass(frozen=True, eq=False)
 class Ephemeris:
-    """Where one planet is, arrays over the dates; quantiles are 16, 50 and 84 %, shape ``(3, n_dates)``.
+    """The places of one planet, arrays over the dates; quantiles are 16, 50 and 84 %, shape ``(3, n_dates)``.
 
     Attributes
     ----------

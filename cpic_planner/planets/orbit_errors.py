@@ -29,7 +29,7 @@ _WIDTHS = (0.7, 0.23, 0.23, 0.44, 0.44, np.pi / np.sqrt(3.0))
 
 @dataclass(frozen=True, eq=False)
 class OrbitQuality:
-    """What some epochs say of orbits, 1-sigma errors; arrays of one length. Made by `orbit_quality`.
+    """The 1-sigma errors of orbits after some epochs; arrays of one length. Made by `orbit_quality`.
 
     Attributes
     ----------

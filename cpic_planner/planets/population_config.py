@@ -103,7 +103,7 @@ class PlanetKind(_Quantities):
 
 
 class PopulationConfig(_Quantities):
-    """What is assumed of planets.
+    """A population: all that is assumed of planets.
 
     Attributes
     ----------

@@ -204,7 +204,7 @@ def option_names(model: type[FrozenModel]) -> dict[str, str]:
 
 
 class Question(FrozenModel):
-    """What a command is asked: its fields are options, keywords of the Python function, keys of YAML and of the schema.
+    """A question to a command: its fields are options, keywords of Python, keys of YAML and of the schema.
 
     Equal physics has an equal hash: fields that decide no number (workers, folders) are in no hash, and neither is what
     is said of a field. None stands for an answer that was not given.

@@ -21,7 +21,7 @@ REALISATIONS = 8
 
 
 class ImageQuestion(shared.InstrumentQuestion):
-    """What decides images that are measured.
+    """The settings that decide images that are measured.
 
     ``fidelity`` or ``tolerance`` set the dial of speed against accuracy, ``standard`` without any.
     ``simulator_overrides`` alter the images alone.

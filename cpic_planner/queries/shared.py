@@ -116,7 +116,7 @@ class ReferenceStar(FrozenModel):
 
 
 class Reduction(FrozenModel):
-    """How images are reduced: what a simulated observation can honour of a `Strategy`.
+    """The reduction of images: the part of a `Strategy` that a simulated observation can honour.
 
     Notes
     -----
@@ -230,7 +230,7 @@ class Reduction(FrozenModel):
 
 
 class Strategy(Reduction):
-    """How an observation is made and reduced: the fields of `Reduction`, and how the camera counts.
+    """The way in which an observation is made and reduced: `Reduction`, and how the camera counts.
 
     Without ``visits`` the best number is chosen where one is asked for, and elsewhere there is one.
 
@@ -370,7 +370,7 @@ class CutsQuestion(StarsQuestion):
 
 
 class RunQuestion(Question):
-    """How a run is made: nothing here decides a number."""
+    """The settings of a run; none of them decides a number."""
 
     workers: int = asked(
         1, "Local worker processes; results do not depend on their number.", ge=1, le=256, physics=False

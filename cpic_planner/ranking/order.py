@@ -54,7 +54,7 @@ def timed_model(model: etc.EtcModel, question: RankedQuestion | OptimiseQuestion
 
 @dataclass(frozen=True)
 class RankSetting:
-    """What a ranking is made with; made by `of`.
+    """The settings that a ranking is made with; made by `of`.
 
     ``time_s`` is the wall time per target and band, ``planet`` the reference planet, ``bands`` names of bands of the
     model, ``population`` what completeness counts, and ``score`` what the stars are ordered by.

@@ -31,7 +31,7 @@ _RUNAWAY = 0.02
 
 @dataclass(frozen=True)
 class Outlook:
-    """What decides programmes at places of many stars: arrays ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
+    """The numbers that decide programmes at places of stars: ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ Visits = TypeVar("Visits", int, FloatArray)
 
 
 class StarSettings(Protocol):
-    """What a library reads of another star (`cpic_planner.queries.shared.ReferenceStar`)."""
+    """The settings of another star that a library reads (`cpic_planner.queries.shared.ReferenceStar`)."""
 
     @property
     def v_mag(self) -> float:
@@ -38,7 +38,7 @@ class StarSettings(Protocol):
 
 
 class LibrarySettings(Protocol):
-    """What a library reads of the strategy that names it (`cpic_planner.queries.shared.Strategy`)."""
+    """The settings of a strategy that a library reads (`cpic_planner.queries.shared.Strategy`)."""
 
     @property
     def reference_ratio(self) -> float:

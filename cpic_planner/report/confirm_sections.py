@@ -27,7 +27,7 @@ _WORDS = (
 
 @dataclass(frozen=True)
 class ConfirmReport:
-    """What the report of a confirmed scene is made of.
+    """The contents of the report of a confirmed scene.
 
     Attributes
     ----------

@@ -70,7 +70,7 @@ def lines(*parts: Inline) -> Inline:
 
 
 class _Templated:
-    """What the page writes by the macro of its own name."""
+    """A part that the page writes by the macro of its own name."""
 
     @property
     def template(self) -> str:

@@ -82,7 +82,7 @@ class SeparationCurve:
 
 @dataclass(frozen=True)
 class EtcCurves:
-    """What a figure of an answer shows; ``limit_time_s`` is the time of the limits, ``limit_level`` their level."""
+    """The contents of a figure of an answer; ``limit_time_s`` is the time of the limits, ``limit_level`` the level."""
 
     times: tuple[TimeCurve, ...]
     limits: tuple[SeparationCurve, ...]

@@ -29,7 +29,7 @@ from cpic_planner.report.words import method_credits, terms
 
 @dataclass(frozen=True)
 class PlanReport:
-    """What the report of a plan is made of.
+    """The contents of the report of a plan.
 
     Attributes
     ----------

@@ -50,7 +50,7 @@ class Level(TypedDict):
 
 
 class Bar(TypedDict):
-    """What stands in a row, from its low to its high end; a point begins at 0."""
+    """A bar in a row, from its low to its high end; a point begins at 0."""
 
     name: str
     row: int

@@ -113,7 +113,7 @@ UNITS |= {"au": "AU", "nm": "nm", "km": "km", "s": "s", "h": "h"}
 
 @dataclass(frozen=True)
 class Look:
-    """How a column is shown to people.
+    """The way in which a column is shown to people.
 
     Attributes
     ----------

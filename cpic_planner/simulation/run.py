@@ -151,7 +151,7 @@ def _named_files(tree: Any) -> Iterator[str]:
 
 @dataclass
 class _Tally:
-    """What the frames of a sequence hold, noted while they go by."""
+    """The contents of the frames of a sequence, noted while they go by."""
 
     sequence: FrameSequence
     adu_min: int = 2**16 - 1

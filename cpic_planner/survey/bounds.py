@@ -17,7 +17,7 @@ _KEPT = (0.8, 0.5, 0.3, 0.1)
 
 @dataclass(frozen=True)
 class Bound:
-    """What no schedule of some stars can pass.
+    """The bound that no schedule of some stars can pass.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ _STEPS, _ROUNDING = 100_000, 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """What to take of ``o`` plans where one of ``t`` values is true.
+    """The choice among ``o`` plans where one of ``t`` values is true.
 
     Attributes
     ----------

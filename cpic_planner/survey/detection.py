@@ -56,7 +56,7 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class ExpectedSignals:
-    """What visits expect of planets; arrays of one shape.
+    """The signals that visits expect of planets; arrays of one shape.
 
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
     threshold is defined there; ``tails`` the share of the noise, as rms, that is light of the wavefront's errors, and

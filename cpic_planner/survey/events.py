@@ -80,7 +80,7 @@ class DetectionRow(Row):
 
 
 class StarRow(Row):
-    """What a strategy does at one star in one block of universes."""
+    """The visits and findings of a strategy at one star in one block of universes."""
 
     strategy: str = column("name of the strategy")
     star: str = column("name in the catalogue")
@@ -170,7 +170,7 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class SurveyTables:
-    """What happened in ``n`` universes; each field holds the columns of the table of its name."""
+    """The events in ``n`` universes; each field holds the columns of the table of its name."""
 
     universes: dict[str, NDArray[Any]]
     detections: dict[str, NDArray[Any]]

@@ -120,7 +120,7 @@ class Looks:
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """What visits of a star are likely to show.
+    """The planets that visits of a star are likely to show.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ _T = TypeVar("_T")
 
 
 class _Latest(Generic[_T]):
-    """What was made last, by a key, up to some number of bytes of its arrays."""
+    """The latest values by a key, up to some number of bytes of their arrays."""
 
     def __init__(self, most_bytes: int) -> None:
         self._most, self._bytes = most_bytes, 0
@@ -256,7 +256,7 @@ class PlanningSky:
 
 
 class PlanningView:
-    """What visits by one strategy show of the planets that schedules are made with.
+    """The view that a strategy's visits have of the planets that schedules are made with.
 
     Parameters
     ----------

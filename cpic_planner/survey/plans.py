@@ -32,7 +32,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Prices:
-    """What an hour of telescope time is worth: of the budget, and in every slot on top of that, in planets."""
+    """The prices of an hour of telescope time, in planets: of the budget, and in every slot on top of that."""
 
     budget: float
     slots: FloatArray
@@ -185,7 +185,7 @@ def priced(problem: Problem, room: Room, pools: Sequence[Pool], rounds: int) -> 
 
 @dataclass(frozen=True)
 class Shared:
-    """How plans share the time: those chosen, the value that no choice among them passes, and prices (of parts)."""
+    """The sharing of time by plans: the chosen, the value that no choice passes, and prices (of parts)."""
 
     chosen: Chosen
     bound: float

@@ -41,7 +41,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What strategies are planned with, read from presets and files: whoever has it can plan them anywhere.
+    """The inputs of planning, read from presets and files: whoever has them can plan strategies anywhere.
 
     ``reach_arcsec`` are the separations between which any band of any strategy shows a planet.
     """

@@ -96,7 +96,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be scheduled.
+    """The problem of a scheduler.
 
     ``slot_h`` are the lengths of the slots.
     """
@@ -233,7 +233,7 @@ def in_order(
 
 @dataclass(frozen=True)
 class VisitOdds:
-    """What a planned visit is likely to bring.
+    """The probable results of a planned visit.
 
     Attributes
     ----------

@@ -28,7 +28,7 @@ _OF_SURVEY = ("kind", "universe", "doubt", "defaults", "strategies")
 
 
 class UniverseConfig(FrozenModel):
-    """What all strategies share: the calendar, the instrument, the stars, and how often chance is asked.
+    """The settings that strategies share: calendar, instrument, stars, and number of universes.
 
     Attributes
     ----------

@@ -273,7 +273,7 @@ class Drawn:
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """What the work leaves.
+    """The outcome of the work.
 
     Attributes
     ----------

@@ -191,7 +191,7 @@ def fixed_scene(name: str) -> FixedScene:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is drawn for the noise, beside the visits themselves.
+    """The number of draws for the noise, beside the visits themselves.
 
     Attributes
     ----------

@@ -109,7 +109,7 @@ def peak_memory_mb() -> float:
 
 @dataclass
 class _Row:
-    """What is known of a row while it is made."""
+    """A row while it is made."""
 
     case: FixedScene
     point: Point

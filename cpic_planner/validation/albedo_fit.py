@@ -26,7 +26,7 @@ LEVELS = (0.68, 0.95)
 
 @dataclass(frozen=True, eq=False)
 class AlbedoFit:
-    """What band contrasts say of log10_mh and log10_fsed.
+    """The values of log10_mh and log10_fsed that band contrasts allow.
 
     Attributes
     ----------

@@ -67,7 +67,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class BlindSearch:
-    """What a search found.
+    """The findings of a search.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ LEAST_DEGREES = 4.0
 
 @dataclass(frozen=True, eq=False)
 class PositionFit:
-    """Where the search ended.
+    """The end of a search for a position.
 
     Attributes
     ----------

@@ -50,7 +50,7 @@ class Realisation:
 
 @dataclass(frozen=True)
 class FrameStatistics:
-    """What happened to frames one by one.
+    """The losses of single frames.
 
     Attributes
     ----------

@@ -149,7 +149,7 @@ SMOOTHING_PIXELS = 1.5
 
 
 class Inputs(NamedTuple):
-    """What a stack was reduced from.
+    """The inputs from which a stack was reduced.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ class Inputs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReducedStack:
-    """What a reduction leaves of one observation; images are star-centred stamps (y, x).
+    """The result of the reduction of one observation; images are star-centred stamps (y, x).
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ _MOST_PASSES = 20
 
 @dataclass(frozen=True, eq=False)
 class Rejection:
-    """What was taken out of a sequence.
+    """The pixels that were taken out of a sequence.
 
     Attributes
     ----------

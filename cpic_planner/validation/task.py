@@ -36,7 +36,7 @@ class Frames(NamedTuple):
 
 
 class ImageSettings(TypedDict, total=False):
-    """How images are drawn.
+    """The settings by which images are drawn.
 
     Attributes
     ----------

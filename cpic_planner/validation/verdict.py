@@ -29,7 +29,7 @@ _ADVICE = {
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the images of a task say of all its planets together.
+    """The evidence in the images of a task about all its planets together.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ DEFAULT_ROWS, MOST_ROWS = 50, 1500
 
 
 class Problem(BaseModel):
-    """What is wrong with a question, for programs."""
+    """An error in a question, for programs."""
 
     schema_version: Literal[1] = 1
     kind: Literal["error"] = "error"

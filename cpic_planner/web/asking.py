@@ -45,7 +45,7 @@ _CHANGE = re.compile(rf"([\w.*]+)=(?:[x*×]?\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*{_
 
 @dataclass(frozen=True, eq=False)
 class Asking(Generic[Q]):
-    """How a question is asked by an address.
+    """The way in which an address asks a question.
 
     Attributes
     ----------

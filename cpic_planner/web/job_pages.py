@@ -45,7 +45,7 @@ _SAID: Mapping[State, str] = {
 
 
 class JobAnswer(BaseModel):
-    """How far a job is, for programs."""
+    """The progress of a job, for programs."""
 
     schema_version: Literal[1] = 1
     kind: Literal["job"] = "job"

@@ -105,7 +105,7 @@ def star_pairs(given: Sequence[tuple[str, str]]) -> Pairs:
 
 @dataclass(frozen=True, eq=False)
 class StarAnswer:
-    """What is known of a star.
+    """The facts about a star.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class _Kind(NamedTuple):
-    """What a map holds: its unit, range, and fill."""
+    """The contents of a map: its unit, range, and fill."""
 
     unit: str
     high: float

@@ -106,7 +106,7 @@ _PLANET_HINTS = {
 
 
 class Body(SpelledModel):
-    """What every source has: a name, a place, and perhaps a brightness and a spectrum of its own.
+    """The fields that every source has: a name, a place, and perhaps a brightness and a spectrum of its own.
 
     The place is either ``ra_deg`` and ``dec_deg`` (same epoch as the central star's) or ``separation_arcsec`` and
     ``pa_deg`` from the central star.

@@ -26,7 +26,7 @@ class FileMap(NamedTuple):
 
 
 class MapFile(NamedTuple):
-    """Whether a file is FITS, and its arrays in order; there is at least one."""
+    """The format of a file, FITS or not, and its arrays in order; there is at least one."""
 
     is_fits: bool
     maps: tuple[FileMap, ...]

@@ -116,7 +116,7 @@ _MODELS = (*STAR_MODELS, *PLANET_MODELS, *ALBEDO_MODELS)
 
 
 class Scene(SpelledModel):
-    """What the telescope points at.
+    """A scene: the bodies and the sky that the telescope points at.
 
     Objects without a name get one: the scene's for the central star, ``planet 1``, ``star 1``, ``extended 1`` and so on
     for the others. ``companions`` says whether the ``stars`` are put on the image (``on``) or left out (``off``); those

@@ -213,7 +213,7 @@ _KIND_WORDS = {"disk": "disc", "exozodi": "disc"}
 
 
 class _Scattered(FrozenModel):
-    """What every extended source has.
+    """The fields that every extended source has.
 
     The light is that of the star, scattered without colour.
 

@@ -137,7 +137,7 @@ class MirrorConfig(FrozenModel):
 
 
 class DarkHoleConfig(FrozenModel):
-    """How the mirror is set.
+    """The settings of the mirror.
 
     ``control`` is ``conjugation`` (a new Jacobian at every step, with perfect knowledge of the field),
     ``single_jacobian`` (one Jacobian of the design: the less ideal state), ``surface`` (maps loaded from
@@ -235,7 +235,7 @@ ReferenceScheme = Literal["interleaved", "half", "swapped", "other_star"]
 
 @dataclass(frozen=True)
 class Timing:
-    """When the visits of a programme are: how far apart, and where in the orbit their light is taken.
+    """The dates of the visits of a programme: how far apart, and where in the orbit their light is taken.
 
     A star is seen for a window of every orbit. A visit begins with a window and goes on in those of the next orbits.
 

@@ -34,7 +34,7 @@ LIMIT_KERNELS = "simulator.detectors.limit_kernels"
 
 @dataclass(frozen=True)
 class Place:
-    """Where an array of pixels lies on the detector.
+    """The place of an array of pixels on the detector.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Setting:
-    """What decides whether an effect exists, for its row in the ledger.
+    """A setting that decides whether an effect exists, for its row in the ledger.
 
     Attributes
     ----------

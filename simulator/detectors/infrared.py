@@ -48,14 +48,14 @@ class PastExposure(NamedTuple):
 
 
 class LateCharge(Protocol):
-    """What earlier frames leave in a frame."""
+    """A law of the charge that earlier frames leave in a frame."""
 
     def __call__(self, past: Sequence[PastExposure], exposure_s: float) -> FloatArray:
         """Return mean electrons per second and pixel over an exposure (0 means at its start), finite and at least 0."""
 
 
 class Coupling(Protocol):
-    """How the signal of a pixel appears in others."""
+    """A law by which the signal of a pixel appears in others."""
 
     def __call__(self, signal: FloatArray) -> FloatArray:
         """Return the signal after coupling, of the same shape and sum."""

@@ -57,7 +57,7 @@ _CM_PER_UM = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class CosmicRays:
-    """What cosmic rays leave in one exposure.
+    """The charge that cosmic rays leave in one exposure.
 
     Events are those that left charge in the array, in the order in which they were drawn. Their middles may lie
     outside it. Pixel centres lie at integers.

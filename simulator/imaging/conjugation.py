@@ -41,7 +41,7 @@ HoleMethod = Literal["relinearised", "single_jacobian"]
 
 @dataclass(frozen=True)
 class ControlSettings:
-    """How the search runs.
+    """The settings of the search.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class ControlSettings:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What the search found.
+    """The result of the search.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ class HoleScore:
 
 @dataclass(frozen=True, eq=False)
 class HoleState:
-    """What is common to a hole that was reached and one that was not.
+    """The fields that a hole that was reached shares with one that was not.
 
     Attributes
     ----------

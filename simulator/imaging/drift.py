@@ -221,7 +221,7 @@ def screen_model(samples: int, psd_slope: float) -> ScreenModel:
 
 @dataclass(frozen=True, eq=False)
 class SharedTerms:
-    """What the wavefront of a visit shares with the other visits of its programme; nothing by default.
+    """The wavefront that a visit shares with the other visits of its programme; nothing by default.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ SCALE_TOLERANCE = 1e-3
 
 
 class Stamps(Protocol):
-    """What can be written: the public attributes of any point-spread function."""
+    """The protocol of what can be written: the public attributes of any point-spread function."""
 
     @property
     def band(self) -> str:

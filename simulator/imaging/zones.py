@@ -18,7 +18,7 @@ HoleStatus = Literal["reached", "not_reached", "none", "table"]
 
 @dataclass(frozen=True)
 class HoleZone:
-    """Where light is to be removed. In both modes the zone is a product of two sets of intervals.
+    """The zone in which light is to be removed. In both modes it is a product of two sets of intervals.
 
     Attributes
     ----------

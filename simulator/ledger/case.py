@@ -78,7 +78,7 @@ def stamp_flaws(detector: Detector, corner: tuple[int, int], side: int) -> tuple
 
 @dataclass(frozen=True, eq=False)
 class CameraCase:
-    """What the sizes are worked out for.
+    """The inputs that the sizes are worked out for.
 
     Attributes
     ----------

@@ -28,7 +28,7 @@ _NEEDS = {effect.switch: effect.hides for effect in rows_of(VISIBLE)}
 
 @dataclass(frozen=True)
 class Choice:
-    """How an observation is modelled; made by `choose`.
+    """The way in which an observation is modelled; made by `choose`.
 
     Attributes
     ----------

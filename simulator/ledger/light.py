@@ -28,7 +28,7 @@ _NEAR_STEPS = 4.0  # of the wing map, beyond which the light of a source is even
 
 @dataclass(frozen=True, eq=False)
 class SourceLight:
-    """What a source other than the central star leaves on the window.
+    """The light that a source other than the central star leaves on the window.
 
     Attributes
     ----------

@@ -51,7 +51,7 @@ class Lasting(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OpticsCase:
-    """What these sizes are worked out for.
+    """The inputs that these sizes are worked out for.
 
     Attributes
     ----------
@@ -289,7 +289,7 @@ def gauss_remainder(n_nodes: int, phase: FloatArray | float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Optics:
-    """What the quadratures of a band depend on.
+    """The properties that the quadratures of a band depend on.
 
     Attributes
     ----------

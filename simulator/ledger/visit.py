@@ -98,7 +98,7 @@ _ANNULUS_LAMBDA_D = 1.5  # half width of the annulus around a planet whose scatt
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """What sizes are worked out from; made by `visit_of`.
+    """The inputs of sizes; made by `visit_of`.
 
     Attributes
     ----------

@@ -232,7 +232,7 @@ _ROUNDING_S = 1e-6
 
 @dataclass(frozen=True)
 class VisitPart:
-    """What a visit of a programme takes in one window of the orbit: the frames of one sequence.
+    """The part of a visit that is taken in one window of the orbit: the frames of one sequence.
 
     Attributes
     ----------

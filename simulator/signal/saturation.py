@@ -137,7 +137,7 @@ N_SIGMA = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class Wells:
-    """What a camera holds; electrons at the register input unless said.
+    """The limits of a camera; electrons at the register input unless said.
 
     Attributes
     ----------

@@ -33,7 +33,7 @@ _REFERENCES = np.unique([*range(1, _EVERY + 1), *np.round(np.geomspace(_EVERY, M
 
 
 class ModeFactors(NamedTuple):
-    """What modes change: of `SpeckleModes` for K = 0, 1, ... along the last axis, 1 at K = 0; of places for one K each.
+    """The factors of modes: of `SpeckleModes` for K = 0, 1, ... along the last axis, 1 at K = 0; of places for one K.
 
     Attributes
     ----------
@@ -269,7 +269,7 @@ def modes_around(instrument: Instrument, band: str, separation_arcsec: float, of
 
 @dataclass(frozen=True, eq=False)
 class BandModes:
-    """What modes change anywhere in the hole of a band, for visits whose wavefronts are off by so much.
+    """The factors of modes anywhere in the hole of a band, for visits whose wavefronts are off by so much.
 
     Attributes
     ----------

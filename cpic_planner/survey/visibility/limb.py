@@ -55,7 +55,7 @@ class Geometry:
 
 @dataclass(frozen=True, eq=False)
 class _Runs:
-    """What counts of a piece of orbit, in radians: all of it, at its begin, at its end, the longest run; its length."""
+    """The lengths in a piece of orbit, radians: all of it, at its begin, at its end, the longest run; its length."""
 
     total: FloatArray
     begin: FloatArray
