@@ -1,4 +1,4 @@
-"""Say what the embedded data are: vintage, counts per cut, sources, licences and credits.
+"""Describe the embedded data: vintage, counts per cut, sources, licences and credits.
 
 Which star table a question is about: the snapshot, with or without updates, the latest refreshed one, or a file.
 """
@@ -90,7 +90,7 @@ def _known(item: BinaryOrbit | PublishedParameters) -> dict[str, Any]:
 
 
 def catalogue_info() -> dict[str, Any]:
-    """Everything that ``cpic catalog info`` shows.
+    """Return everything that ``cpic catalog info`` shows.
 
     Returns
     -------

@@ -315,7 +315,7 @@ def _planet(star: str, published: Sequence[Row]) -> tuple[Row, tuple[str, ...]]:
 
 
 def _is_dated(row: Row, *, with_errors: bool = False) -> bool:
-    """Whether a solution says when the planet is where; with the errors without which that soon means nothing."""
+    """Return whether a solution says when the planet is where, with the errors without which that soon means little."""
     ends = ("", "err1") if with_errors else ("",)
     times = any(all(f"{name}{end}" in row for end in ends) for name in ("pl_orbtper", "pl_tranmid"))
     return times and all(f"pl_orbper{end}" in row for end in ends)

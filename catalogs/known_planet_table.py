@@ -53,7 +53,7 @@ class KnownPlanetTable:
         return len(self.columns["planet"])
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Travel to worker processes (a mapping proxy does not pickle)."""
+        """Travel to worker processes as plain data (a mapping proxy does not pickle)."""
         rest = (self.label, self.provenance, self.notes, dict(self.solutions), self.candidates)
         return (table_of, (dict(self.columns), *rest))
 

@@ -67,7 +67,7 @@ def _outsiders() -> dict[str, str]:
 
 
 def _lines(file: str) -> list[list[str]]:
-    """Lines of a shipped file below its heading."""
+    """Return the lines of a shipped file below its heading."""
     with (_DATA / file).open(encoding="utf-8", newline="") as stream:
         return list(csv.reader(stream))[1:]
 

@@ -1,4 +1,4 @@
-"""How star names are written: one canonical key for every spelling of a designation.
+"""Spellings of star names: one canonical key stands for every spelling of a designation.
 
 ``designation_key("α Cen B")``, ``("Alpha Centauri B")`` and ``("* alf Cen B")`` all give ``"alf cen b"``.
 The key is lower case with one exception: a Latin Bayer letter keeps its case, because ``e Eri`` and ``E Eri``

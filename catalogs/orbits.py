@@ -85,7 +85,7 @@ def orbit_places(
     node_deg: ArrayLike,
     mean_anomaly_deg: ArrayLike,
 ) -> OrbitPlaces:
-    """Places of planets on Kepler orbits.
+    """Return the places of planets on Kepler orbits.
 
     Parameters
     ----------

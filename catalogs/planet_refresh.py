@@ -69,7 +69,7 @@ class Moved:
 
 @dataclass(frozen=True)
 class PlanetChanges:
-    """What differs from the shipped table.
+    """The differences from the shipped table.
 
     Parameters
     ----------

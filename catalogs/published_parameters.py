@@ -48,7 +48,7 @@ _DIAMETER_SOURCE = "derived:angular diameter and Teff of the same publication"
 
 @dataclass(frozen=True)
 class PublishedParameters:
-    """What one publication says of one star; numbers that it does not give are nan.
+    """The parameters that one publication gives of one star; nan for those that it does not give.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ answer because SIMBAD has newer values: by them it is judged whether the answer 
 
 @dataclass(frozen=True)
 class Changes:
-    """What differs from the snapshot within the same cuts.
+    """The differences from the snapshot within the same cuts.
 
     Parameters
     ----------

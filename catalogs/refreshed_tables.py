@@ -41,7 +41,7 @@ class StoredTable:
 
 
 def data_dir() -> Path:
-    """Folder of the refreshed tables (not created here)."""
+    """Return the folder of the refreshed tables (not created here)."""
     chosen = os.environ.get("CPIC_DATA_DIR")
     if chosen:
         return Path(chosen)
@@ -51,7 +51,7 @@ def data_dir() -> Path:
 
 
 def file_name(queried_utc: datetime, kind: Kind = "simbad") -> str:
-    """Name of the file of a table queried at that time."""
+    """Return the name of the file of a table queried at that time."""
     return f"{kind}_{queried_utc:{_STAMP}}{_SUFFIX}"
 
 
@@ -76,7 +76,7 @@ def loss_refused(lost: int, known: int, what: str) -> str:
 
 
 def stored_tables(kind: Kind = "simbad") -> list[StoredTable]:
-    """Refreshed tables in the data folder, newest first; files of other names are not looked at."""
+    """Return the refreshed tables in the data folder, newest first; files of other names are passed over."""
     found = []
     for path in data_dir().glob(f"{kind}_*{_SUFFIX}"):
         try:

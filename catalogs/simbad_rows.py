@@ -1,4 +1,4 @@
-"""From SIMBAD's two answers to a star table with the columns of the snapshot.
+"""Make a star table with the columns of the snapshot from SIMBAD's two answers.
 
 Taken from SIMBAD: positions, proper motions, radial velocities, parallaxes with errors, V, B-V, spectral and object
 types, identifiers, and the medians of the published temperatures, gravities and metallicities (``mesFe_h``). The two

@@ -1,4 +1,4 @@
-"""Where the stars of a table and their companions stand at a date.
+"""Positions of the stars of a table and of their companions at a date.
 
 Proper motion carries the stars. A companion on a known orbit follows it; any other stays where it was last seen, and
 may have moved since by as much as on a circular orbit in the plane of the sky.
@@ -53,7 +53,7 @@ def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarT
 
 
 def _moved(table: StarTable, epoch_yr: float) -> dict[str, NDArray[np.generic]]:
-    """Positions and proper motions of the epoch, of the stars that have any."""
+    """Return the positions and proper motions of the epoch, of the stars that have any."""
     names = ("ra_deg", "dec_deg", "pm_ra_mas_yr", "pm_dec_mas_yr")
     now = {name: np.array(table.column(name), float) for name in names}
     placed = np.isfinite(now["ra_deg"]) & np.isfinite(now["dec_deg"])
@@ -73,7 +73,7 @@ def _known(table: StarTable, name: str, otherwise: float) -> FloatArray:
 
 
 def _drift_arcsec(table: StarTable, epoch_yr: float) -> FloatArray:
-    """How far companions can have moved since they were seen: on a circular orbit, around twice the star's mass."""
+    """Return how far companions can have moved since they were seen, on circular orbits around two stellar masses."""
     separation, age = (np.array(table.column(f"companion_{name}"), float) for name in ("sep_arcsec", "epoch_yr"))
     distance = np.asarray(table.column("distance_pc"), float)
     mass = _PAIR_TO_STAR_MASS * _known(table, "mass_msun", 1.0)
@@ -83,7 +83,7 @@ def _drift_arcsec(table: StarTable, epoch_yr: float) -> FloatArray:
 
 
 def _on_orbits(table: StarTable, epoch_yr: float, error: NDArray[np.generic]) -> dict[str, NDArray[np.generic]]:
-    """Columns of the companions, with those that have orbits where these put them."""
+    """Return the columns of the companions, with those that have orbits where these put them."""
     known = orbits_by_star()
     names = table.column("name").tolist()
     rows = [row for row, name in enumerate(names) if name in known and known[name].resolved]

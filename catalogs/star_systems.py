@@ -22,7 +22,7 @@ _COMPOSITE_ID = re.compile(r"(?:CCDM|\*\*|ADS|IDS|WDS) .*\d ?[A-Z]{2,}")
 
 
 class Member(NamedTuple):
-    """What decides whether two rows are bound; nan where unknown, `hip` 0 if none."""
+    """The columns that decide whether two rows are bound; nan where unknown, `hip` 0 if none."""
 
     ra_deg: float
     dec_deg: float

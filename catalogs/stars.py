@@ -69,7 +69,7 @@ class StarTable:
         return len(self.columns["name"])
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Travel to worker processes (a mapping proxy does not pickle)."""
+        """Travel to worker processes as plain data (a mapping proxy does not pickle)."""
         return (_immutable, (dict(self.columns), dict(self.units), dict(self.descriptions), self.label))
 
     def column(self, name: str) -> NDArray[np.generic]:

@@ -162,7 +162,7 @@ class StellarGrid:
         return nodes.reshape(*stars[0].shape, 8), weights.reshape(*stars[0].shape, 8)
 
     def corners_of(self, teff: np.ndarray, gravity: np.ndarray, metal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`corners` of finite values of one shape."""
+        """Return the `corners` of finite values of one shape."""
         gravity = np.maximum(gravity, self.log_g_floor(teff))
         pairs = ((self.teff_k, teff), (self.log_g, gravity), (self.metallicity, metal))
         (it, wt), (ig, wg), (im, wm) = (bracket(nodes, values) for nodes, values in pairs)
@@ -235,7 +235,7 @@ class StellarGrid:
 
 @functools.lru_cache(maxsize=64)
 def _corners(grid: StellarGrid, *stars: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of the stars last asked about: every band of a question asks about the same ones."""
+    """Return the corners of the stars last asked about: every band of a question asks about the same ones."""
     found = grid.corners_of(*(np.frombuffer(values) for values in stars))
     for part in found:
         part.flags.writeable = False

@@ -1,4 +1,4 @@
-"""What fills a star table where it lists nothing: temperature, luminosity, radius, mass, gravity, and where from.
+"""Fill in temperature, luminosity, radius, mass and gravity where a star table has none, and say from what.
 
 The shipped table is built with them, a refreshed one and a user's own table are filled with them.
 

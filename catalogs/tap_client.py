@@ -53,7 +53,7 @@ class RefreshError(RuntimeError):
 
 @dataclass(frozen=True)
 class TapService:
-    """Where and how patiently to ask.
+    """The address of a TAP service, and how patiently it is asked.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One question to a TAP service at a time, in a process that `catalogs.tap_client` starts, waits for and ends.
+"""Ask a TAP service one question at a time, in a process that `catalogs.tap_client` starts, waits for and ends.
 
 ``python -m catalogs.tap_session FD`` reads questions from a connection and writes answers to it, both as JSON. An
 answer is read whole, against one limit of size, packed and unpacked, and comes back as plain columns or as words for
@@ -44,7 +44,7 @@ _DROPPED = ("IncompleteRead", "RemoteDisconnected", "ConnectionResetError")
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of which service, and what is not to be done for it.
+    """A question to a service, and limits of what is done for it.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Question:
 
 
 class Problem(Exception):
-    """What went wrong, in words.
+    """A failed question in words.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ class _Adapter(HTTPAdapter):
         return b"".join(parts)
 
     def _unpacked(self, body: bytes, coding: str) -> bytes:
-        """Content of an answer that was sent packed, within the limit of size."""
+        """Return the content of an answer that was sent packed, within the limit of size."""
         if coding.lower() in ("", "identity"):
             return body
         unpacker = zlib.decompressobj(wbits=47)  # gzip or zlib, as its first bytes say

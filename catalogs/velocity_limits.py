@@ -1,4 +1,4 @@
-"""What radial velocities would have shown: of each star that was searched, which planets were likely to be found.
+"""Limits from radial velocities: for each star that was searched, which planets were likely to be found.
 
 ``velocity_limits.csv`` has one row a star. Its numbers are fits to planets that a survey put into its own velocities
 and searched for (`tools.velocity_limits`); where a row has none it names a rule, the medians of a kind of stars, in
@@ -45,7 +45,7 @@ _Cells: TypeAlias = dict[str, str]
 
 
 def amplitude_m_s(msini_mjup: ArrayLike, semi_major_axis_au: ArrayLike, star_mass_msun: ArrayLike) -> FloatArray:
-    """Semi-amplitude of a star's velocity, m/s, that a light planet on a circular orbit gives it; arguments broadcast.
+    """Return the semi-amplitude (m/s) of a star's velocity that a light planet on a circular orbit gives; broadcasts.
 
     Notes
     -----
@@ -58,7 +58,7 @@ def amplitude_m_s(msini_mjup: ArrayLike, semi_major_axis_au: ArrayLike, star_mas
 
 @dataclass(frozen=True)
 class VelocityLimit:
-    """How likely the velocities of one star would have shown a planet; tuples are over `VELOCITY_AXES_AU`.
+    """The probabilities with which one star's velocities would have shown a planet; over `VELOCITY_AXES_AU`.
 
     ``P(found) = ceiling / (1 + (m50 / m)^s)`` with ``s = ln 9 / ln(m90 / m50)`` and ``m = m sin i``.
 
@@ -120,7 +120,7 @@ def _rows(path: Path) -> list[_Cells]:
 
 
 def _limit(row: _Cells, rules: dict[str, _Cells], star_mass_msun: float) -> VelocityLimit:
-    """A row with what its rule says in the annuli without numbers of their own."""
+    """Return a row with what its rule says in the annuli without numbers of their own."""
     rule = rules.get(row["rule"])
     numbers = [_annulus(row, rule, number, star_mass_msun) for number in range(1, len(VELOCITY_AXES_AU) + 1)]
     m50, m90, ceiling = zip(*numbers, strict=True)
@@ -145,7 +145,7 @@ def _limit(row: _Cells, rules: dict[str, _Cells], star_mass_msun: float) -> Velo
 
 
 def _annulus(row: _Cells, rule: _Cells | None, number: int, star_mass_msun: float) -> tuple[float, float, float]:
-    """Limits at 50 and 90 %, and ceiling, of one annulus; a ceiling of 0 where nothing is known."""
+    """Return the limits at 50 and 90 %, and ceiling, of one annulus; a ceiling of 0 where nothing is known."""
     if row[f"ceiling_{number}"]:
         m50, m90, ceiling = (float(row[f"{name}_{number}"]) for name in NUMBERS)
         return m50, m90, ceiling

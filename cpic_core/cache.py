@@ -58,7 +58,7 @@ class _OldEntry(Exception):
 
 @functools.cache
 def _version() -> str:
-    """Version of the package; an entry of another one may mean other things by the same key."""
+    """Return the version of the package; an entry of another one may mean other things by the same key."""
     from importlib import metadata
 
     try:
@@ -68,7 +68,7 @@ def _version() -> str:
 
 
 def cache_dir() -> Path:
-    """Folder of the cache (not created here)."""
+    """Return the folder of the cache (not created here)."""
     chosen = os.environ.get("CPIC_CACHE_DIR")
     if chosen:
         return Path(chosen)
@@ -78,7 +78,7 @@ def cache_dir() -> Path:
 
 
 def cache_limit_bytes() -> int:
-    """Most bytes that the entries take together.
+    """Return the most bytes that the entries take together.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def _stored(key: str, read: Callable[[Arrays], T]) -> T:
 
 
 def _content(path: Path) -> bytes:
-    """Bytes of an entry; whatever else may stand there under its name is not opened, or not read."""
+    """Return the bytes of an entry; whatever else may stand there under its name is not opened, or not read."""
     with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
         about = os.fstat(file.fileno())
         if not stat.S_ISREG(about.st_mode) or about.st_size > MAX_BYTES:
@@ -175,7 +175,7 @@ def _content(path: Path) -> bytes:
 
 
 def _arrays_of(data: bytes, key: str) -> Arrays:
-    """Arrays of an entry that answers a key."""
+    """Return the arrays of an entry that answers a key."""
     head, payload = _head_of(data), data[data.find(b"\n", len(_MAGIC)) + 1 :]
     if head is None:
         raise _OldEntry("of another format") if data.startswith(_OLD) else _BadEntry("it is damaged")
@@ -254,7 +254,7 @@ _added: dict[Path, int] = {}  # bytes since room was made last, by folder
 
 
 def _entries() -> Iterator[tuple[Path, os.stat_result, bytes]]:
-    """Entries of any version and their first bytes: files of their name that begin as they do."""
+    """Yield the entries of any version and their first bytes: files of their name that begin as they do."""
     for path in cache_dir().glob("*.bin"):
         with contextlib.suppress(OSError):
             about = path.lstat()
@@ -267,7 +267,7 @@ def _entries() -> Iterator[tuple[Path, os.stat_result, bytes]]:
 
 
 def _leftovers() -> Iterator[Path]:
-    """Files of locks, and what was being written when a process was killed."""
+    """Yield the files of locks, and what was being written when a process was killed."""
     return (path for path in cache_dir().glob("*") if _LEFT.fullmatch(path.name) and not path.is_dir())
 
 

@@ -106,7 +106,7 @@ def write_bytes(path: str | Path, data: bytes) -> Path:
 
 
 def write_text(path: str | Path, text: str) -> Path:
-    """`write_bytes` of UTF-8 text.
+    """Write text as UTF-8 bytes; see `write_bytes`.
 
     Parameters
     ----------
@@ -118,12 +118,12 @@ def write_text(path: str | Path, text: str) -> Path:
 
 
 def dump_json(tree: Any) -> str:
-    """JSON as this project writes it: two-space indent, shortest round-trip floats, no NaN, final newline."""
+    """Return JSON as this project writes it: two-space indent, shortest round-trip floats, no NaN, final newline."""
     return json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def write_json(path: str | Path, tree: Any) -> Path:
-    """`write_text` of `dump_json`.
+    """Write a value as `dump_json` has it; see `write_text`.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def open_npz(path: str | Path) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def npz_in(file: IO[bytes]) -> Iterator[Any]:
-    """Arrays of an open npz file; errors are those of `open_npz`."""
+    """Yield the arrays of an open npz file; errors are those of `open_npz`."""
     with zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
     if not all(entry.filename.endswith(".npy") for entry in entries):

@@ -13,7 +13,7 @@ U = TypeVar("U")
 
 
 class Status(StrEnum):
-    """What kind of answer this is."""
+    """The kind of an answer."""
 
     OK = "ok"
     """There is a value."""
@@ -28,7 +28,7 @@ class Status(StrEnum):
 
 
 class Reason(StrEnum):
-    """Why an answer is not ``ok`` (empty when it is)."""
+    """The reason why an answer is not ``ok`` (empty when it is)."""
 
     NONE = ""
     SPECKLE_FLOOR = "speckle_floor"
@@ -114,7 +114,7 @@ class Outcome(Generic[T]):
 
     @classmethod
     def ok(cls, value: T, *, unit: str = "", flags: tuple[str, ...] = ()) -> "Outcome[T]":
-        """Answer with a value.
+        """Return the answer with a value.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class Outcome(Generic[T]):
 
     @classmethod
     def refuse(cls, status: Status, reason: Reason, message: str, *, unit: str = "") -> "Outcome[T]":
-        """Answer without a value.
+        """Return the answer without a value.
 
         Parameters
         ----------
@@ -160,7 +160,7 @@ class Outcome(Generic[T]):
         return Outcome(value, self.status, self.reason, self.message, self.flags, self.unit)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain dict for JSON."""
+        """Return the plain dict for JSON."""
         return {
             "value": self.value,
             "unit": self.unit,
@@ -201,7 +201,7 @@ class Outcomes:
         messages: Mapping[Reason, str],
         unit: str = "",
     ) -> "Outcomes | Outcome[float]":
-        """Answer with an array; a single number becomes an `Outcome`.
+        """Return the answer with an array; a single number becomes an `Outcome`.
 
         Parameters
         ----------
@@ -227,7 +227,7 @@ class Outcomes:
         return self.value.shape
 
     def __getitem__(self, index: tuple[int, ...] | int) -> Outcome[float]:
-        """Answer of one element."""
+        """Return the answer of one element."""
         if self.status[index] == Status.OK:
             return Outcome.ok(float(self.value[index]), unit=self.unit)
         reason = Reason(str(self.reason[index]))

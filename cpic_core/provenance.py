@@ -1,4 +1,4 @@
-"""Say what made a number: the code, presets and catalogue as installed, the numerical libraries, and the processor.
+"""Record what made a number: the code, presets and catalogue as installed, the numerical libraries, the processor.
 
 A fingerprint is written as five words of eight hexadecimal digits, ``code-presets-catalogue-libraries-processor``. The
 same question gives the same bytes where all five are equal. Where only the processor differs, numpy, BLAS and the

@@ -184,7 +184,7 @@ def check_pair(name: str, value: Any, limit: float, unit: str = "", *, why: str 
 
 
 def element_name(key: str, bad: BoolArray) -> tuple[str, tuple[int, ...]]:
-    """Name and index of the first ``True`` of ``bad``: ``("rate_map_e_s[y=3, x=7]", (3, 7))`` for images."""
+    """Return the name and index of the first ``True`` of ``bad``: ``("rate_map_e_s[y=3, x=7]", (3, 7))`` for images."""
     index = tuple(int(i) for i in np.unravel_index(int(np.argmax(bad)), bad.shape))
     if not index:
         return key, index
@@ -195,7 +195,7 @@ def element_name(key: str, bad: BoolArray) -> tuple[str, tuple[int, ...]]:
 def checked_array(
     key: str, value: ArrayLike, *, low: float, high: float = np.inf, unit: str = "", allowed: str = ""
 ) -> FloatArray:
-    """``value`` as float64, every element finite and within ``[low, high]``.
+    """Return the ``value`` as float64, every element finite and within ``[low, high]``.
 
     Raises
     ------
@@ -218,7 +218,7 @@ def checked_array(
 
 
 def checked_scalar(key: str, value: ArrayLike, *, low: float, high: float, unit: str = "") -> float:
-    """One finite number within ``[low, high]``, refused by name otherwise."""
+    """Return one finite number within ``[low, high]``, refused by name otherwise."""
     array = checked_array(key, value, low=low, high=high, unit=unit)
     if array.ndim:
         raise InputError(key, value, unit=unit, allowed="one number")
@@ -234,7 +234,7 @@ _UNITS |= {"nm_per_sqrt_hour": "nm/sqrt(h)"}
 
 @functools.lru_cache(maxsize=4096)
 def unit_of(key: str) -> str:
-    """Unit named by the suffix of a key, ``""`` if none; that of an item of a list is that of the list."""
+    """Return the unit named by the suffix of a key, ``""`` if none; that of an item of a list is that of the list."""
     key = re.sub(r"(\.\d+)+$", "", key)
     tails = (key[mark.end() :] for mark in re.finditer("_", key))
     return next((_UNITS[tail] for tail in tails if tail in _UNITS), "")

@@ -21,7 +21,7 @@ _PARTS = (str, *_INTEGERS)
 
 
 def stream_key(seed: int, *path: PathPart) -> tuple[int, ...]:
-    """Key of a stream: eight 32-bit words.
+    """Return the key of a stream: eight 32-bit words.
 
     Parts are hashed with their type and length, so ``("a", "bc")``, ``("ab", "c")`` and ``("1",)``,
     ``(1,)`` are all different paths.
@@ -43,7 +43,7 @@ def _words(seed: int, path: tuple[PathPart, ...]) -> NDArray[np.uint32]:
 
 
 def stream(seed: int, *path: PathPart) -> np.random.Generator:
-    """Random generator of one named stage.
+    """Yield the random generator of one named stage.
 
     Parameters
     ----------

@@ -116,7 +116,7 @@ def refuse_sent(path: str | Path, *, key: str) -> None:
 
 
 def _sent_to(path: str | Path) -> Mapping[str, bytes] | None:
-    """Files among which a name is looked for; None for the disk, where the package's own files are."""
+    """Return the files among which a name is looked for; None for the disk, where the package's own files are."""
     sent = _SENT.get()
     if sent is None:
         return None
@@ -278,7 +278,7 @@ def bounded_fits(file: BinaryIO) -> BinaryIO:
 
 
 def _cards(file: BinaryIO, place: int) -> list[bytes]:
-    """Cards of the header at a place, all of its last block; none where no header ends before the file does."""
+    """Return the cards of the header at a place, all of its last block; none if no header ends before the file does."""
     file.seek(place)
     cards: list[bytes] = []
     while len(cards) * _CARD < _MOST_OF_HEADER:

@@ -34,7 +34,7 @@ _SOURCED_KEYS = {"value", "range", *_WORDS}
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a number comes from.
+    """The standing of a number: where it comes from.
 
     ``confidence`` is ``"P"`` (published and read), ``"I"`` (inferred from published numbers) or ``"A"`` (assumed).
     """

@@ -63,7 +63,7 @@ class Targets:
         return len(self.name)
 
     def content(self) -> dict[str, Any]:
-        """All columns as plain lists, for content hashes (missing numbers as None, places rounded)."""
+        """Return all columns as plain lists, for content hashes (missing numbers as None, places rounded)."""
         plain: dict[str, Any] = {}
         for item in fields(self):
             value = getattr(self, item.name)
@@ -75,7 +75,7 @@ class Targets:
 
     @classmethod
     def joined(cls, parts: Sequence[Targets]) -> Targets:
-        """Rows of several targets, one after the other."""
+        """Return the rows of several targets, one after the other."""
         if len(parts) == 1:
             return parts[0]
         joined: dict[str, Any] = {}
@@ -98,7 +98,7 @@ class Targets:
         return every.select(first), np.split(where, np.cumsum([len(part) for part in parts])[:-1])
 
     def select(self, mask: NDArray[Any] | Sequence[int]) -> Targets:
-        """Rows where ``mask`` is true, or rows of the given indices in that order."""
+        """Return the rows where ``mask`` is true, or rows of the given indices in that order."""
         index = np.flatnonzero(mask) if np.asarray(mask).dtype == bool else np.asarray(mask, int)
         chosen: dict[str, Any] = {}
         for item in fields(self):
@@ -117,7 +117,7 @@ def targets_from_table(
     date_utc: str | None = None,
     orbits: bool = True,
 ) -> Targets:
-    """Targets of a star table, where they and their companions stand at a date.
+    """Return the targets of a star table, where they and their companions stand at a date.
 
     A companion without its own temperature shares the star's (flagged ``companion_colour_assumed``).
 
@@ -193,7 +193,7 @@ def targets_from_table(
 
 
 def as_catalogue(source: CatalogSource) -> Catalogue:
-    """The catalogue itself, or what `catalogs.catalogue.open_catalogue` reads; remarks on it are logged."""
+    """Return the catalogue itself, or what `catalogs.catalogue.open_catalogue` reads; remarks on it are logged."""
     if isinstance(source, Catalogue):
         return source
     opened = open_catalogue(source)
@@ -211,7 +211,7 @@ def rank_sample(
     companions: Literal["on", "off"] = "on",
     date_utc: str | None = None,
 ) -> Targets:
-    """The stars that a ranking returns.
+    """Return the stars that a ranking returns.
 
     By default every FGK star of the snapshot with parallax >= 25 mas and V <= 7, of any luminosity class;
     stars with companions are flagged, never dropped, unless ``singles_only``. A table of one's own counts whole
@@ -240,7 +240,7 @@ def rank_sample(
 def _sample(
     chosen: Catalogue, v_mag_max: float | None = None, *, dwarfs_only: bool = False, singles_only: bool = False
 ) -> StarTable:
-    """Rows of a catalogue that are left by the cuts."""
+    """Return the rows of a catalogue that are left by the cuts."""
     table = chosen.table
     limit = chosen.ranked_v_mag if v_mag_max is None else check_number("v_mag_max", v_mag_max, "mag")
     keep = np.ones(len(table), bool) if limit is None else np.asarray(table.column("v_mag"), float) <= limit
@@ -257,7 +257,7 @@ def _sample(
 
 
 def sample_text(catalogue: Catalogue, v_mag_max: float | None, dwarfs_only: bool, singles_only: bool) -> str:
-    """Which rows of the catalogue a ranking returns, in words.
+    """Return which rows of the catalogue a ranking returns, in words.
 
     Parameters
     ----------
@@ -322,7 +322,7 @@ def find_target(
     catalog: CatalogSource = "snapshot",
     date_utc: str | None = None,
 ) -> tuple[Targets, str]:
-    """One star of a catalogue by any name people use, and a note when the name was ambiguous.
+    """Return one star of a catalogue by any name people use, and a note when the name was ambiguous.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ def find_target(
 
 
 def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
-    """The target list as a pandas DataFrame, units in column names.
+    """Return the target list as a pandas DataFrame, units in column names.
 
     Parameters
     ----------

@@ -178,7 +178,7 @@ def check_table(what: str, wavelength_nm: ArrayLike, values: ArrayLike) -> tuple
 
 
 def gauss_rule(points: np.ndarray, masses: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss rule of a discrete measure: recurrence by Stieltjes, nodes and weights by Golub & Welsch (1969).
+    """Return the Gauss rule of a discrete measure: recurrence by Stieltjes, nodes and weights by Golub & Welsch (1969).
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ FIDELITIES: dict[str, Knobs] = {
 
 
 def resolve_knobs(fidelity: str | Knobs) -> Knobs:
-    """Knobs of a named tier, or the knobs themselves.
+    """Return the knobs of a named tier, or the knobs themselves.
 
     Raises
     ------
@@ -103,12 +103,12 @@ class Dial(FrozenModel):
     knobs: Knobs | None
 
     def of(self, *quantities: Quantity) -> "Dial":
-        """The same dial for some quantities alone."""
+        """Return the same dial for some quantities alone."""
         return self.model_copy(update={"tolerance": {name: self.tolerance[name] for name in quantities}})
 
 
 def dial_of(fidelity: str | None = None, tolerance: float | None = None) -> Dial:
-    """The dial at a named tier (``standard`` without any) or at a tolerance.
+    """Return the dial at a named tier (``standard`` without any) or at a tolerance.
 
     Parameters
     ----------

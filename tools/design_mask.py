@@ -36,7 +36,7 @@ def design_step_mask(
     leak_spacing_lambda_d: float = 0.7,
     open_side_diameters: float = 1.0,
 ) -> FloatArray:
-    """Step mask of largest throughput that is dark in four square quadrants.
+    """Return the step mask of largest throughput that is dark in four square quadrants.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def design_separable_mask(
     spacing_lambda_d: float = 0.1,
     open_side_diameters: float = math.sqrt(0.5),
 ) -> FloatArray:
-    """Separable step mask ``A(x) A(y)`` of largest throughput that is dark on the diagonals.
+    """Return the separable step mask ``A(x) A(y)`` of largest throughput that is dark on the diagonals.
 
     The contrast on a diagonal is the product of those of the two axes, so that a square root of it per axis is enough.
     The square must lie inside the disc (side ``sqrt(1/2)`` diameters at most): a rim that cuts a separable mask lifts
@@ -184,7 +184,7 @@ def design_separable_mask(
 
 
 def _open_octant(n_steps: int, side: float) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
-    """Steps of one octant (x <= y, both positive) wholly inside disc and square; coordinates in pupil diameters."""
+    """Return the steps of one octant (x <= y, both positive) wholly inside disc and square, in pupil diameters."""
     step = 1.0 / n_steps
     centre = (np.arange(n_steps // 2) + 0.5) * step
     x, y = np.meshgrid(centre, centre, indexing="ij")
@@ -193,7 +193,7 @@ def _open_octant(n_steps: int, side: float) -> tuple[NDArray[np.bool_], FloatArr
 
 
 def _orbit_fields(n_steps: int, x: FloatArray, y: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
-    """Field at (u, v) in lambda/D of each step together with its seven mirror images, open at 1."""
+    """Return the field at (u, v) in lambda/D of each step together with its seven mirror images, open at 1."""
     step = 1.0 / n_steps
     envelope = 4.0 * np.sinc(u * step) * np.sinc(v * step) * step**2
     straight = np.cos(2 * np.pi * np.outer(u, x)) * np.cos(2 * np.pi * np.outer(v, y))
@@ -222,7 +222,7 @@ def _outer_points(inner: float, outer: float, extent: float, spacing: float) -> 
 
 
 def mask_figures(mask: FloatArray, radius_lambda_d: float = 0.7) -> dict[str, float]:
-    """Throughput figures of a mask, relative to the clear disc.
+    """Return the throughput figures of a mask, relative to the clear disc.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ from simulator.imaging.store import DIGITS, EXACT_DIGITS, measure, shipped_file,
 
 
 def _packed(arrays: Mapping[str, NDArray[Any]], rounded: Mapping[str, int]) -> dict[str, NDArray[Any]]:
-    """Arrays as a file holds them: those that are rounded as bytes of equal weight side by side, which compress.
+    """Return the arrays as a file holds them: rounded ones as bytes of equal weight side by side, which compress.
 
     No file has the halo map, which follows from the others.
     """
@@ -33,7 +33,7 @@ def _packed(arrays: Mapping[str, NDArray[Any]], rounded: Mapping[str, int]) -> d
 
 
 def _shipped_bands() -> Iterator[tuple[Instrument, str]]:
-    """Every band of every instrument preset, optics that are the same once, the default instrument first."""
+    """Yield every band of every instrument preset, optics that are the same once, the default instrument first."""
     seen = set()
     for preset in ("cpic_default", *preset_names("instrument")):
         instrument = load_instrument(preset)

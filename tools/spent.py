@@ -1,4 +1,4 @@
-"""Say what the tests of each file take in seconds of the processor: ``make test PYTEST='-p tools.spent'``.
+"""Print the processor time that the tests of each file take: ``make test PYTEST='-p tools.spent'``.
 
 Clean-up counts, and so do processes that a test started and waited for. How busy the machine is does not.
 """

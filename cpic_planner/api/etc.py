@@ -219,7 +219,7 @@ def checked(
 
 
 def _answered(question: EtcQuestion) -> list[EtcAnswer]:
-    """The answers about all stars of a question."""
+    """Return the answers about all stars of a question."""
     from cpic_planner.api.named import named
 
     model, plain = model_of(question), question.fidelity is None and question.tolerance is None
@@ -261,7 +261,7 @@ def _timed(question: EtcQuestion) -> EtcQuestion:
     of_strategy=_VISITS,
 )
 def signal_to_noise(question: EtcQuestion) -> list[EtcAnswer]:
-    """SNR of a planet in a given wall time, which ``visits`` of ``visit_time_s`` give as well.
+    """Return the SNR of a planet in a given wall time, which ``visits`` of ``visit_time_s`` give as well.
 
     Without a number of visits the best one is chosen. How firm the answers have to be is said by ``fidelity``:
     ``quick`` closed forms alone (the default), ``standard`` each checked in sums of simulated frames, ``reference``
@@ -297,7 +297,7 @@ def signal_to_noise(question: EtcQuestion) -> list[EtcAnswer]:
     of_strategy=_VISITS,
 )
 def exposure_time(question: EtcQuestion) -> list[EtcAnswer]:
-    """Least wall time of a programme of visits that reaches a level: an SNR, a plain significance, or a detection.
+    """Return the least wall time of a programme that reaches a level: an SNR, a plain significance, or a detection.
 
     Returns
     -------
@@ -323,7 +323,7 @@ def exposure_time(question: EtcQuestion) -> list[EtcAnswer]:
     of_strategy=_VISITS,
 )
 def contrast_limit(question: EtcQuestion) -> list[EtcAnswer]:
-    """Faintest contrast detected in a given wall time, or of a plain significance or a photometric SNR.
+    """Return the faintest contrast detected in a given wall time, or of a plain significance or a photometric SNR.
 
     Returns
     -------
@@ -340,7 +340,7 @@ def contrast_limit(question: EtcQuestion) -> list[EtcAnswer]:
 
 @takes(OptimiseQuestion, first=("target",), of_strategy=_VISITS)
 def optimise(question: OptimiseQuestion) -> pd.DataFrame:
-    """Best band, separation, exposure, number of frames and EM gain per target.
+    """Return the best band, separation, exposure, number of frames and EM gain per target.
 
     Returns
     -------

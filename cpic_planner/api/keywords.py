@@ -28,7 +28,7 @@ def model_of(question: Any) -> EtcModel:
 
 @functools.lru_cache(maxsize=16)
 def _default_model(bands: tuple[str, ...] | None, strategy: Strategy | None) -> EtcModel:
-    """Model of the shipped instrument, which no file of the user's can change."""
+    """Return the model of the shipped instrument, which no file of the user's can change."""
     return build_model(default_instrument(), bands, strategy)
 
 
@@ -51,7 +51,7 @@ def stars_named(question: Any) -> list[Targets]:
 
 @functools.lru_cache(maxsize=256)
 def _shipped_star(name: str, companions: Literal["on", "off"], date_utc: str | None) -> Targets:
-    """Star of the shipped catalogue, which no file of the user's can change."""
+    """Return the star of the shipped catalogue, which no file of the user's can change."""
     return find_target(name, companions=companions, date_utc=date_utc)[0]
 
 
@@ -129,7 +129,7 @@ def _parameter(
 
 
 def _words(info: FieldInfo) -> str:
-    """Type of a keyword in words, as numpydoc has it."""
+    """Return the type of a keyword in words, as numpydoc has it."""
     own = asked_of(info)
     kind, several = kind_of(info)
     if own is not None and own.accepts:
@@ -142,7 +142,7 @@ def _words(info: FieldInfo) -> str:
 
 
 def _documented(text: str, model: type[Question], parameters: Sequence[inspect.Parameter]) -> str:
-    """The docstring with a section on the keywords behind its first paragraphs."""
+    """Return the docstring with a section on the keywords behind its first paragraphs."""
     lines = ["Parameters", "----------"]
     for parameter in parameters:
         info = (model if parameter.name in model.model_fields else Strategy).model_fields[parameter.name]

@@ -122,7 +122,7 @@ class NamedPlanet:
         )
 
     def content(self) -> dict[str, Any]:
-        """For content hashes."""
+        """Return what decides the planets, for content hashes."""
         return self.choice.content() | {"planet": self.name}
 
 
@@ -178,7 +178,7 @@ def planet_named(choice: KnownChoice, name: str, unknown: InputError) -> NamedPl
 
 
 def _choice(question: EtcQuestion) -> KnownChoice:
-    """Known planets of a question, at its date."""
+    """Return the known planets of a question, at its date."""
     from cpic_planner.ranking import KnownChoice
 
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
@@ -201,7 +201,7 @@ def _three(draws: FloatArray) -> Quantiles:
 
 
 def _open(answers: Sequence[EtcAnswer]) -> OpenQuantiles:
-    """Quantiles of values; without one an SNR is 0, and a time or a limit has no end."""
+    """Return the quantiles of values; without one an SNR is 0, and a time or a limit has no end."""
     none = 0.0 if answers[0].question == "signal_to_noise" else np.inf
     values = np.sort([none if answer.value is None else answer.value for answer in answers])
     ends = [float(values[round(share * (len(values) - 1))]) for share in (0.16, 0.5, 0.84)]

@@ -1,4 +1,4 @@
-"""One star or known planet asked about: the answer of ``cpic etc`` whole, for the command line and for pages alike."""
+"""Answer ``cpic etc`` whole about one star or known planet, for the command line and for pages alike."""
 
 from __future__ import annotations
 

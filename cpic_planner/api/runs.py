@@ -168,7 +168,7 @@ def compare_ranks(question: CompareQuestion) -> results.RankComparison:
 
 
 class ExplainQuestion(queries.RankQuestion):
-    """Why one star stands where it stands."""
+    """The question why one star stands where it stands."""
 
     target: str = queries.asked(..., "Star name.", argument=True)
     other_assumptions: bool = queries.asked(

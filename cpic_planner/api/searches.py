@@ -11,7 +11,7 @@ from cpic_planner.targets import as_catalogue, find_target
 
 
 def _asked(question: queries.SearchedQuestion) -> AskedStar:
-    """The star that a question names."""
+    """Return the star that a question names."""
     table = as_catalogue(question.catalog)
     about: dict[str, Any] = {"companions": question.companions, "date_utc": observed_utc(question)}
     star, remark = find_target(question.target, catalog=table, **about)

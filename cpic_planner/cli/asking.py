@@ -60,7 +60,7 @@ def command_of(run: Callable[..., None], model: Any) -> Any:
 
 
 def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
-    """Arguments with the present names of options, each told once, and times in seconds."""
+    """Return the arguments with the present names of options, each told once, and times in seconds."""
     from cpic_planner.queries import seconds_text
 
     arguments: list[str] = []
@@ -85,7 +85,7 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
 
 
 def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
-    """The function with an option for every field of the question in the place of its first parameter."""
+    """Return the function with an option for every field of the question in the place of its first parameter."""
     from cpic_planner.queries import called_by_option, option_names, options_of, spelled, tree_of
 
     options, names = tuple(options_of(model)), option_names(model)
@@ -117,7 +117,7 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
 
 
 def _annotation(option: Any, text: str) -> Any:
-    """Annotation of `typer` for an option; a choice of words becomes an enumeration, which every version reads."""
+    """Return the `typer` annotation of an option; a choice of words is an enumeration, which every version reads."""
     kind: Any = option.kind
     if get_origin(kind) is Literal:
         words = [(f"WORD_{i}", word) for i, word in enumerate(get_args(kind))]
@@ -148,7 +148,7 @@ def _completed(own: Any) -> Callable[[str], list[str]] | None:
 
 
 def _value(value: Any) -> Any:
-    """A value of the option parser as plain data."""
+    """Return a value of the option parser as plain data."""
     if isinstance(value, list | tuple):
         return tuple(map(_value, value))
     return value.value if isinstance(value, Enum) else value

@@ -114,7 +114,7 @@ def columns(as_json: JsonOption = False) -> None:
 
 
 def _column_rows(columns: Mapping[str, Column], needed: Mapping[str, str]) -> list[dict[str, Any]]:
-    """What is said of each column."""
+    """Return what is said of each column."""
     kinds = {"text": "text", "bool": "yes or no", "int": "Hipparcos number"}
     return [
         {

@@ -1,4 +1,4 @@
-"""``cpic etc``."""
+"""The command ``cpic etc``."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def etc(
 def _checked(
     question: EtcQuestion, model: EtcModel, stars: Sequence[Targets], answers: Sequence[EtcAnswer]
 ) -> Sequence[EtcAnswer]:
-    """The answers, checked in images, with a bar of progress."""
+    """Return the answers, checked in images, with a bar of progress."""
     from cpic_planner.api import checked
     from cpic_planner.confirm import needs_images
 

@@ -1,9 +1,4 @@
-"""``cpic plan``.
-
-``cpic confirm``.
-
-``cpic simulate``.
-"""
+"""The commands ``cpic plan``, ``cpic confirm`` and ``cpic simulate``."""
 
 from __future__ import annotations
 
@@ -22,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def plan(question: PlanQuestion, output: Answer, dry_run: DryRunOption = False) -> None:
-    """The main job: rank the catalogue, confirm the best targets with simulated images, write the report.
+    """Rank the catalogue, confirm the best targets with simulated images, write the report.
 
     Each of the best targets is simulated in every band with the frames that the exposure-time calculator chooses,
     --realisations times, the star is subtracted, and the images are searched blind and measured. In the band that

@@ -1,7 +1,4 @@
-"""``cpic known``.
-
-``cpic visibility``.
-"""
+"""The commands ``cpic known`` and ``cpic visibility``."""
 
 from __future__ import annotations
 

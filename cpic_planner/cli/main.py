@@ -128,7 +128,7 @@ INTERRUPTED = f"interrupted; {_CONTINUES}"
 
 
 def _status(code: object) -> int:
-    """Exit status of a code; 130 gets its explanation."""
+    """Return the exit status of a code; 130 gets its explanation."""
     if code == 130:
         return error_line(INTERRUPTED, 130)
     return code if isinstance(code, int) else 0

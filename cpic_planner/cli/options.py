@@ -1,4 +1,4 @@
-"""What every command shares: error lines, JSON on stdout, consoles, progress on stderr.
+"""Code that every command shares: error lines, JSON on stdout, consoles, progress on stderr.
 
 Options of commands that are no part of a question, and paragraphs that several of them say.
 """
@@ -54,7 +54,7 @@ def note(*texts: str) -> None:
 
 
 def print_json(result: BaseModel | Mapping[str, Any]) -> None:
-    """The result as JSON on stdout and nothing else there."""
+    """Print the result as JSON on stdout and nothing else there."""
     rest()
     sys.stdout.write(dump_json(result.model_dump(mode="json") if isinstance(result, BaseModel) else dict(result)))
 
@@ -128,7 +128,7 @@ class Answer(Output):
     strict: bool = False
 
     def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
-        """As `Output.show`; then leave with `NOTHING_FOUND` where nothing is found and ``strict`` asks for it."""
+        """Print as `Output.show`; then leave with `NOTHING_FOUND` where nothing is found and ``strict`` asks for it."""
         super().show(result, tables)
         if self.strict and not found:
             raise typer.Exit(NOTHING_FOUND)
@@ -139,7 +139,7 @@ NOTHING_FOUND = 3
 
 
 def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool) -> None:
-    """What a run of simulated images would take, as a line or as JSON."""
+    """Print what a run of simulated images would take, as a line or as JSON."""
     line = (
         f"{what}, {cost['n_realisations']} realisations, {cost['n_frames']} frames drawn one by one, about "
         f"{cost['wall_s']:.0f} s with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, "
@@ -176,7 +176,7 @@ def with_progress(title: str, total: int, start: Callable[..., Finished[R]], pie
 
 
 def console() -> Console:
-    """Console for tables on stdout; honours NO_COLOR and pipes."""
+    """Return the console for tables on stdout; honours NO_COLOR and pipes."""
     from rich.console import Console
 
     rest()
@@ -185,7 +185,7 @@ def console() -> Console:
 
 
 def version_text() -> str:
-    """Version, fingerprint, data vintage, and whether the generic top-level packages are this distribution's own."""
+    """Return version, fingerprint, data vintage, and whether the top-level packages are this distribution's own."""
     from importlib import metadata, util
 
     from catalogs import snapshot_vintage

@@ -69,12 +69,12 @@ _TICK_S = 0.25
 
 
 def is_quiet() -> bool:
-    """Whether ``-q`` was given."""
+    """Return whether ``-q`` was given."""
     return logging.getLogger("cpic_planner").getEffectiveLevel() >= logging.ERROR
 
 
 def is_verbose() -> bool:
-    """Whether ``-v`` was given."""
+    """Return whether ``-v`` was given."""
     return logging.getLogger("cpic_planner").getEffectiveLevel() <= logging.INFO
 
 
@@ -96,7 +96,7 @@ class Work:
         self.began, self.shown_at, self.text = now, None, ""
 
     def line(self, now: float) -> str:
-        """How far it has come, in a line."""
+        """Return how far it has come, in a line."""
         elapsed = now - self.began
         parts = [f"{_duration(elapsed)} so far"]
         if self.total:
@@ -114,7 +114,7 @@ def _duration(seconds: float) -> str:
 
 
 class Display(Protocol):
-    """How work is shown."""
+    """A way to show how far work is."""
 
     def tick(self, work: Work, now: float) -> None:
         """Show what is due."""
@@ -153,7 +153,7 @@ class Lines:
         self._write(f"cpic: {work.line(now)}")
 
     def hide(self) -> None:
-        """Nothing to clear."""
+        """Do nothing: lines of a log are not cleared."""
 
     def end(self, work: Work, now: float) -> None:
         """Close with one line what was begun with one."""
@@ -243,7 +243,7 @@ class Reporter(logging.Handler):
 
     @contextlib.contextmanager
     def working(self, title: str, total: int) -> Iterator[Advance]:
-        """Work in ``total`` pieces; yields `Advance`."""
+        """Show the work in ``total`` pieces; yield `Advance`."""
         with self._mutex:
             self._display.hide()
             work = Work(title, self._clock(), total)
@@ -314,7 +314,7 @@ def write_line(text: str) -> None:
 
 @contextlib.contextmanager
 def progress(title: str, total: int, *, enabled: bool = True) -> Iterator[Advance]:
-    """Work in ``total`` pieces, shown on stderr unless quiet; yields ``advance(text, steps)``."""
+    """Show the work in ``total`` pieces on stderr unless quiet; yield ``advance(text, steps)``."""
     if not enabled or is_quiet():
         yield untold
         return

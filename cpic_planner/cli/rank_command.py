@@ -1,4 +1,4 @@
-"""``cpic rank``."""
+"""The command ``cpic rank``."""
 
 from __future__ import annotations
 

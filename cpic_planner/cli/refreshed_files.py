@@ -48,7 +48,7 @@ class Written:
     made: Refreshed | RefreshedPlanets
 
     def summary(self) -> dict[str, Any]:
-        """What happened, as plain values: file, source, counts, and what differs from the shipped table."""
+        """Return what happened, as plain values: file, source, counts, and what differs from the shipped table."""
         if isinstance(self.made, RefreshedPlanets):
             kind, more = "planets_refresh", _of_planets(self.made)
         else:
@@ -115,7 +115,7 @@ def plain(value: float) -> float | None:
 
 
 def target_path(out: str | Path | None) -> Path:
-    """Where a refreshed table goes: ``out``, or the data folder (the name then has the date of the query).
+    """Return where a refreshed table goes: ``out``, or the data folder (the name then has the date of the query).
 
     Raises
     ------

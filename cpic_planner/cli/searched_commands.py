@@ -1,7 +1,4 @@
-"""``cpic curve``.
-
-``cpic roc``.
-"""
+"""The commands ``cpic curve`` and ``cpic roc``."""
 
 from __future__ import annotations
 
@@ -35,7 +32,7 @@ PlotOption: TypeAlias = Annotated[
 
 
 def curve(question: CurveQuestion, output: Answer, plot: PlotOption = None, dry_run: DryRunOption = False) -> None:
-    """Contrast curves of a star: how faint a planet one programme shows, against separation, in every band.
+    """Draw contrast curves of a star: how faint a planet one programme shows, against separation, in every band.
 
     Each band has one programme of visits, the one that sees faintest, and all numbers of the band are about its
     frames. Three limits stand beside each other: the contrast of which half of the planets are found by a search that
@@ -83,7 +80,7 @@ def curve(question: CurveQuestion, output: Answer, plot: PlotOption = None, dry_
 
 
 def roc(question: RocQuestion, output: Answer, plot: PlotOption = None, dry_run: DryRunOption = False) -> None:
-    """Detection statistics of a planet: how likely it is found, against the false alarms of a search.
+    """Show how likely a planet is detected, against the false alarms of a search.
 
     The level of a detection moves. A blind search of the dark hole expects as many false alarms as it has resolution
     elements times the tail of a normal law beyond the level; a look at a known place expects the tail alone. Beside
@@ -121,7 +118,7 @@ def roc(question: RocQuestion, output: Answer, plot: PlotOption = None, dry_run:
 def _run(
     question: SearchedQuestion, job: Job[R], title: str, plot: Path | None, dry_run: bool, output: Answer
 ) -> R | None:
-    """The result of a job; None where only its cost was asked for, which is printed."""
+    """Return the result of a job; None where only its cost was asked for, which is printed."""
     from cpic_planner.jobs import estimate, run
 
     check_plot(plot)

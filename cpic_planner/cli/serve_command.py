@@ -1,4 +1,4 @@
-"""``cpic serve``."""
+"""The command ``cpic serve``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""``cpic whatif``.
-
-``cpic tradeoff``.
-"""
+"""The commands ``cpic whatif`` and ``cpic tradeoff``."""
 
 from __future__ import annotations
 
@@ -138,7 +135,7 @@ def whatif(
 
 
 def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfig:
-    """The strategies that are asked for, in the order of the file."""
+    """Return the strategies that are asked for, in the order of the file."""
     if not names:
         return config
     known = [item.name for item in config.strategies]

@@ -1,9 +1,4 @@
-"""``cpic cache``.
-
-``cpic schema``.
-
-``cpic check``.
-"""
+"""The commands ``cpic cache``, ``cpic schema`` and ``cpic check``."""
 
 import os
 import sys

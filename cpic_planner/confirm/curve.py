@@ -112,7 +112,7 @@ def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) ->
 def _programme(
     question: CurveQuestion, model: etc.EtcModel, asked: AskedStar, band: str
 ) -> tuple[EtcAnswer, Observed | None]:
-    """The programme of faintest limit, at the best separation, and the answer that chose it."""
+    """Return the programme of faintest limit, at the best separation, and the answer that chose it."""
     grid = question.separation_arcsec or separation_grid(model, band).tolist()
     times: dict[str, Any] = {"time_s": question.programme_s, "visit_time_s": question.visit_time_s}
     answers = etc.contrast_limit(model, asked.target, separation_arcsec=grid, bands=[band], **times)
@@ -121,7 +121,7 @@ def _programme(
 
 
 def _curve(question: CurveQuestion, answer: EtcAnswer, seen: Observed | None) -> list[CurveRow]:
-    """Limits of a programme by closed forms."""
+    """Return the limits of a programme by closed forms."""
     if seen is None:
         return []
     inner, *_, outer = separation_grid(seen.model, seen.band).tolist()
@@ -156,12 +156,12 @@ def _curve(question: CurveQuestion, answer: EtcAnswer, seen: Observed | None) ->
 
 
 def _limits(rows: Sequence[CurveRow]) -> FloatArray:
-    """Blind limits of a curve, those that there are."""
+    """Return the blind limits of a curve, those that there are."""
     return np.array([row.contrast_limit_blind for row in rows if row.contrast_limit_blind is not None], float)
 
 
 def _map(seen: Observed, rows: Sequence[CurveRow]) -> list[CompletenessMap]:
-    """Map of the places of a curve that are in the dark hole; none where nothing can be found."""
+    """Return the map of the places of a curve that are in the dark hole; none where nothing can be found."""
     limits = _limits(rows)
     inside = [row for row in rows if row.azimuth_share > 0.0 and row.threshold is not None]
     if not limits.size or not inside:
@@ -189,13 +189,13 @@ def _map(seen: Observed, rows: Sequence[CurveRow]) -> list[CompletenessMap]:
 
 
 def _spread(angle: FloatArray) -> FloatArray:
-    """Azimuths that stand for all of them, in the middles of equal parts."""
+    """Return the azimuths that stand for all of them, in the middles of equal parts."""
     middles = (np.arange(N_AZIMUTHS) + 0.5) / N_AZIMUTHS
     return np.asarray(angle[(middles * len(angle)).astype(int)])
 
 
 def _injected(question: CurveQuestion, rows: Sequence[CurveRow]) -> Planets:
-    """Planets that are put into the images of a curve."""
+    """Return the planets that are put into the images of a curve."""
     limits, inside = _limits(rows), [row.separation_arcsec for row in rows if row.azimuth_share > 0.0]
     if not question.injections or not limits.size or not inside:
         return []
@@ -225,7 +225,7 @@ def _measured(rows: Sequence[CurveRow], images: Searched) -> list[CurveRow]:
 
 
 def _recovered(seen: Observed, planets: Planets, images: Searched) -> list[RecoveredRow]:
-    """Fractions of injected planets that were found, beside those that the law expects."""
+    """Return the fractions of injected planets that were found, beside those that the law expects."""
     rows = []
     for (place, contrasts, _), (offsets, alarms) in zip(planets, images.planets, strict=True):
         n = len(offsets)

@@ -14,7 +14,7 @@ MAX_REALISATIONS = 100_000
 
 
 def needs_images(answer: EtcAnswer, dial: Dial) -> bool:
-    """Whether an answer is checked in images at a setting of the dial.
+    """Return whether an answer is checked in images at a setting of the dial.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def checked_answers(
     realisations: int | None = None,
     advance: Callable[[str, int], None] = lambda text, steps: None,
 ) -> list[EtcAnswer]:
-    """The same answers with their stated errors, checked in images where the dial asks for it.
+    """Return the same answers with their stated errors, checked in images where the dial asks for it.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class _Progress:
 
 
 def _checked(record: AnswerFidelity, outcome: Outcome[ImageCheck], dial: Dial) -> AnswerFidelity:
-    """What is said of an answer once images were asked for."""
+    """Return what is said of an answer once images were asked for."""
     images = outcome.value
     if images is None:  # nothing but the closed forms answers
         refused = {"status": outcome.status.value, "reason": outcome.reason.value, "message": outcome.message}

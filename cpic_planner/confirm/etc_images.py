@@ -1,4 +1,4 @@
-"""One answer of the exposure-time calculator, observed in simulated images with its own frames."""
+"""Observe one answer of the exposure-time calculator in simulated images with its own frames."""
 
 import dataclasses
 import itertools
@@ -98,7 +98,7 @@ class _Refused(Exception):
 
 
 def _not_measured(model: EtcModel, answer: EtcAnswer) -> str:
-    """Why images of this answer are not measured; empty if they are."""
+    """Return why images of this answer are not measured; empty if they are."""
     if model.instrument.band(answer.band).camera != "VIS":
         return f"images of the near-infrared camera ({answer.band}) are simulated, not yet measured"
     if model.strategy.mode != "analogue":
@@ -164,7 +164,7 @@ def grey_scene(
 def _drawn(
     task: validation.ConfirmTask, modelling: validation.Modelling
 ) -> Iterator[tuple[validation.VisitPair, validation.Realisation, validation.FrameStatistics | None]]:
-    """Realisations without end, one in memory at a time."""
+    """Yield the realisations without end, one in memory at a time."""
     if modelling.outcome.value is None:
         raise _Refused(modelling.outcome.status, modelling.outcome.reason, modelling.outcome.message)
     if modelling.dial.fidelity == "reference":
@@ -194,7 +194,7 @@ def _measured(
     realisations: int | None,
     progress: Progress,
 ) -> tuple[list[validation.Measurement], validation.VisitPair, validation.PlanetTemplate]:
-    """Measurements of as many realisations as it takes, with the last visits."""
+    """Return the measurements of as many realisations as it takes, with the last visits."""
     found: list[validation.Measurement] = []
     total = realisations
     for visits, realisation, statistics in _drawn(task, modelling):
@@ -215,7 +215,7 @@ def _measured(
 
 
 def _wanted(task: validation.ConfirmTask, dial: Dial, n_apertures: int) -> int:
-    """Realisations that tell the SNR as well as is asked for."""
+    """Return the realisations that tell the SNR as well as is asked for."""
     aim = AIM if dial.fidelity != "custom" else _SHARE_OF_CHANCE * max(dial.tolerance.values())
     expected = task.predictions[0]
     snr = expected["snr"]
@@ -234,7 +234,7 @@ def _wanted(task: validation.ConfirmTask, dial: Dial, n_apertures: int) -> int:
 def _light_ratio(
     model: EtcModel, star: Targets, answer: EtcAnswer, visits: validation.VisitPair, template: validation.PlanetTemplate
 ) -> float:
-    """Planet's light in its aperture: that of images without noise over that of the closed form."""
+    """Return the planet's light in its aperture: that of images without noise over that of the closed form."""
     scene, instrument, knobs = visits.plan.science_scene, visits.instrument, visits.modelling.knobs
 
     def light_e_s(shown: Scene) -> FloatArray:
@@ -265,7 +265,7 @@ def _compared(
     light_ratio: float,
     stated_snr_error: float,
 ) -> ImageCheck:
-    """What the realisations say together, beside the closed form."""
+    """Return what the realisations say together, beside the closed form."""
     expected = task.predictions[0]
     suffix = "_full" if modelling.draw == "frames" else ""  # sums have no hits of particles
     contrast, error, sigma = validation.contrasts_of(done)

@@ -1,4 +1,4 @@
-"""The main job: rank, confirm the best targets with images, write the products.
+"""Rank, confirm the best targets with images, and write the products: the job of ``cpic plan``.
 
 Targets are the first of the ranking that are seen in the period of the plan, or those of a schedule.
 """
@@ -115,7 +115,7 @@ def _star(ready: _Prepared, row: RankedTarget, roll_deg: float = 0.0) -> Targets
 
 
 def _seen(config: PlanQuestion, ready: _Prepared) -> tuple[list[RankedTarget], PeriodRecord]:
-    """The first stars of the ranking that can be observed in the period, and those that are left out for it."""
+    """Return the first stars of the ranking that can be observed in the period, and those that are left out for it."""
     pointing, start_utc = load_visibility(config.limits), observed_utc(config)
     chosen: list[RankedTarget] = []
     left_out: list[LeftOutRow] = []
@@ -158,7 +158,7 @@ def _usable_h(found: Visibility, at: int) -> float:
 
 
 def _unseen(found: Visibility, at: int, row: RankedTarget, model: EtcModel) -> LeftOutRow | None:
-    """Why a star cannot have its best observation in the period; None where it can."""
+    """Return why a star cannot have its best observation in the period; None where it can."""
     n_days = len(found.mjd) * found.step_days
     usable_h = _usable_h(found, at)
     needed_h = None if row.time_s is None else row.time_s / 3600.0
@@ -188,7 +188,7 @@ _BLOCKED = {
 
 
 def _bands(config: PlanQuestion, listed: Sequence[ScheduledVisit]) -> tuple[str, ...]:
-    """Bands of a schedule whose images are measured."""
+    """Return the bands of a schedule whose images are measured."""
     visible = config.instrument.visible_bands()
     found = tuple(band for band in visible if any(visit.setting.band == band for visit in listed))
     if not found:
@@ -198,7 +198,7 @@ def _bands(config: PlanQuestion, listed: Sequence[ScheduledVisit]) -> tuple[str,
 
 
 def _of_schedule(config: PlanQuestion, ready: _Prepared, listed: Sequence[ScheduledVisit], source: str) -> _Prepared:
-    """The visits of a schedule: those of one star and band are one programme, in the frames of the first."""
+    """Return the visits of a schedule: those of one star and band are one programme, in the frames of the first."""
     programmes: dict[str, dict[str, list[ScheduledVisit]]] = {}
     refused_rows: list[NotImagedRow] = []
     rows = {row.name: row for row in ready.rank.targets}
@@ -345,7 +345,7 @@ def make_plan(
 
 
 def _known(config: PlanQuestion, ready: _Prepared) -> KnownResult | None:
-    """Known planets of the first stars of the ranking and their next windows; None where these have none."""
+    """Return the known planets of the first stars of the ranking and their next windows; None where these have none."""
     choice, first = ready.drawn, {row.name for row in ready.rank.targets[:_SHOWN]}
     if not isinstance(choice, KnownChoice):
         where = "snapshot", config.date_utc, config.planet.albedo, config.instrument

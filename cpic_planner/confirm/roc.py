@@ -95,7 +95,7 @@ def roc_job(question: RocQuestion, model: etc.EtcModel, asked: AskedStar) -> Job
 def _programme(
     question: RocQuestion, model: etc.EtcModel, asked: AskedStar, band: str
 ) -> tuple[EtcAnswer, Observed | None]:
-    """The programme that shows the planet clearest, at its separation or the best one, and the answer that chose it."""
+    """Return the programme that shows the planet clearest, at its separation or the best, and the answer for it."""
     given = question.separation_arcsec
     grid = separation_grid(model, band).tolist() if given is None else [given]
     times: dict[str, Any] = {"time_s": question.programme_s, "visit_time_s": question.visit_time_s}
@@ -110,7 +110,7 @@ def _of(answer: EtcAnswer) -> float:
 
 
 def _levels(seen: Observed, images: Searched | None) -> list[RocRow]:
-    """Levels of a search with what is expected of them, and with what the images showed."""
+    """Return the levels of a search with what is expected of them, and with what the images showed."""
     answer, tail = seen.answer, special().ndtr
     assert answer.contrast is not None  # as every answer about a planet has it
     sigma = np.unique([*LEVELS, seen.model.strategy.sigma])
@@ -133,7 +133,7 @@ def _levels(seen: Observed, images: Searched | None) -> list[RocRow]:
 
 
 def _counted(row: RocRow, images: Searched) -> RocRow:
-    """A level with the detections of images."""
+    """Return a level with the detections of images."""
     false = sum(int(images.detected(peaks, row.sigma).sum()) for peaks in images.alarms)
     peaks = images.planets[0][1][:, 0]
     hits, n = int(images.detected(peaks, row.sigma).sum()), len(peaks)

@@ -105,7 +105,7 @@ def _result(config: ConfirmQuestion, work: _Work, digest: str, bodies: Sequence[
 
 
 def scene_target(scene: Scene) -> Targets:
-    """The central star of a scene as a target, its nearest companion included.
+    """Return the central star of a scene as a target, its nearest companion included.
 
     Notes
     -----
@@ -184,7 +184,7 @@ def _work(config: ConfirmQuestion) -> _Work:
 def _frames(
     config: ConfirmQuestion, model: EtcModel, target: Targets, band: str, planets: list[Source]
 ) -> Frames | None:
-    """Frames of a visit that are given, or the best ones; None where the time holds none."""
+    """Return the frames of a visit that are given, or the best ones; None where the time holds none."""
     visits = config.visits
     if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
         return Frames(config.exposure_s, config.n_frames, config.em_gain, visits)
@@ -209,7 +209,7 @@ def _frames(
 
 
 def _inside(metrics: PsfMetrics, planet: Source) -> bool:
-    """Whether the aperture lies in the dark hole."""
+    """Return whether the aperture lies in the dark hole."""
     y, x = np.array([planet.y_arcsec]), np.array([planet.x_arcsec])
     return bool(metrics.zone.covers(y, x, -metrics.aperture_radius_arcsec)[0, 0])
 

@@ -196,7 +196,7 @@ def search_cost(tasks: Sequence[SearchTask]) -> Cost:
 
 @dataclass(frozen=True, eq=False)
 class Searched:
-    """What the images of a programme showed.
+    """The findings in the images of a programme.
 
     Attributes
     ----------
@@ -249,6 +249,6 @@ class Searched:
 
 
 def searched(runner: Runner, tasks: Sequence[SearchTask], n_planets: int) -> Searched:
-    """Have the images of a programme drawn and searched."""
+    """Draw the images of a programme and search them."""
     bodies = runner.finish(search_task, [Task(task.key, (task.to_dict(),), steps=task.count) for task in tasks])
     return Searched.of(bodies.values(), n_planets)

@@ -1,4 +1,4 @@
-"""Where the noise of an answer comes from, what binds its frames, what would help, and what limits it.
+"""The noise budget of an answer: its origins, what binds its frames, what would help, and what limits it.
 
 An answer is limited by the single change of the model that would make the planet detected in the given time: ``none``
 where it is detected. ``geometry`` where the dark hole does not cover its place, ``saturation`` where no frame is
@@ -87,7 +87,7 @@ def binding_limits(problem: FrameProblem, rates: ApertureRates, choice: FrameCho
 
 
 def _first_limit(column: float, hole: float, tail: float, camera: FrameCamera, gain: float) -> str:
-    """Which of the saturation limits is met first."""
+    """Return which of the saturation limits is met first."""
     well = float(longest_exposure_s(column, hole, 0.0, _endless_output(camera), gain))
     output = float(longest_exposure_s(column, hole, tail, camera, gain))
     if well <= output * (1.0 + _EDGE):
@@ -96,12 +96,12 @@ def _first_limit(column: float, hole: float, tail: float, camera: FrameCamera, g
 
 
 def _endless_output(camera: FrameCamera) -> FrameCamera:
-    """The camera with pixels that fill and an output that never does."""
+    """Return the camera with pixels that fill and an output that never does."""
     return replace(camera, register_full_well_e=float("inf"), converter_e=float("inf"))
 
 
 def _output_limit(hole: float, tail: float, exposure_s: float, camera: FrameCamera) -> str:
-    """Whether register or converter binds at the output."""
+    """Return whether register or converter binds at the output."""
     converter_only = replace(camera, register_full_well_e=float("inf"), em_gain_max=float("inf"))
     register_only = replace(camera, converter_e=float("inf"), em_gain_max=float("inf"))
     by_converter = float(largest_gain(hole, tail, exposure_s, converter_only))

@@ -1,4 +1,4 @@
-"""One frame of a camera as the exposure-time calculator sees it: what it adds, holds, and costs; its best gain.
+"""One frame of a camera for the exposure-time calculator: what it adds, holds and costs, and its best gain.
 
 A frame has the variance ``F^2(g) A + B / g^2``, so that the best gain depends on ``u = B / A`` and on the largest gain
 alone. ``F^2`` rises from 1 to a broad top (1.98 near gain 300 of 604 stages) and falls a little beyond it, so there can
@@ -87,7 +87,7 @@ class FrameCamera(Wells):
 
     @classmethod
     def of(cls, instrument: Instrument, band: str) -> Self:
-        """Camera of a band; effects that are switched off count nothing.
+        """Return the camera of a band; effects that are switched off count nothing.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ def _switch(true: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, hi
 def best_gain(
     light_variance_e2: FloatArray, read_variance_e2: FloatArray, gain_cap: FloatArray, gain_max: float, stages: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Gain of least variance up to a cap, and that variance.
+    """Return the gain of least variance up to a cap, and that variance.
 
     Parameters
     ----------

@@ -1,7 +1,4 @@
-"""Targets x planets of one band, ready for a question.
-
-From answers to the result that leaves the program.
-"""
+"""Cases of one band, targets x planets, ready for a question, and the result that is made of their answers."""
 
 import copy
 import functools
@@ -53,7 +50,7 @@ _FAINTEST, _ORDINARY = 1e-30, 1e-9
 
 @dataclass(frozen=True)
 class FixedFrames:
-    """What the user fixes of the frames; the rest is optimised."""
+    """The settings of frames that the user fixes; the rest is optimised."""
 
     exposure_s: float | None = None
     em_gain: float | None = None
@@ -138,7 +135,7 @@ class Cases:
         return frame_problem(rates, self.camera, self.model.strategy, **settings)
 
     def rates_at(self, contrast: FloatArray) -> ApertureRates:
-        """The rates with other contrasts: only the planet's own light follows them."""
+        """Return the rates with other contrasts: only the planet's own light follows them."""
         own = self.rates.peak_in_hole_e_s - self.rates.peak_planet_e_s
         factor = contrast / np.maximum(self.contrast, _FAINTEST)
         peak = self.rates.peak_planet_e_s * factor
@@ -146,7 +143,7 @@ class Cases:
         return replace(self.rates, planet_e_s=planet_e_s, peak_planet_e_s=peak, peak_in_hole_e_s=own + peak)
 
     def noise(self, choice: FrameChoice) -> StackNoise:
-        """Signal and noise of chosen frames."""
+        """Return the signal and noise of chosen frames."""
         return self.noise_of(self.rates, self.free_camera, choice)
 
     def noise_of(
@@ -312,7 +309,7 @@ def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, f
 
 
 def _contrasts(model: EtcModel, targets: Targets, band: str, planets: Planets) -> FloatArray:
-    """Contrasts ``(n_star, n_planet)``; planets of one model are computed together."""
+    """Return the contrasts ``(n_star, n_planet)``; planets of one model are computed together."""
     shape = (len(targets), len(planets))
     if planets.contrast is not None:
         return np.asarray(spread(planets.contrast, shape))
@@ -325,7 +322,7 @@ def _contrasts(model: EtcModel, targets: Targets, band: str, planets: Planets) -
 
 
 def best_band(answers: Sequence[EtcAnswer]) -> str | None:
-    """Band of the best answer: least time, highest significance over threshold, or faintest limit."""
+    """Return the band of the best answer: least time, highest significance over threshold, or faintest limit."""
     good = [answer for answer in answers if answer.value is not None]
     if not good:
         return None

@@ -26,7 +26,7 @@ _N_ELEMENTS = 8000
 
 
 def detection_threshold(n_resolution_elements: float, sigma: float = 5.0) -> Outcome[float]:
-    """Significance that a planet must reach to be detected.
+    """Return the significance that a planet must reach to be detected.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def detection_threshold(n_resolution_elements: float, sigma: float = 5.0) -> Out
 
 
 def threshold_array(n_resolution_elements: npt.ArrayLike, sigma: npt.ArrayLike = 5.0) -> npt.NDArray[np.float64]:
-    """`detection_threshold` for arrays.
+    """Return the same as `detection_threshold`, for arrays.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def near_threshold(elements: FloatArray, sigma: float) -> FloatArray:
 
 @functools.lru_cache(maxsize=8)
 def _thresholds(sigma: float) -> tuple[FloatArray, FloatArray]:
-    """Numbers of resolution elements, and logarithms of the thresholds of that level."""
+    """Return the numbers of resolution elements, and logarithms of the thresholds of that level."""
     elements = MIN_ELEMENTS - 1.0 + np.geomspace(1.0, 1e5, _N_ELEMENTS)
     return elements, np.log(threshold_array(elements, sigma))
 

@@ -1,4 +1,4 @@
-"""How firm answers of the closed forms are: how far they may lie from images of the same frames, measured and stated.
+"""Stated errors of the closed forms: how far answers may lie from images of the same frames, as measured.
 
 The dial of the exposure-time calculator asks for it, and its records say it.
 """
@@ -104,7 +104,7 @@ that light makes up to 94 % of the noise, lies within 5.2 % (tests of `cpic_plan
 
 
 def speckle_error(band: str, separation_arcsec: float) -> float | None:
-    """Largest relative error of the residual speckles of the closed forms at one place.
+    """Return the largest relative error of the residual speckles of the closed forms at one place.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def speckle_error(band: str, separation_arcsec: float) -> float | None:
 
 
 def speckle_error_extrapolated(band: str, separation_arcsec: float) -> bool:
-    """Whether a place lies outside the separations at which the error of the speckles was measured in a band.
+    """Return whether a place lies outside the separations at which the error of the speckles was measured in a band.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def speckle_error_extrapolated(band: str, separation_arcsec: float) -> bool:
 
 
 def stated_error(band: str, separation_arcsec: float, budget: Mapping[str, float]) -> dict[Quantity, float] | None:
-    """Relative error that is stated of the planet flux and the SNR of one answer.
+    """Return the relative error that is stated of the planet flux and the SNR of one answer.
 
     Parameters
     ----------

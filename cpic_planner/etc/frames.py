@@ -35,7 +35,7 @@ _NEARLY = 2.0
 
 @dataclass(frozen=True)
 class FrameProblem(CaseArrays):
-    """What decides the frames of any number of cases; arrays of one shape.
+    """The numbers that decide the frames of any number of cases; arrays of one shape.
 
     Attributes
     ----------
@@ -78,11 +78,11 @@ class FrameProblem(CaseArrays):
     best_s: FloatArray | None = None
 
     def fixed_gain(self) -> float | None:
-        """Gain that is not to be chosen; counting uses the largest one."""
+        """Return the gain that is not to be chosen; counting uses the largest one."""
         return self.camera.em_gain_max if self.em_gain is None and self.counting is not None else self.em_gain
 
     def peaks_e_s(self, index: Any = ...) -> tuple[Any, Any, Any]:
-        """Light of some cases that must not saturate: in the hole's columns, inside it, and before the register."""
+        """Return the light that must not saturate: in the hole's columns, inside it, and before the register."""
         return self.peak_columns_e_s[index], self.peak_in_hole_e_s[index], self.register_tail_e_s[index]
 
     @functools.cached_property
@@ -92,7 +92,7 @@ class FrameProblem(CaseArrays):
         return np.minimum(limit, self.camera.exposure_max_s)
 
     def frame_noise(self, exposure_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """White noise over signal squared of one frame of each visit, and the gain that makes it least."""
+        """Return the white noise over signal squared of one frame of each visit, and the gain that makes it least."""
         t, fixed = exposure_s, self.fixed_gain()
         light = self.alpha_e_s * t + self.beta_e
         if self.counting is not None:
@@ -111,7 +111,7 @@ class FrameProblem(CaseArrays):
         return noise, gain
 
     def residual(self, visit_s: FloatArray) -> FloatArray:
-        """Speckle variance over signal squared."""
+        """Return the speckle variance over signal squared."""
         return self.z0 + visit_s * (self.z1 + visit_s * self.z2)
 
     def inverse_snr2(self, exposure_s: FloatArray, n_frames: FloatArray) -> FloatArray:
@@ -144,7 +144,7 @@ class FrameChoice(CaseArrays):
 
 
 def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
-    """Exposure of least ``G`` and its value: most SNR per time where frames need not be whole.
+    """Return the exposure of least ``G`` and its value: most SNR per time where frames need not be whole.
 
     Returns
     -------
@@ -168,7 +168,7 @@ def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
 
 
 def peak_visit_s(problem: FrameProblem, cost: FloatArray, elasticity: float = 0.0) -> FloatArray:
-    """Visit beyond which time does not pay: where ``d ln h / d ln v`` of ``h = G / v + z(v)`` reaches ``-elasticity``.
+    """Return the visit beyond which time does not pay: ``d ln h / d ln v`` of ``h = G / v + z(v)`` is ``-elasticity``.
 
     At 0 it is the visit of highest SNR: in a longer one the walk of the wavefront loses more than time gains.
     """
@@ -188,7 +188,7 @@ def peak_visit_s(problem: FrameProblem, cost: FloatArray, elasticity: float = 0.
 
 
 def _slope(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArray) -> FloatArray:
-    """``d ln h / d ln v`` of a whole number of frames, by a central difference."""
+    """Return ``d ln h / d ln v`` of a whole number of frames, by a central difference."""
     steps = np.array([1.0 + _STEP, 1.0 - _STEP]).reshape((2,) + (1,) * exposure_s.ndim)
     after, before = problem.inverse_snr2(exposure_s * steps, n_frames)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -198,7 +198,7 @@ def _slope(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArray) 
 
 
 def _paying_exposure_s(problem: FrameProblem, n_frames: FloatArray, top: FloatArray, longest: FloatArray) -> FloatArray:
-    """Exposure up to which more time pays, at most ``top``; found on the whole range, whatever the visit allowed."""
+    """Return the exposure up to which more time pays, at most ``top``, on the whole range whatever the visit."""
     pays = _slope(problem, top, n_frames) <= -_ELASTICITY
     if pays.all():
         return top
@@ -222,7 +222,7 @@ def _over_aim(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArra
 
 
 def _candidates(visit_s: FloatArray, frame_s: FloatArray) -> FloatArray:
-    """Whole numbers of frames next to ``visit / frame``, on a new first axis."""
+    """Return the whole numbers of frames next to ``visit / frame``, on a new first axis."""
     with np.errstate(invalid="ignore", over="ignore"):
         middle = np.clip(np.floor(np.nan_to_num(visit_s / frame_s, posinf=_MAX_FRAMES)), 0.0, _MAX_FRAMES)
     offsets = _NEIGHBOURS.reshape((-1,) + (1,) * middle.ndim)
@@ -232,7 +232,7 @@ def _candidates(visit_s: FloatArray, frame_s: FloatArray) -> FloatArray:
 def best_in_visit(
     problem: FrameProblem, visit_s: FloatArray, *, whole: bool = False, quickest: bool = True
 ) -> FrameChoice:
-    """Frames of highest SNR in a visit of at most ``visit_s``.
+    """Return the frames of highest SNR in a visit of at most ``visit_s``.
 
     Parameters
     ----------
@@ -359,7 +359,7 @@ def smooth_least_visit_s(
 
 
 def _smooth_visit_s(problem: FrameProblem, cost: FloatArray, aim: FloatArray) -> FloatArray:
-    """Shortest visit with ``G / v + z(v) <= aim``; ``inf`` where there is none. No whole number of frames is faster."""
+    """Return the shortest visit with ``G / v + z(v) <= aim``, or ``inf``. No whole number of frames is faster."""
     peak = peak_visit_s(problem, cost)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         top = np.where(np.isfinite(peak), peak, 0.0)
@@ -378,7 +378,7 @@ def _smooth_visit_s(problem: FrameProblem, cost: FloatArray, aim: FloatArray) ->
 
 
 def _pick(problem: FrameProblem, t: FloatArray, n: FloatArray, rank: FloatArray, value: FloatArray) -> FrameChoice:
-    """Along the first axis the candidate of least rank, of exposures ``t`` and numbers of frames ``n``."""
+    """Pick along the first axis the candidate of least rank, of exposures ``t`` and numbers of frames ``n``."""
     best = np.argmin(rank, axis=0)
     t, n = taken(t, best), np.where(np.isfinite(taken(rank, best)), taken(n, best), 0.0)
     gain = problem.frame_noise(t)[1]

@@ -28,7 +28,7 @@ LARGEST_RATE, LARGEST_SNR, LARGEST_TIME_S = 1e30, 1e12, 1e30
 
 
 class RateConvention(FrozenModel):
-    """What counts as noise: ``SNR^2 = P^2 t^2 / ((a P + b B) t + F^2 t^2)``.
+    """The terms that count as noise: ``SNR^2 = P^2 t^2 / ((a P + b B) t + F^2 t^2)``.
 
     ``P``, ``B`` and ``F`` are the rates of planet, background and noise floor, ``t`` the time on the star.
 
@@ -134,7 +134,7 @@ def time_for_rates(
     floor_rate: ArrayLike = 0.0,
     convention: str | Mapping[str, Any] | RateConvention,
 ) -> Outcome[float] | Outcomes:
-    """Time on the star until a planet of known count rate reaches a signal-to-noise ratio.
+    """Return the time on the star until a planet of known count rate reaches a signal-to-noise ratio.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def snr_for_rates(
     floor_rate: ArrayLike = 0.0,
     convention: str | Mapping[str, Any] | RateConvention,
 ) -> Outcome[float] | Outcomes:
-    """Signal-to-noise ratio of a planet of known count rate in a time: the inverse of `time_for_rates`.
+    """Return the signal-to-noise ratio of a planet of known count rate in a time: the inverse of `time_for_rates`.
 
     Parameters
     ----------

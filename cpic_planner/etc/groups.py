@@ -117,7 +117,7 @@ class Group:
         return np.where(stops, np.minimum(visit_s, bottom_s * _SHORT), visit_s)
 
     def level_of(self, programme: Programme, problem: FrameProblem, choice: FrameChoice) -> FloatArray:
-        """Level that chosen frames have to reach; of frames that there are none of, as if visits were short."""
+        """Return the level that chosen frames have to reach; where there are none, as if visits were short."""
         some = choice.n_frames >= 1
         visit, inverse = np.where(some, choice.visit_s, 1.0), np.where(some, choice.inverse_snr2, np.inf)
         return self.wanted(programme, problem)(visit, inverse)
@@ -162,7 +162,7 @@ class Group:
         return Found(self, programme, problem, choice, self.level_of(programme, problem, choice))
 
     def spread(self, visits: FloatArray, time_s: float) -> tuple[Programme, FrameProblem, FloatArray]:
-        """Programmes of so many visits in a time, with the length of their science visits."""
+        """Return the programmes of so many visits in a time, with the length of their science visits."""
         programme = self.programmes.programme(visits, time_s / visits)
         problem = self.problem(programme)
         return programme, problem, spread(self.model.visit_s(time_s / visits), problem.signal_e_s.shape)
@@ -185,7 +185,7 @@ class Group:
         return found.taken(np.argmin(cost, axis=0))
 
     def _in_visits(self, visits: FloatArray, visit_time_s: float) -> Found:
-        """Programmes of the fewest visits of one length that reach the level, of whole frames: one more at most."""
+        """Return the programmes of fewest visits of one length that reach the level, in whole frames, or one more."""
         for _ in range(3):
             found = self.framed(visits, np.full(visits.shape, visit_time_s))
             choice = found.choice
@@ -216,7 +216,7 @@ class Group:
         return replace(found, choice=choice.where(~lost, replace(choice, n_frames=none, visit_s=none)))
 
     def _of_mean(self, visits: FloatArray) -> Found:
-        """The same without modes."""
+        """Return the same without modes."""
         model, last = self.model, None
         steady = self.wanted.steady and model.instrument.drift.correlation_time_h == 0.0
         if steady:
@@ -245,5 +245,5 @@ class Group:
 
 
 def _beside(visits: FloatArray) -> list[FloatArray]:
-    """One visit, and numbers of visits as they are, one less and one more."""
+    """Return one visit, and numbers of visits as they are, one less and one more."""
     return [np.ones_like(visits), *(np.clip(visits + step, 1.0, MAX_VISITS) for step in (-1, 0, 1))]

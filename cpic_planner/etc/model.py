@@ -1,4 +1,4 @@
-"""What the ETC knows of the instrument: the same passbands, PSF metrics and detector as the images.
+"""The instrument as the ETC knows it: the same passbands, PSF metrics and detector as the images.
 
 Where a planet may stand in the dark hole, the visits of a programme, and the check of plain numbers.
 """
@@ -154,15 +154,15 @@ class EtcModel:
         return self.instrument.coronagraph.table is not None
 
     def camera(self, band: str) -> FrameCamera:
-        """One frame of the band's camera."""
+        """Return one frame of the band's camera."""
         return self._cameras[band]
 
     def loss_per_s(self, band: str) -> float:
-        """Rate of particles that void an aperture of the band."""
+        """Return the rate of particles that void an aperture of the band."""
         return self._losses[band]
 
     def modes(self, band: str) -> "BandModes":
-        """Modes of the speckles of the band's references: of the offset of visits, of the walk in an hour without."""
+        """Return the modes of speckles of the band's references: of visits' offsets, else of the walk in an hour."""
         if band not in self._modes:
             from simulator.signal import BandModes
 
@@ -186,7 +186,7 @@ class EtcModel:
         return tuple(self.metrics)
 
     def named(self, bands: Sequence[str] | None) -> tuple[str, ...]:
-        """Bands that are asked for, each once; all of the model without any.
+        """Return the bands that are asked for, each once; all of the model without any.
 
         Raises
         ------
@@ -200,7 +200,7 @@ class EtcModel:
         return names
 
     def content(self) -> dict[str, Any]:
-        """Everything of the model that decides a number, for content hashes; files by what is in them."""
+        """Return everything of the model that decides a number, for content hashes; files by what is in them."""
         files = {
             name: digest_of(band.transmission_file)
             for name, band in self.instrument.bands.items()
@@ -214,12 +214,12 @@ class EtcModel:
         }
 
     def time_s(self, visit_s: ArrayLike) -> NDArray[np.float64]:
-        """Wall time of an observation whose science visit takes ``visit_s``; 0 for none."""
+        """Return the wall time of an observation whose science visit takes ``visit_s``; 0 for none."""
         visit = np.asarray(visit_s, float)
         return np.where(visit > 0, self.instrument.overhead_s + self._time_factor * visit, 0.0)
 
     def visit_s(self, time_s: ArrayLike) -> NDArray[np.float64]:
-        """Length of the science visit in an observation of ``time_s`` of wall time."""
+        """Return the length of the science visit in an observation of ``time_s`` of wall time."""
         return np.maximum(np.asarray(time_s, float) - self.instrument.overhead_s, 0.0) / self._time_factor
 
     @property
@@ -283,7 +283,7 @@ def build_model(
 
 
 def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
-    """Files that a configuration names, with their time and size."""
+    """Yield the files that a configuration names, with their time and size."""
     if isinstance(tree, dict | list):
         for part in tree.values() if isinstance(tree, dict) else tree:
             yield from _files(part)
@@ -315,7 +315,7 @@ def _model(digest: str, bands: tuple[str, ...], strategy: Strategy, held: _Unkey
 
 
 def diagonal(zone: Zone, separation_arcsec: Any) -> tuple[Any, Any]:
-    """Detector offsets x and y of a point on the diagonal of one dark quadrant: the upper right one if it is dark.
+    """Return offsets x and y of a point on the diagonal of one dark quadrant: the upper right one if it is dark.
 
     Parameters
     ----------
@@ -329,7 +329,7 @@ def diagonal(zone: Zone, separation_arcsec: Any) -> tuple[Any, Any]:
 
 
 def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
-    """Diagonal separations between which the whole photometric aperture lies in the controlled zone of a band.
+    """Return the diagonal separations at which the whole photometric aperture lies in a band's controlled zone.
 
     Parameters
     ----------
@@ -341,7 +341,7 @@ def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float
 
 
 def hole_notes(model: EtcModel, band: str) -> tuple[str, ...]:
-    """Flag of a band whose dark hole is not as dark as asked.
+    """Return the flag of a band whose dark hole is not as dark as asked.
 
     Parameters
     ----------
@@ -353,7 +353,7 @@ def hole_notes(model: EtcModel, band: str) -> tuple[str, ...]:
 
 
 def place_status(model: EtcModel, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
-    """Whether the aperture of a planet on the diagonal lies in the controlled zone of a band, at both rolls.
+    """Return whether the aperture of a planet on the diagonal lies in the controlled zone of a band, at both rolls.
 
     Parameters
     ----------

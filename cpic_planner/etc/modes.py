@@ -1,4 +1,4 @@
-"""What the modes of the references change in a prediction.
+"""Changes of a prediction by the modes of its references.
 
 Modes are found in the noise of the references: what they change depends on the frames, and the best frames depend on
 it, weakly. Questions go from one to the other until both stand still.

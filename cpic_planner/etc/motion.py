@@ -19,7 +19,7 @@ from cpic_planner.targets import Targets
 
 @dataclass(frozen=True, eq=False)
 class SearchMotion:
-    """What a blind search pays for the motion of planets at places of stars; made by `of`.
+    """The cost of the motion of planets to a blind search at places of stars; made by `of`.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ def programme_days(model: EtcModel, visits: ArrayLike, time_s: ArrayLike) -> Flo
 
 
 def _level(sigma: float) -> float:
-    """Significance of the false alarms at rest, within what trials are stated for."""
+    """Return the significance of the false alarms at rest, within what trials are stated for."""
     return min(max(sigma, 1.0), 20.0)
 
 

@@ -1,4 +1,4 @@
-"""From rates to signal-to-noise: one noise model for every question.
+"""Signal-to-noise ratios from rates: one noise model answers every question.
 
 The signal-to-noise ratio of Zhu et al. 2025 (Eqs. 3 and 4) as a prediction: for comparison, never for a decision.
 """
@@ -105,7 +105,7 @@ def white_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: Array
 
 
 def _electronic_terms(rates: ApertureRates, camera: FrameCamera) -> dict[str, FrameTerm]:
-    """What the camera adds to a science frame besides the noise of light and dark charge."""
+    """Return what the camera adds to a science frame besides the noise of light and dark charge."""
     area = rates.aperture_pixels
     return {
         "cic": FrameTerm(charge_e=area * camera.cic_e),
@@ -115,7 +115,7 @@ def _electronic_terms(rates: ApertureRates, camera: FrameCamera) -> dict[str, Fr
 
 
 def reference_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: ArrayLike) -> FrameTerm:
-    """Everything that the reference frames of a science frame add."""
+    """Return everything that the reference frames of a science frame add."""
     pixels, ratio = rates.reference_scale * rates.aperture_pixels, np.asarray(reference_ratio, float)
     return FrameTerm(
         (rates.reference_light_e_s + pixels * camera.rate_e_s) / ratio,
@@ -297,7 +297,7 @@ def stack_noise(
 
 
 def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
-    """Named arrays of one shape, that of all of them and of the others."""
+    """Return the named arrays of one shape, that of all of them and of the others."""
     arrays = [np.asarray(value) for value in values.values()]
     shape = np.broadcast(*arrays, *others).shape
     return {
@@ -338,7 +338,7 @@ def snr_paper(
     reference_ratio: float = 1.0,
     programme: Programme = ONE_VISIT,
 ) -> FloatArray:
-    """Signal over the error of Eq. 4, ``S0 / sqrt(S0 + sigma_s^2 a0 (1 + a0 / a_s))``.
+    """Return the signal over the error of Eq. 4, ``S0 / sqrt(S0 + sigma_s^2 a0 (1 + a0 / a_s))``.
 
     Parameters
     ----------

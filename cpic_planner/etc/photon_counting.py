@@ -57,7 +57,7 @@ class CountingLaw:
     e: FloatArray
 
     def q(self, mean_e: ArrayLike) -> FloatArray:
-        """Probability of a count from Poisson electrons.
+        """Return the probability of a count from Poisson electrons.
 
         Parameters
         ----------
@@ -79,11 +79,11 @@ class CountingLaw:
         return 1.0 - _poisson_mean(1.0 - self.e, mean)
 
     def dq_dlam(self, mean_e: ArrayLike) -> FloatArray:
-        """Derivative of `q` by the mean, per electron: ``sum of Pois(n; mean) (e_(n+1) - e_n)``, at least 0."""
+        """Return the derivative of `q` by the mean, per electron: ``sum of Pois(n; mean) (e_(n+1) - e_n) >= 0``."""
         return _poisson_mean(np.diff(self.e), _checked_mean(mean_e))
 
     def usable(self, mean_e: ArrayLike) -> NDArray[np.bool_]:
-        """Whether counts tell the mean at all: it is at most `MAX_MEAN_E`, and the probability of a count follows it.
+        """Return whether counts tell the mean: it is at most `MAX_MEAN_E`, and a count's probability follows it.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class CountingLaw:
 
 
 def counting_law(em_gain: float, stages: int, read_noise_e: float, threshold_e: float) -> CountingLaw:
-    """Probabilities of counts; the last 64 laws are kept.
+    """Return the probabilities of counts; the last 64 laws are kept.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def counting_law(em_gain: float, stages: int, read_noise_e: float, threshold_e: 
 
 
 def counting_variance(mean_e: ArrayLike, law: CountingLaw) -> FloatArray:
-    """Variance of the mean that counts give, per pixel and frame.
+    """Return the variance of the mean that counts give, per pixel and frame.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ class CountingLight(CaseArrays):
     own_noise: bool
 
     def frame_variance(self, exposure_s: FloatArray) -> FloatArray:
-        """Variance of one science frame's aperture sum with its share of reference frames."""
+        """Return the variance of one science frame's aperture sum with its share of reference frames."""
         quiet = self.quiet_e_s * exposure_s + self.quiet_e
         both = quiet + self.planet_e_s * exposure_s
         reference = self.reference_e_s * exposure_s + self.reference_e
@@ -255,7 +255,7 @@ def _checked_mean(mean_e: ArrayLike) -> FloatArray:
 
 
 def _poisson_mean(values: FloatArray, mean: FloatArray) -> FloatArray:
-    """Mean of ``values[n]`` over a Poisson law (Horner's scheme), less terms of 1e-16; each mean for itself."""
+    """Return the mean of ``values[n]`` over a Poisson law (Horner's scheme), less terms of 1e-16, one by one."""
     faint = mean <= _FAINT_E
     if faint.all():
         return _horner(values[: _N_FAINT + 1], mean)
@@ -273,13 +273,13 @@ def _horner(values: FloatArray, mean: FloatArray) -> FloatArray:
 
 
 def counting_probabilities(camera: FrameCamera, em_gain: float, strategy: Strategy) -> CountingLaw:
-    """Probabilities of counts at the threshold of a strategy."""
+    """Return the probabilities of counts at the threshold of a strategy."""
     noise_e = camera.amplifier_e
     return counting_law(em_gain, camera.register_stages, noise_e, strategy.counting_sigma * noise_e)
 
 
 def reference_pixel(scaled: FloatArray, rates: ApertureRates) -> FloatArray:
-    """What a pixel of a reference frame holds of some light before it is scaled to the science frames."""
+    """Return what a pixel of a reference frame holds of some light before it is scaled to the science frames."""
     scale = np.asarray(rates.reference_scale, float)
     return np.where(scale > 0, scaled / np.where(scale > 0, scale, 1.0) / rates.aperture_pixels, 0.0)
 
@@ -292,7 +292,7 @@ def counted_terms(
     camera: FrameCamera,
     reference_ratio: FloatArray,
 ) -> tuple[dict[str, FloatArray], FloatArray]:
-    """Terms of white noise where photons are counted, and what the planet's light adds to them."""
+    """Return the terms of white noise where photons are counted, and what the planet's light adds to them."""
     pixels = stack * rates.noise_fraction * rates.aperture_pixels
     own = camera.charge_e + camera.rate_e_s * exposure_s
     quiet = (rates.background_e_s * exposure_s + rates.smear_e) / rates.aperture_pixels + own

@@ -53,7 +53,7 @@ def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, plane
 def reference_notes(
     model: EtcModel, target: Targets, band: str, separation_arcsec: float, planet: ReferencePlanet
 ) -> tuple[str, ...]:
-    """What was clamped or extrapolated in the reference planet of one star, as flags.
+    """Return what was clamped or extrapolated in the reference planet of one star, as flags.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def reference_notes(
 def reference_contrast(
     model: EtcModel, targets: Targets, band: str, separation_arcsec: FloatArray, planet: ReferencePlanet
 ) -> FloatArray:
-    """Contrast of the reference planet in one band, ``(n_star, n_separation)``; as `reference_distance_au`.
+    """Return the contrast of the reference planet in one band, ``(n_star, n_separation)``; as `reference_distance_au`.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def insolation_distance_au(targets: Targets, distance_au: FloatArray) -> FloatAr
 def reflected_share(
     model: EtcModel, targets: Targets, band: str, albedo: AlbedoSpec, distance_au: FloatArray, phase_deg: ArrayLike
 ) -> FloatArray:
-    """Geometric albedo in a band times the phase function.
+    """Return the geometric albedo in a band times the phase function.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def reflected_contrast(
 
 
 def kinds_by_albedo(albedos: Sequence[AlbedoSpec]) -> list[tuple[AlbedoSpec, list[int]]]:
-    """Different albedos with the numbers of the kinds that have them."""
+    """Return the different albedos with the numbers of the kinds that have them."""
     found: list[tuple[AlbedoSpec, list[int]]] = []
     for number, spec in enumerate(albedos):
         same = next((kinds for other, kinds in found if other == spec), None)
@@ -177,7 +177,7 @@ def mixture_contrast(
     distance_au: FloatArray,
     phase_deg: FloatArray,
 ) -> FloatArray:
-    """Contrast of planets of several kinds.
+    """Return the contrast of planets of several kinds.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def dark_quadrants(model: EtcModel, targets: Targets, band: str) -> IntArray:
 
 
 def planet_offsets(model: EtcModel, targets: Targets, band: str, separation_arcsec: Any) -> tuple[Any, Any]:
-    """Detector offsets of planets: on the diagonal, or half the roll beside it for a library of two rolls.
+    """Return the detector offsets of planets: on the diagonal, or half the roll beside it for a library of two rolls.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def planet_offsets(model: EtcModel, targets: Targets, band: str, separation_arcs
 
 
 def diagonal_pa_deg(model: EtcModel, target: Targets, band: str) -> float:
-    """Position angle of the diagonal on which the planet of one star is put, at roll 0.
+    """Return the position angle of the diagonal on which the planet of one star is put, at roll 0.
 
     Parameters
     ----------

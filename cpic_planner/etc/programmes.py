@@ -252,7 +252,7 @@ class Programmes:
         return visit, level
 
     def _solved_with_modes(self, visits: FloatArray, best_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Shortest visits where modes follow their length, and the level."""
+        """Return the shortest visits where modes follow their length, and the level."""
         # About as long as with the modes of references without noise, or without modes.
         endless_s = self._shortest(visits, np.array(np.inf), best_s)[0]
         visit_s = np.minimum(endless_s, replace(self, modes=None)._solved(visits, best_s)[0])
@@ -273,7 +273,7 @@ class Programmes:
         return np.where(reachable, found, np.inf), self._shortest(visits, wall_s, best_s)[1]
 
     def _shortest(self, visits: FloatArray, wall_s: FloatArray, best_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Shortest visits of programmes whose gaps and modes are those of visits of a length, and the level."""
+        """Return the shortest visits of programmes with gaps and modes of visits of a length, and the level."""
         programme, problem = self._made(visits, wall_s)
         camera = problem.camera
         shortest_s, frame_s = (exposure + camera.readout_s for exposure in (camera.exposure_min_s, best_s))
@@ -286,7 +286,7 @@ class Programmes:
         return np.maximum(visit, shortest_s), level
 
     def _reached(self, programme: Programme, problem: FrameProblem, cost: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Shortest visits of the level, and the level: from the left of a falling curve, by secants of logarithms.
+        """Return the shortest visits of the level, and the level, by secants of logarithms from a falling curve's left.
 
         White noise alone falls with the slope -1, which no step overshoots.
         """
@@ -325,7 +325,7 @@ class Programmes:
 
 
 def _cost(problem: FrameProblem, exposure_s: FloatArray) -> FloatArray:
-    """White noise over signal squared of one second of every visit, in frames of an exposure."""
+    """Return the white noise over signal squared of one second of every visit, in frames of an exposure."""
     camera = problem.camera
     usable = (problem.longest_s >= camera.exposure_min_s * (1.0 - 1e-12)) & (problem.signal_e_s > 0)
     return np.where(usable, problem.frame_noise(exposure_s)[0] * (exposure_s + camera.readout_s), np.inf)
@@ -334,7 +334,7 @@ def _cost(problem: FrameProblem, exposure_s: FloatArray) -> FloatArray:
 def _lowest(
     missed: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Lengths of visits, between two, of least ``(level / SNR)^2``, and that."""
+    """Return the lengths of visits, between two, of least ``(level / SNR)^2``, and that."""
     for _ in range(_ROUNDS):
         grid = np.geomspace(low, high, _POINTS)
         low, best, high = around_lowest(grid, values := missed(grid))

@@ -1,4 +1,4 @@
-"""What a programme of given frames promises of planets anywhere in the dark hole of a band."""
+"""Expected detections of planets anywhere in the dark hole of a band, by a programme of given frames."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ from cpic_planner.targets import Targets
 
 @dataclass(frozen=True, eq=False)
 class Prospect:
-    """What is expected of planets; arrays of stars x planets, made by `prospect_of`.
+    """The expected signals of planets; arrays of stars x planets, made by `prospect_of`.
 
     Attributes
     ----------

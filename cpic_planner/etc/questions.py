@@ -43,7 +43,7 @@ def signal_to_noise(
     em_gain: float | None = None,
     exact: bool = False,
 ) -> list[EtcAnswer]:
-    """SNR of planets in a given wall time.
+    """Return the SNR of planets in a given wall time.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def exposure_time(
     exposure_s: float | None = None,
     em_gain: float | None = None,
 ) -> list[EtcAnswer]:
-    """Least wall time that reaches an SNR or a detection; ``unreachable`` below the speckle floor.
+    """Return the least wall time that reaches an SNR or a detection; ``unreachable`` below the speckle floor.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def contrast_limit(
     em_gain: float | None = None,
     exact: bool = False,
 ) -> list[EtcAnswer]:
-    """Faintest contrast detected in a given wall time.
+    """Return the faintest contrast detected in a given wall time.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def groups_of(
     objective: Objective,
     value: float | None,
 ) -> list[Group]:
-    """Cases of every camera; planets of all bands, or as many of each."""
+    """Return the cases of every camera; planets of all bands, or as many of each."""
     if len(target) < 1:
         raise InputError("target", len(target), allowed="at least one star")
     own = planets if isinstance(planets, Mapping) else dict.fromkeys(model.named(bands), planets)
@@ -289,7 +289,7 @@ def _limit(group: Group, span: Span, exact: bool) -> _Limit:
 
 
 def _at_limit(group: Group, limit: _Limit, exact: bool) -> Found:
-    """Programmes and frames of planets at the limit."""
+    """Return the programmes and frames of planets at the limit."""
     programme, choice = limit.programme, limit.choice
     # Beyond contrast 1 there is no planet: refused below.
     ratio = np.minimum(limit.contrast, 1.0)
@@ -307,7 +307,7 @@ def _at_limit(group: Group, limit: _Limit, exact: bool) -> Found:
 
 
 def _limits(group: Group, programme: Programme, visit_s: FloatArray, whole: bool) -> tuple[FloatArray, FrameChoice]:
-    """Contrasts at which the best frames of visits reach the level, and those frames."""
+    """Return the contrasts at which the best frames of visits reach the level, and those frames."""
 
     def excess(log_contrast: FloatArray) -> tuple[FloatArray, FrameChoice]:
         problem = group.problem(programme, np.exp(log_contrast))
@@ -335,7 +335,7 @@ def _limits(group: Group, programme: Programme, visit_s: FloatArray, whole: bool
 
 
 def _answers(found: Found, question: Question, value: FloatArray, span: Span) -> dict[str, list[EtcAnswer]]:
-    """Answers of the programmes and frames that were found, band by band, planets within stars."""
+    """Return the answers of the programmes and frames that were found, band by band, planets within stars."""
     group, level = found.group, None
     if question != "signal_to_noise":
         undefined = (group.value is None) & ~np.isfinite(group.cases.threshold)
@@ -350,7 +350,7 @@ def _answers(found: Found, question: Question, value: FloatArray, span: Span) ->
 def _in_order(
     by_band: dict[str, list[EtcAnswer]], bands: Sequence[str], n_stars: int, n_planets: int
 ) -> list[EtcAnswer]:
-    """From bands x (stars x planets) to stars x bands x planets."""
+    """Return from bands x (stars x planets) to stars x bands x planets."""
     rows = [slice(star * n_planets, (star + 1) * n_planets) for star in range(n_stars)]
     return [answer for row in rows for band in bands for answer in by_band[band][row]]
 

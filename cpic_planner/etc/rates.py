@@ -228,7 +228,7 @@ def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s
 
 
 def _with_companion(targets: Targets) -> NDArray[np.bool_]:
-    """Stars whose companion's light and place are known and count."""
+    """Return the stars whose companion's light and place are known and count."""
     known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
     return known & (targets.companions != "off")
 
@@ -238,7 +238,7 @@ def _companion_e_s(model: EtcModel, band: str, near: Targets) -> FloatArray:
 
 
 def _companion_place(model: EtcModel, near: Targets, turns_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Offsets x and y of ``k`` companions on the detector, ``(k, a)``, at ``a`` rolls beside that of the targets."""
+    """Return offsets x and y of ``k`` companions on the detector, ``(k, a)``, at ``a`` rolls beside the targets'."""
     from simulator.target import sky_to_detector
 
     separation, pa_deg = (part[:, None] for part in (near.companion_separation_arcsec, near.companion_pa_deg))
@@ -259,7 +259,7 @@ class _Companion(NamedTuple):
 
 
 def _by_place(targets: Targets) -> Iterator[tuple[NDArray[np.bool_], tuple[float, ...]]]:
-    """Stars whose companions' place is known with the one angle, then the others with all of them."""
+    """Yield the stars whose companions' place is known with the one angle, then the others with all of them."""
     lit, unknown = _with_companion(targets), np.isnan(targets.companion_pa_deg)
     for chosen, angles in ((lit & ~unknown, (0.0,)), (lit & unknown, EVERY_ANGLE_DEG)):
         if chosen.any():
@@ -290,7 +290,7 @@ def companions_of(
 
 
 def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> _Companion:
-    """Light of companions for apertures at (x, y)."""
+    """Return the light of companions for apertures at (x, y)."""
     upright = (-1,) + (1,) * max(0, x.ndim - 1)
     shape = np.broadcast_shapes((len(targets), *upright[1:]), x.shape)
     aperture, column, left = np.zeros((3, *shape))
@@ -306,7 +306,7 @@ def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: 
 
 
 def _planet_left(model: EtcModel, band: str, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Part of a planet's light that its negative image, where the other roll shows it, leaves in its aperture."""
+    """Return the part of a planet's light that its negative image in the other roll leaves in its aperture."""
     rolls_deg = model.strategy.rolls_deg
     if len(rolls_deg) == 1:
         return np.ones((1,) * x.ndim)
@@ -321,7 +321,7 @@ def _planet_left(model: EtcModel, band: str, x: FloatArray, y: FloatArray) -> Fl
 
 @functools.lru_cache(maxsize=16)
 def _spline(metrics: PsfMetrics) -> FloatArray:
-    """Coefficients of the cubic spline through a source's light in apertures: straight lines miss 0.1 of its middle."""
+    """Return the cubic spline's coefficients through a source's light in apertures (lines miss 0.1 of its middle)."""
     return np.asarray(scipy.ndimage.spline_filter(metrics.aperture_map, order=3))
 
 
@@ -336,7 +336,7 @@ class _Smear(NamedTuple):
 def _smear(
     model: EtcModel, band: str, x: FloatArray, star_e_s: FloatArray, companion_e_s: FloatArray, sky_e_s: FloatArray
 ) -> _Smear:
-    """Light that smears into apertures while the frame is shifted into the store: there is no shutter.
+    """Return the light that smears into apertures while the frame is shifted into the store: there is no shutter.
 
     Every pixel passes under the light of its column for ``line_shift_s`` a row: it collects ``line_shift_s`` times the
     light of all other rows, once a frame (`simulator.camera.visible`). Calibration takes the mean off; the noise stays.

@@ -1,4 +1,4 @@
-"""Many cases at once: their arrays, least values and first roots of functions of one argument.
+"""Search for least values and first roots of functions of one argument, for many cases at once.
 
 Functions are searched in the logarithm of their argument.
 """
@@ -62,7 +62,7 @@ class CaseArrays:
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def _combined(self, function: Callable[..., Any], *others: "CaseArrays") -> Self:
-        """These cases with every array changed by a function of it and of those of others."""
+        """Return these cases with every array changed by a function of it and of those of others."""
         parts = {name: getattr(self, name) for name in self.__dataclass_fields__}
         for name, own in parts.items():
             if isinstance(own, (np.ndarray, np.floating)):
@@ -111,7 +111,7 @@ def lowest(
     *more: FloatArray,
     coarse: bool = True,
 ) -> tuple[FloatArray, FloatArray]:
-    """Argument of least value between two bounds, case by case.
+    """Return the argument of least value between two bounds, case by case.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def lowest(
 def _closed_in(
     function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, bits: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Argument of least value in one valley, to ``2^-bits`` of the logarithm of its width, and the value.
+    """Return the argument of least value in one valley, to ``2^-bits`` of the logarithm of its width, and the value.
 
     Many cases are searched by golden sections, which take the fewest values; a few cost as much as one, and close in by
     whole grids.
@@ -183,7 +183,7 @@ def _closed_in(
 def _golden(
     function: Callable[[FloatArray], FloatArray], a: FloatArray, b: FloatArray, steps: int
 ) -> tuple[FloatArray, FloatArray]:
-    """`_closed_in` between logarithms."""
+    """Return the same as `_closed_in`, between logarithms."""
 
     def value(x: FloatArray) -> FloatArray:
         found = function(np.exp(x))
@@ -203,7 +203,7 @@ def _golden(
 
 
 def _between(low: FloatArray, high: FloatArray, share: FloatArray) -> FloatArray:
-    """Points between two bounds, evenly in the logarithm, on a new first axis; the ends are exact."""
+    """Return the points between two bounds, evenly in the logarithm, on a new first axis; the ends are exact."""
     shares = share.reshape((-1,) + (1,) * low.ndim)
     points = low * (high / low) ** shares
     points[-1] = high
@@ -312,7 +312,7 @@ def first_root(
     *more: FloatArray,
     tolerance: float = 2e-15,
 ) -> FloatArray:
-    """Where a falling positive function comes down to 1: the least argument with a value of at most 1.
+    """Return where a falling positive function comes down to 1: the least argument with a value of at most 1.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From solved frames to typed answers."""
+"""Make typed answers from solved frames."""
 
 import math
 from dataclasses import dataclass
@@ -165,7 +165,7 @@ class Solved:
         return answers
 
     def _standing(self, most: "_Most", index: tuple[int, ...], level: float | None) -> tuple[Status, Reason, str]:
-        """Status of one case, with the reason and a sentence where it is not ok."""
+        """Return the status of one case, with the reason and a sentence where it is not ok."""
         place = self.cases.bands[index[0]].places[index[2]]
         if place[0] is not Status.OK:
             return place
@@ -198,7 +198,7 @@ class Solved:
         return Status.UNREACHABLE, Reason.NO_TIME, text
 
     def _floor(self, most: "_Most", index: tuple[int, ...], level: float) -> tuple[Status, Reason, str]:
-        """Why no time reaches the level: the residual of so many visits, or of any number."""
+        """Return why no time reaches the level: the residual of so many visits, or of any number."""
         name, wanted = "SNR" if self.with_planet else "significance", f"{level:.4g}" if level < 1e4 else f"{level:g}"
         many = int(spread(self.cases.programme.visits, self.choice.n_frames.shape)[index])
         visits = "one visit" if many == 1 else f"{many} visits"
@@ -218,7 +218,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class _Most:
-    """What cases without an answer could reach, solved together; 0 for the others.
+    """The most that cases without an answer could reach, solved together; 0 for the others.
 
     Longest exposure, least ``G`` (`inf` for none), visit for the level if frames need not be whole, highest SNR of any
     visit, of any number of visits, and the visits for the level without speckles and without background.
@@ -257,7 +257,7 @@ class _Most:
 
 @dataclass(frozen=True)
 class _Detection:
-    """Whether the planets of answers are detected, how likely, and what would make them so; arrays of the cases."""
+    """The detection of planets: whether, how likely, and what would make it so; arrays of the cases."""
 
     mode: DetectionMode
     detected: NDArray[np.bool_]
@@ -305,7 +305,7 @@ class _Detection:
         )
 
     def fields(self, status: Status, reason: Reason, most: _Most, index: tuple[int, ...]) -> dict[str, Any]:
-        """Fields of one answer."""
+        """Return the fields of one answer."""
         answered, detected = status is Status.OK, bool(self.detected[index])
         blind, known = (float(part[index]) for part in (self.chances.blind, self.chances.known_place))
         calm, common, dark, moving = (part[index] for part in (self.calm, self.common, self.dark, self.moving))
@@ -335,7 +335,7 @@ def _required(
     level: FloatArray,
     lost: NDArray[np.bool_],
 ) -> dict[str, FloatArray]:
-    """Changes that would make planets detected, one at a time; ``inf`` where no value does."""
+    """Return the changes that would make planets detected, one at a time; ``inf`` where no value does."""
     model, programme, required = cases.model, cases.programme, {}
     with np.errstate(divide="ignore", invalid="ignore"):
         brighter = level / noise.significance
@@ -353,7 +353,7 @@ def _required(
 
 
 def _calmer(cases: CameraCases, choice: FrameChoice, noise: StackNoise, wanted: Wanted) -> FloatArray:
-    """Largest factor on the drift with which the same frames detect the planet; ``inf`` where not even 0 does."""
+    """Return the largest factor on the drift at which the same frames detect the planet; ``inf`` if not even 0 does."""
     programme, laws = cases.programme, cases.residual_parts
     crossed, light = (programme.law(law).variance(choice.visit_s) for law in laws)
     beating, shining = (law.averaging().law().variance(choice.visit_s) for law in laws)
@@ -374,7 +374,7 @@ def _calmer(cases: CameraCases, choice: FrameChoice, noise: StackNoise, wanted: 
 
 
 def _more_visits(cases: CameraCases, choice: FrameChoice, wanted: Wanted) -> FloatArray:
-    """Fewest visits of these frames that detect the planet, to 0.3 % beyond some 300; ``inf`` where no number does."""
+    """Return the fewest visits of these frames that detect the planet, to 0.3 % beyond some 300, or ``inf``."""
     model, camera = cases.model, cases.free_camera
     wall_s, problem = model.time_s(choice.visit_s), cases.problem("significance")
     frames = choice.exposure_s, choice.n_frames, choice.em_gain, camera, model.strategy

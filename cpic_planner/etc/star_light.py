@@ -125,7 +125,7 @@ def sky_in_core(
 
 
 def _stray_e_s_pixel(instrument: Instrument, band: str, metrics: PsfMetrics) -> float:
-    """Mean stray light on the pixels of the hole that lie on the detector."""
+    """Return the mean stray light on the pixels of the hole that lie on the detector."""
     detector = instrument.detector_of(band)
     stray = stray_light_map(instrument, band, (detector.n_rows, detector.n_columns))
     if stray is None:

@@ -180,7 +180,7 @@ def in_programme(
 
 
 def _of_band(array: FloatArray, index: int) -> FloatArray:
-    """One band of an array ``(..., n_band, n_star, n_planet)``; what is the same for all bands stays."""
+    """Return one band of an array ``(..., n_band, n_star, n_planet)``; what is the same for all bands stays."""
     whole = np.asarray(array)
     return whole if whole.ndim < 3 else whole[..., index if whole.shape[-3] > 1 else 0, :, :]
 
@@ -288,7 +288,7 @@ class Wanted:
         return lambda tails, visit_s: at_rest(tails) * motion.factor(programme, visit_s)
 
     def _at_rest(self, programme: Programme) -> Callable[[FloatArray], FloatArray]:
-        """The same for planets that do not move, or that are followed."""
+        """Return the same for planets that do not move, or that are followed."""
         own = self.level
         if self.law is None or self.averaging is None or self.inward is None:
             return lambda tails: np.broadcast_arrays(own, tails)[0]

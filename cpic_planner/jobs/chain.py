@@ -1,4 +1,4 @@
-"""Whether every part and product in the folder of a run was made by what its list says: the chain of `cpic check`.
+"""Check whether every part and product of a run was made by what the list in its folder says: `cpic check`.
 
 The list of the run names the fingerprint of the process that began it, and those of other processors that took part.
 Every part, FITS file, table and result says which process made it, and must say one of these.

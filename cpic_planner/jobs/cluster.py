@@ -45,7 +45,7 @@ _ENOUGH_BLAMED = 3  # such tasks, after which the run ends: it may be all of the
 
 @dataclass(frozen=True)
 class Work:
-    """What to run: ``function(*common, *arguments[i])`` for every ``i``."""
+    """The work to run: ``function(*common, *arguments[i])`` for every ``i``."""
 
     function: Callable[..., Any]
     common: tuple[Any, ...]
@@ -68,7 +68,7 @@ class TaskQueue:
         return len(self._waiting) + len(self._suspects)
 
     def next(self, flying: int, room: int) -> int | None:
-        """Task to send out next, if any, with so many in flight and room for so many."""
+        """Return the task to send out next, if any, with so many in flight and room for so many."""
         if self._waiting:
             return self._waiting[0] if flying < room else None
         return self._suspects[0] if self._suspects and not flying else None
@@ -78,7 +78,7 @@ class TaskQueue:
         (self._suspects if index in self._deaths_alone else self._waiting).popleft()
 
     def put_back(self, indices: Iterable[int]) -> None:
-        """Have tasks that were lost sent out again, before the others."""
+        """Send tasks that were lost out again, before the others."""
         for index in sorted(indices, reverse=True):
             (self._suspects if index in self._deaths_alone else self._waiting).appendleft(index)
 
@@ -122,7 +122,7 @@ class Workers(Protocol):
         """Start others for those that ended."""
 
     def fruitful(self) -> None:
-        """Note that they bring results."""
+        """Note that workers bring results."""
 
 
 def run_on(
@@ -272,7 +272,7 @@ class _Link:
         return f"{self._name}-{kind}", self._sent
 
     def ready(self) -> list[int]:
-        """Tasks that ended in one way or other, after a short wait if there is none."""
+        """Return the tasks that ended in one way or other, after a short wait if there is none."""
         ended = [index for index, future in self.flying.items() if future.status not in ("pending", "lost")]
         if not ended and self.flying:
             time.sleep(_POLL_S)

@@ -88,7 +88,7 @@ class RunFolder:
             self._files.met(fingerprint)
 
     def part(self, key: str) -> dict[str, Any] | None:
-        """Finished piece of work ``key``, or ``None`` (also when its file is damaged)."""
+        """Return the finished piece of work ``key``, or ``None`` (also when its file is damaged)."""
         path = self.path / self._part_name(key, ".json")
         if not os.path.lexists(path):
             return None
@@ -122,11 +122,11 @@ class RunFolder:
         self.write_bytes(self._part_name(key, suffix), json.dumps(head).encode() + b"\n" + content)
 
     def blob_paths(self) -> list[Path]:
-        """Files of all pieces that are bytes, whole or not, in the order of their names."""
+        """Return the files of all pieces that are bytes, whole or not, in the order of their names."""
         return [self.path / name for name in self._files.names() if name.endswith(".blob")]
 
     def read_blob(self, path: Path) -> tuple[str, bytes]:
-        """Key and content of a finished piece of work.
+        """Return the key and content of a finished piece of work.
 
         Raises
         ------

@@ -24,7 +24,7 @@ class ForeignWorkerError(ClusterError):
 
 @dataclass(frozen=True)
 class Introduced:
-    """What a worker says of itself."""
+    """The words in which a worker introduces itself."""
 
     version: str
     fingerprint: Fingerprint

@@ -67,7 +67,7 @@ class Unkept:
     """Keeps nothing: for a run without a folder, and for bodies that are quicker made again than kept."""
 
     def part(self, key: str) -> None:
-        """Nothing is there."""
+        """Find nothing."""
         return
 
     def save_part(self, key: str, body: Any) -> Any:
@@ -246,7 +246,7 @@ class Runner:
         tells: bool = False,
         again: bool = False,
     ) -> dict[str, Any]:
-        """Have tasks done.
+        """Run tasks.
 
         Parameters
         ----------
@@ -350,7 +350,7 @@ def run(
 
 
 def _worked(job: Job[R], runner: Runner) -> R:
-    """Result of a job whose tasks share the workers of this machine, with what made it."""
+    """Return the result of a job whose tasks share the workers of this machine, with what made it."""
     with LocalPool(runner.workers) as runner.pool:
         result = job.work(runner)
     if "fingerprint" not in type(result).model_fields:

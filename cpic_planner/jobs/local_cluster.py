@@ -22,7 +22,7 @@ _VAIN = 8  # workers in the place of each one, without a result meanwhile
 
 @contextlib.contextmanager
 def quiet_dask() -> Iterator[None]:
-    """Dask's settings for our runs."""
+    """Use Dask's settings for our runs."""
     settings = {
         "distributed.admin.log-format": "%(name)s %(message)s",
         "distributed.comm.timeouts.connect": "20s",
@@ -97,7 +97,7 @@ class LocalWorkers:
             )
 
     def fruitful(self) -> None:
-        """Note that they bring results."""
+        """Note that workers bring results."""
         self._replaced = 0
 
     def close(self) -> None:

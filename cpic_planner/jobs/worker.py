@@ -1,4 +1,4 @@
-"""What a worker process of this machine runs: ``python -m cpic_planner.jobs.worker PARENT SCRATCH ARGUMENT...``."""
+"""The worker process of this machine: ``python -m cpic_planner.jobs.worker PARENT SCRATCH ARGUMENT...``."""
 
 import os
 import shutil

@@ -132,7 +132,7 @@ class WrittenFiles:
             self._add({"fingerprint": fingerprint})
 
     def standing(self, name: str) -> Standing:
-        """Whether the place of a listed file is free, holds what was written there, or something that was changed.
+        """Return whether the place of a listed file is free, holds what was written there, or something changed.
 
         Raises
         ------
@@ -153,7 +153,7 @@ class WrittenFiles:
             return "changed"
 
     def names(self) -> list[str]:
-        """Names of the listed files that stand in the folder, as they were written or not."""
+        """Return the names of the listed files that stand in the folder, as they were written or not."""
         return sorted(name for name in self._contents if os.path.lexists(self.root / name))
 
     def refuse_foreign(self, name: str) -> None:
@@ -238,7 +238,7 @@ class WrittenFiles:
             self.sweep()  # all: workers of a run that was killed go on for a moment, and write into theirs
 
     def _place(self, name: str) -> Path:
-        """Path of a name below the folder; no folder on the way is a link."""
+        """Return the path of a name below the folder; no folder on the way is a link."""
         path = self.root
         for part in PurePosixPath(name).parent.parts:
             path = path / part
@@ -287,7 +287,7 @@ def _below(name: str) -> str:
 
 
 def has_list(root: Path) -> bool:
-    """Whether a folder holds a list, damaged or not.
+    """Return whether a folder holds a list, damaged or not.
 
     Raises
     ------

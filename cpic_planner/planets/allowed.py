@@ -1,4 +1,4 @@
-"""Which planets may still be there: not found by radial velocities, stable, and not beside a giant that is known."""
+"""Planets that may still exist: not found by radial velocities, stable, and not beside a giant that is known."""
 
 import functools
 import hashlib
@@ -32,7 +32,7 @@ _POLES = 64
 
 @dataclass(frozen=True, eq=False)
 class StarLimits:
-    """What is known of ``n`` stars; made by `of`.
+    """The limits that are known of ``n`` stars; made by `of`.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class StarLimits:
     def allowed_probability(
         self, star: IntArray, semi_major_axis_au: ArrayLike, mass_mjup: ArrayLike, inclination_deg: ArrayLike
     ) -> FloatArray:
-        """Probability that planets may still be there, 0 to 1; arguments broadcast.
+        """Return the probability that planets may still be there, 0 to 1; arguments broadcast.
 
         The product of three: the planet was not found by velocities, its orbit is stable beside the companion star, and
         it does not stand beside a known giant. It does not say how probable the planet was before.
@@ -135,7 +135,7 @@ class StarLimits:
     def missed_probability(
         self, star: IntArray, semi_major_axis_au: ArrayLike, mass_mjup: ArrayLike, inclination_deg: ArrayLike
     ) -> FloatArray:
-        """Probability that velocities would have missed planets; parameters as of `allowed_probability`.
+        """Return the probability that velocities would have missed planets; parameters as of `allowed_probability`.
 
         Notes
         -----
@@ -172,13 +172,13 @@ class StarLimits:
         return np.asarray(missed @ weight < EXCLUDED_BELOW)
 
     def digest(self) -> str:
-        """Hash of all that is known of these stars, for content hashes."""
+        """Return the hash of all that is known of these stars, for content hashes."""
         # Rounded to what tells limits apart: the last digits of a logarithm are the processor's.
         columns = (np.ascontiguousarray(getattr(self, item.name).round(6)) for item in fields(self))
         return hashlib.sha256(b"".join(column.tobytes() for column in columns)).hexdigest()
 
     def _beside_giant(self, star: IntArray, axis_au: FloatArray, mass_mjup: ArrayLike) -> BoolArray:
-        """Which planets would come nearer to a known giant than ``2 sqrt(3)`` mutual Hill radii.
+        """Return which planets would come nearer to a known giant than ``2 sqrt(3)`` mutual Hill radii.
 
         Gladman 1993, Icarus 106, 247: two planets on circular orbits never meet if their axes differ by more. The
         giant's eccentricity widens its place to that from pericentre to apocentre.
@@ -195,7 +195,7 @@ class StarLimits:
 
 @functools.cache
 def _poles() -> tuple[FloatArray, FloatArray]:
-    """Inclinations, degrees, and weights that average over the cosine from 0 to 1."""
+    """Return inclinations (degrees), and weights that average over the cosine from 0 to 1."""
     node, weight = np.polynomial.legendre.leggauss(_POLES)
     return np.rad2deg(np.arccos(0.5 * (1.0 + node))), 0.5 * weight
 
@@ -216,21 +216,21 @@ def excluded_by_rv(names: Sequence[str], semi_major_axis_au: ArrayLike, radius_r
 
 
 def catalogue_masses_msun(names: Sequence[str]) -> FloatArray:
-    """Masses of stars in the embedded catalogue, solar masses, shape ``(n,)``; nan where there is none."""
+    """Return the masses of stars in the embedded catalogue, solar masses, shape ``(n,)``; nan where there is none."""
     listed = _listed()
     return np.array([listed.get(star_key(name), (name, np.nan))[1] for name in names], float)
 
 
 @functools.cache
 def _listed() -> Mapping[str, tuple[str, float]]:
-    """Name and mass of every star of the embedded catalogue, by `star_key`."""
+    """Return the name and mass of every star of the embedded catalogue, by `star_key`."""
     stars = load_stars()
     names, masses = stars.column("name").tolist(), stars.column("mass_msun").tolist()
     return {star_key(name): (name, mass) for name, mass in zip(names, masses, strict=True)}
 
 
 def _giants(names: Sequence[str], star_mass_msun: FloatArray, known: KnownPlanetTable) -> FloatArray:
-    """Axis, eccentricity and mass of the confirmed giants of each star, shape ``(3, n, g)``, nan for none.
+    """Return the axis, eccentricity and mass of the confirmed giants of each star, shape ``(3, n, g)``, nan for none.
 
     A true mass comes before m sin i, which makes the forbidden place narrower than it is; an unknown eccentricity is 0.
     """

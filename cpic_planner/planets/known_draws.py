@@ -36,7 +36,7 @@ class KnownDraws(OrbitingPlanets):
 
 @dataclass(frozen=True, eq=False)
 class Ephemeris:
-    """Where one planet is, arrays over the dates; quantiles are 16, 50 and 84 %, shape ``(3, n_dates)``.
+    """The places of one planet, arrays over the dates; quantiles are 16, 50 and 84 %, shape ``(3, n_dates)``.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Ephemeris:
     draws_arcsec: FloatArray
 
     def share_between(self, low_arcsec: float, high_arcsec: float) -> FloatArray:
-        """Share of the draws whose separation lies between two edges, for each date.
+        """Return the share of the draws whose separation lies between two edges, for each date.
 
         Parameters
         ----------
@@ -71,7 +71,7 @@ class Ephemeris:
 
 
 def known_uniforms(table: KnownPlanetTable, rows: Sequence[int], n_draws: int, seed: int) -> FloatArray:
-    """Uniform numbers for `draw_known`, a stream for each planet and quantity: other planets change none of them.
+    """Return uniform numbers for `draw_known`, a stream for each planet and quantity: no other planet changes them.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def _drawn(
 
 
 def places_at(draws: KnownDraws, row: int, mjd: ArrayLike) -> OrbitPlaces:
-    """Places of one planet's draws at some dates, arrays of shape ``(n_draws, n_dates)``.
+    """Return the places of one planet's draws at some dates, arrays of shape ``(n_draws, n_dates)``.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def places_at(draws: KnownDraws, row: int, mjd: ArrayLike) -> OrbitPlaces:
 
 
 def planets_of(draws: KnownDraws, row: int, albedo: AlbedoSpec) -> Planets:
-    """Draws of one planet at their epoch, as a population of which there is one planet for a star.
+    """Return the draws of one planet at their epoch, as a population of which there is one planet for a star.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def ephemeris(
     distance_pc: float,
     star_mass_msun: float | None = None,
 ) -> Ephemeris:
-    """Quantiles of separation, distance and phase of one planet at some dates.
+    """Return the quantiles of separation, distance and phase of one planet at some dates.
 
     Parameters
     ----------
@@ -291,7 +291,7 @@ def ephemeris(
 
 
 def _pa_deg(places: OrbitPlaces) -> FloatArray:
-    """Quantiles of the position angle, about its mean direction."""
+    """Return the quantiles of the position angle, about its mean direction."""
     angle = np.arctan2(places.east_au, places.north_au)
     middle = np.angle(np.exp(1j * angle).mean(axis=0))
     turned = (angle - middle + np.pi) % (2.0 * np.pi) - np.pi

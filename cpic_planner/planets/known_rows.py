@@ -1,4 +1,4 @@
-"""What the columns of a table of known planets leave open: each quantity as a function of uniform numbers."""
+"""Quantities that a table of known planets leaves open, each as a function of uniform numbers."""
 
 import functools
 
@@ -24,7 +24,7 @@ _LEAST = 1e-3
 
 @functools.cache
 def _usual_eccentricity() -> Law:
-    """Law of eccentricities of the default population."""
+    """Return the law of eccentricities of the default population."""
     law = load_population().mixture[0].eccentricity
     assert law is not None
     return law
@@ -38,15 +38,15 @@ class DrawnRows:
         self.flags = [table.flags(int(row)) for row in index]
 
     def column(self, name: str) -> FloatArray:
-        """Column of the rows, shape ``(n_rows, 1)``."""
+        """Return the column of the rows, shape ``(n_rows, 1)``."""
         return self.table.number(name)[self.index][:, None]
 
     def share(self, quantity: str) -> FloatArray:
-        """Uniform numbers of a quantity, shape ``(n_rows, n_draws)``, as of all that follows."""
+        """Return the uniform numbers of a quantity, shape ``(n_rows, n_draws)``, as of all that follows."""
         return self.uniforms[:, :, QUANTITIES.index(quantity)]
 
     def flagged(self, flag: str) -> BoolArray:
-        """Which rows have a flag, shape ``(n_rows, 1)``."""
+        """Return which rows have a flag, shape ``(n_rows, 1)``."""
         return np.array([flag in flags for flags in self.flags], bool)[:, None]
 
     def normal(
@@ -59,7 +59,7 @@ class DrawnRows:
         high: float = np.inf,
         fill: FloatArray | None = None,
     ) -> FloatArray:
-        """Normal about a column with its error, cut; above a thousandth of the value where no ``low`` is given.
+        """Return a normal about a column with its error, cut; above a thousandth of the value if ``low`` is not given.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class DrawnRows:
         return truncated_normal(self.share(quantity), value, error, least, np.full(value.shape, high))
 
     def angle(self, name: str, error_name: str, quantity: str) -> FloatArray:
-        """Normal about an angle, uniform where it is unknown; degrees.
+        """Return a normal about an angle, uniform where it is unknown; degrees.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class DrawnRows:
         return np.where(np.isfinite(known), known, 360.0 * self.share(quantity)) % 360.0
 
     def eccentricity(self) -> FloatArray:
-        """Eccentricity: about its value, below its limit, or of planets of long periods."""
+        """Return the eccentricity: about its value, below its limit, or of planets of long periods."""
         share, value = self.share("eccentricity"), self.column("eccentricity")
         drawn = self.normal("eccentricity", "eccentricity_err", "eccentricity", low=0.0, high=ECCENTRICITY_HIGH)
         drawn = np.where(self.flagged("eccentricity_upper_limit"), share * np.minimum(value, ECCENTRICITY_HIGH), drawn)
@@ -108,7 +108,7 @@ class DrawnRows:
         return drawn
 
     def tilt_and_mass(self) -> tuple[FloatArray, FloatArray]:
-        """Inclination and true mass, which m sin i joins."""
+        """Return the inclination and true mass, which m sin i joins."""
         true = self.normal("mass_mjup", "mass_err_mjup", "mass")
         limit = self.flagged("mass_upper_limit")
         true = np.where(limit, np.maximum(self.share("mass"), _LEAST) * self.column("mass_mjup"), true)
@@ -124,7 +124,7 @@ class DrawnRows:
         return tilt, np.where(alone, np.minimum(minimum / sine, np.maximum(STAR_MJUP, minimum)), true)
 
     def axis_and_period(self, star_msun: FloatArray, mass_mjup: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Semi-major axis and period; what is missing follows from Kepler's third law.
+        """Return the semi-major axis and period; what is missing follows from Kepler's third law.
 
         Parameters
         ----------
@@ -149,7 +149,7 @@ class DrawnRows:
     def mean_anomaly(
         self, epoch_mjd: float, period_days: FloatArray, eccentricity: FloatArray, omega_star_deg: FloatArray
     ) -> FloatArray:
-        """Mean anomaly at the epoch, degrees.
+        """Return the mean anomaly at the epoch, degrees.
 
         Parameters
         ----------
@@ -174,7 +174,7 @@ class DrawnRows:
         return np.where(self.flagged("phase_unknown"), 360.0 * self.share("mean_anomaly"), angle) % 360.0
 
     def radius(self, mass_mjup: FloatArray) -> FloatArray:
-        """Radius: about its value, or that of the true mass with scatter."""
+        """Return the radius: about its value, or that of the true mass with scatter."""
         known = self.normal("radius_rjup", "radius_err_rjup", "radius")
         deviate = special().ndtri(np.clip(self.share("radius"), 1e-12, 1.0 - 1e-12))
         other = radius_from_mass(np.where(np.isfinite(mass_mjup), mass_mjup, 1.0), deviate)
@@ -184,7 +184,7 @@ class DrawnRows:
 def truncated_normal(
     share: FloatArray, mean: FloatArray, sd: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """Quantiles of normal laws cut at both ends; the mean where ``sd`` is 0; arrays broadcast.
+    """Return the quantiles of normal laws cut at both ends; the mean where ``sd`` is 0; arrays broadcast.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class Fixed(FrozenModel):
         return self.value, self.value
 
     def quantile(self, share: FloatArray) -> FloatArray:
-        """Values below which these shares of the population lie."""
+        """Return the values below which these shares of the population lie."""
         return np.full(share.shape, self.value)
 
 
@@ -51,7 +51,7 @@ class Uniform(_Between):
     law: Literal["uniform"] = "uniform"
 
     def quantile(self, share: FloatArray) -> FloatArray:
-        """Values below which these shares of the population lie."""
+        """Return the values below which these shares of the population lie."""
         return self.low + share * (self.high - self.low)
 
 
@@ -71,7 +71,7 @@ class LogUniform(_Positive):
     law: Literal["log_uniform"] = "log_uniform"
 
     def quantile(self, share: FloatArray) -> FloatArray:
-        """Values below which these shares of the population lie."""
+        """Return the values below which these shares of the population lie."""
         return _power_quantile(share, self.low, self.high, -1.0)
 
 
@@ -82,7 +82,7 @@ class PowerLaw(_Positive):
     index: Annotated[Real, Field(ge=-20, le=20)]
 
     def quantile(self, share: FloatArray) -> FloatArray:
-        """Values below which these shares of the population lie."""
+        """Return the values below which these shares of the population lie."""
         return _power_quantile(share, self.low, self.high, self.index)
 
 
@@ -107,7 +107,7 @@ class BrokenPowerLaw(_Positive):
         return inner / (inner + _power_integral(1.0, self.high / self.turn, self.index_outer))
 
     def quantile(self, share: FloatArray) -> FloatArray:
-        """Values below which these shares of the population lie."""
+        """Return the values below which these shares of the population lie."""
         inner = self.inner_share
         below = _power_quantile(np.minimum(share / inner, 1.0), self.low, self.turn, self.index_inner)
         past = np.maximum(share - inner, 0.0) / (1.0 - inner)
@@ -130,7 +130,7 @@ class Normal(_Between):
         return self
 
     def quantile(self, share: FloatArray) -> FloatArray:
-        """Values below which these shares of the population lie."""
+        """Return the values below which these shares of the population lie."""
         low, high = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
         # In the upper tail the complement keeps its digits.
         sign = -1.0 if low > 0.0 else 1.0
@@ -152,7 +152,7 @@ class Rayleigh(FrozenModel):
         return 0.0, self.high
 
     def quantile(self, share: FloatArray) -> FloatArray:
-        """Values below which these shares of the population lie."""
+        """Return the values below which these shares of the population lie."""
         all_below = -math.expm1(-0.5 * (self.high / self.scale) ** 2)
         return np.minimum(self.scale * np.sqrt(-2.0 * np.log1p(-share * all_below)), self.high)
 
@@ -171,7 +171,7 @@ class Beta(FrozenModel):
         return 0.0, self.high
 
     def quantile(self, share: FloatArray) -> FloatArray:
-        """Values below which these shares of the population lie."""
+        """Return the values below which these shares of the population lie."""
         value: FloatArray = special().betaincinv(
             self.a, self.b, share * float(special().betainc(self.a, self.b, self.high))
         )
@@ -189,7 +189,7 @@ class Isotropic(FrozenModel):
         return 0.0, 180.0
 
     def quantile(self, share: FloatArray) -> FloatArray:
-        """Values below which these shares of the population lie."""
+        """Return the values below which these shares of the population lie."""
         return np.rad2deg(2.0 * np.arcsin(np.sqrt(share)))
 
 
@@ -213,7 +213,7 @@ class Table(FrozenModel):
         return min(self.values), max(self.values)
 
     def quantile(self, share: FloatArray) -> FloatArray:
-        """Values below which these shares of the population lie, in the order of the table."""
+        """Return the values below which these shares of the population lie, in the order of the table."""
         return np.asarray(self.values)[chosen_entry(share, self.weights or (1.0,) * len(self.values))]
 
 
@@ -225,7 +225,7 @@ LAWS = tuple(_BY_NAME)
 
 
 def read_law(value: Any) -> Law:
-    """Law of what a user writes.
+    """Return the law of what a user writes.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def read_law(value: Any) -> Law:
 
 
 def chosen_entry(share: FloatArray, weights: tuple[float, ...]) -> IntArray:
-    """Entry of a list that each share of the population falls on, entries weighed.
+    """Return the entry of a list that each share of the population falls on, entries weighed.
 
     Parameters
     ----------
@@ -266,13 +266,13 @@ def chosen_entry(share: FloatArray, weights: tuple[float, ...]) -> IntArray:
 
 
 def _power_integral(low: float, high: float, index: float) -> float:
-    """Integral of ``x^index``."""
+    """Return the integral of ``x^index``."""
     width, power = math.log(high / low), index + 1.0
     return float(low**power * (width if power == 0.0 else math.expm1(power * width) / power))
 
 
 def _power_quantile(share: FloatArray, low: float, high: float, index: float) -> FloatArray:
-    """Quantile of the density ``x^index`` between two limits; accurate for every index, -1 included."""
+    """Return the quantile of the density ``x^index`` between two limits; accurate for every index, -1 included."""
     width, power = math.log(high / low), index + 1.0
     grown = power * width
     # ln of (x / high)^power or (x / low)^power, at most 1: a sum of positive terms or, near 1, its distance from 1.

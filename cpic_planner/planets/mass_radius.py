@@ -18,7 +18,7 @@ _SCATTER = (0.0403, 0.1460, 0.0737)
 
 
 def radius_from_mass(mass_mjup: ArrayLike, deviate: ArrayLike = 0.0) -> FloatArray:
-    """Radius in Jupiter's equatorial radii (71 492 km) of planets and brown dwarfs.
+    """Return the radius in Jupiter's equatorial radii (71 492 km) of planets and brown dwarfs.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def radius_from_mass(mass_mjup: ArrayLike, deviate: ArrayLike = 0.0) -> FloatArr
 
 
 def least_mass(radius_rjup: ArrayLike) -> FloatArray:
-    """Least mass, in Jupiter masses, of planets of a radius by the mean relation.
+    """Return the least mass, in Jupiter masses, of planets of a radius by the mean relation.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ _FARTHEST_LAMBDA_D, _N_PLACES, _N_FREQUENCIES = 40.0, 2001, 400
 def star_masses_msun(
     names: Sequence[str], log_g: ArrayLike, luminosity_lsun: ArrayLike, teff_k: ArrayLike
 ) -> FloatArray:
-    """Masses of stars: of the embedded catalogue, else from gravity, luminosity and temperature.
+    """Return the masses of stars: of the embedded catalogue, else from gravity, luminosity and temperature.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def aperture_track() -> ApertureTrack:
 
 
 def smeared(shift_lambda_d: ArrayLike) -> FloatArray:
-    """Part of a planet's light that its aperture gets in a stack in which it goes along a straight line.
+    """Return the part of a planet's light that its aperture gets in a stack in which it goes along a straight line.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How well orbits are known from astrometry that is still to be taken: errors of their elements and of places to come.
+"""Errors of orbits from astrometry that is still to be taken: of their elements and of places to come.
 
 Elements are those that stay regular for circles and for orbits seen from their pole (Broucke & Cefola 1972, Celest.
 Mech. 5, 303): ``ln a``, ``h = e sin W``, ``k = e cos W`` with the longitude of pericentre ``W = omega + Omega``, ``p =
@@ -29,7 +29,7 @@ _WIDTHS = (0.7, 0.23, 0.23, 0.44, 0.44, np.pi / np.sqrt(3.0))
 
 @dataclass(frozen=True, eq=False)
 class OrbitQuality:
-    """What some epochs say of orbits, 1-sigma errors; arrays of one length. Made by `orbit_quality`.
+    """The 1-sigma errors of orbits after some epochs; arrays of one length. Made by `orbit_quality`.
 
     Attributes
     ----------
@@ -253,14 +253,14 @@ def orbit_quality(
 
 
 def _ends(days: FloatArray, used: BoolArray) -> FloatArray:
-    """First and last of the epochs that are used, 0 where none is, shape (2, n)."""
+    """Return the first and last of the epochs that are used, 0 where none is, shape (2, n)."""
     first = np.where(used, days, np.inf).min(axis=1, initial=np.inf)
     last = np.where(used, days, -np.inf).max(axis=1, initial=-np.inf)
     return np.where(used.any(axis=1), [first, last], 0.0)
 
 
 def _moved(covariance: FloatArray, period_days: FloatArray, days: FloatArray) -> FloatArray:
-    """Covariance of the elements with the mean longitude some days later, ``ln P = 1.5 ln a - 0.5 ln M``."""
+    """Return the covariance of the elements with the mean longitude some days later, ``ln P = 1.5 ln a - 0.5 ln M``."""
     turned = 2.0 * np.pi * days / period_days
     moves = np.broadcast_to(np.eye(7), covariance.shape).copy()
     moves[:, 5, 0], moves[:, 5, 6] = -1.5 * turned, 0.5 * turned
@@ -316,7 +316,7 @@ def places_of(elements: FloatArray, days: FloatArray) -> FloatArray:
 
 
 def _slopes(elements: FloatArray, days: FloatArray) -> FloatArray:
-    """Derivatives of `places_of` by the elements, shape (n, 2, t, 7), by central differences, to some 1e-9."""
+    """Return the derivatives of `places_of` by the elements, (n, 2, t, 7), by central differences, to some 1e-9."""
     steps = _STEP * np.eye(elements.shape[1])
     return np.stack(
         [(places_of(elements + step, days) - places_of(elements - step, days)) / (2.0 * _STEP) for step in steps],
@@ -325,13 +325,13 @@ def _slopes(elements: FloatArray, days: FloatArray) -> FloatArray:
 
 
 def _unit(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit vector along (one, other); the diagonal where both are 0 and any will do."""
+    """Return the unit vector along (one, other); the diagonal where both are 0 and any will do."""
     angle = np.where((one == 0.0) & (other == 0.0), 0.25 * np.pi, np.arctan2(other, one))
     return np.cos(angle), np.sin(angle)
 
 
 def _along(covariance: FloatArray, at: tuple[int, int], one: ArrayLike, other: ArrayLike) -> FloatArray:
-    """Error of ``one x + other y`` of the two elements ``at``."""
+    """Return the error of ``one x + other y`` of the two elements ``at``."""
     i, j = at
     a, b = np.asarray(one), np.asarray(other)
     var = a * a * covariance[:, i, i] + 2.0 * a * b * covariance[:, i, j] + b * b * covariance[:, j, j]

@@ -1,4 +1,4 @@
-"""What a search for unknown planets does about their motion: the orbits that it goes through, and what they cost.
+"""Search for unknown planets that move: the orbits that it goes through, and what they cost.
 
 A stack of visits that looks for unknown planets shifts its images along orbits and pays for the trials. While a planet
 has not gone far round its star, its path is a straight line, and the orbits are velocities. Planets at a known place
@@ -33,7 +33,7 @@ _RESTING = math.sqrt(2.0) * MOST_SHIFT_LAMBDA_D
 
 @functools.cache
 def _along_a_bend() -> FloatArray:
-    """Part of the light that an aperture keeps on the best line beside an arc that bends off it by `_BENDS`."""
+    """Return the part of the light that an aperture keeps on the best line beside an arc that bends by `_BENDS`."""
     time = (np.arange(2000) + 0.5) / 4000.0
     track, off = aperture_track(), np.abs(8.0 * time**2 - 1.0)
     return np.asarray(np.interp(_BENDS[:, None] * off, track.offset, track.light).mean(axis=1))
@@ -46,7 +46,7 @@ which the tests repeat (it takes as long as all else that a cold answer computes
 
 @functools.lru_cache(maxsize=16)
 def _levels_of_ways(sigma: float) -> FloatArray:
-    """Significance with the false alarms of ``sigma`` at rest, of searches whose fastest planet goes `_WAYS`."""
+    """Return the significance with the false alarms of ``sigma`` at rest, of searches of fastest planets `_WAYS`."""
     alone, level, way = special().ndtr(-sigma), np.full(_WAYS.shape, sigma), _WAYS
     for _ in range(_ITERATIONS):  # the number of trials depends on the threshold as its square
         edge = math.sqrt(math.pi / 2.0) * way * (level**2 - 1.0) / level
@@ -56,7 +56,7 @@ def _levels_of_ways(sigma: float) -> FloatArray:
 
 
 def _squares(steps: FloatArray) -> FloatArray:
-    """Squares that a disc touches whose radius is so many halves of their diagonals."""
+    """Return the squares that a disc touches whose radius is so many halves of their diagonals."""
     return 1.0 + 2.0 * math.sqrt(2.0) * steps + math.pi / 2.0 * steps**2
 
 
@@ -212,7 +212,7 @@ class OrbitSearch:
         return factor
 
     def _level(self, visits: FloatArray, span: FloatArray, speed: FloatArray) -> FloatArray:
-        """Significance with the false alarms of the one at rest, for planets that may leave their place."""
+        """Return the significance with the false alarms of the one at rest, for planets that may leave their place."""
         fastest = math.sqrt(2.0) * speed
         gap = self.gap_h / 24.0
         visit = (span - (visits - 1.0) * gap) / visits
@@ -249,7 +249,7 @@ class OrbitSearch:
 
 
 def _bent(bend_lambda_d: FloatArray) -> FloatArray:
-    """Part of the light that is kept on the best line beside an arc that bends off it by so much."""
+    """Return the part of the light that is kept on the best line beside an arc that bends off it by so much."""
     near = np.minimum(bend_lambda_d, _BENDS[-1])
     return np.asarray(np.interp(near, _BENDS, _along_a_bend()) * near / np.maximum(bend_lambda_d, 1e-300))
 

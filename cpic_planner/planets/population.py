@@ -93,7 +93,7 @@ class Planets(OrbitingPlanets):
         return len(self.radius_rjup)
 
     def scale(self, luminosity_lsun: FloatArray) -> FloatArray:
-        """Factor of all lengths of the orbits around stars of these luminosities, 1 unless they follow insolation.
+        """Return the factor of all orbits' lengths around stars of these luminosities, 1 unless they follow insolation.
 
         Raises
         ------
@@ -162,25 +162,25 @@ class PopulationChoice:
 
     @classmethod
     def default(cls) -> "PopulationChoice":
-        """The shipped population of giant planets."""
+        """Return the shipped population of giant planets."""
         return cls(load_population())
 
     def draw(self) -> Planets:
-        """The planets, the same at every star."""
+        """Return the planets, the same at every star."""
         return draw_population(self.config, self.n_planets, self.seed)
 
     def limits(self, names: Sequence[str]) -> StarLimits:
-        """What is known of stars of these names, as far as it counts."""
+        """Return what is known of stars of these names, as far as it counts."""
         return StarLimits.of(names, self.exclusions)
 
     def record(self) -> PopulationRecord:
-        """As written into results."""
+        """Return what is written into results."""
         standing = self.config.provenance.get("planets_per_star")
         return PopulationRecord.of(
             self, self.config, planets_per_star_range=None if standing is None else standing.range
         )
 
     def content(self) -> dict[str, object]:
-        """For content hashes."""
+        """Return what decides a draw, for content hashes."""
         asked = {"n_planets": self.n_planets, "seed": self.seed, "exclusions": list(self.exclusions)}
         return {"config": self.config.content(), **asked}

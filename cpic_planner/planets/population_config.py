@@ -1,4 +1,4 @@
-"""What is assumed of planets: a population as configuration, its presets and its loader."""
+"""A population of planets as configuration, with its presets and its loader."""
 
 import functools
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ _HINTS = {"phase": _PHASE, "phase_deg": _PHASE, "period": "give semi_major_axis_
 
 
 def _law(value: Any, info: ValidationInfo) -> Law | None:
-    """Law of one quantity, checked against what the quantity can be."""
+    """Return the law of one quantity, checked against what the quantity can be."""
     if value is None:
         return None
     quantity = str(info.field_name)
@@ -103,7 +103,7 @@ class PlanetKind(_Quantities):
 
 
 class PopulationConfig(_Quantities):
-    """What is assumed of planets.
+    """A population: all that is assumed of planets.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ mean_anomaly_deg : Law
         return drawn
 
     def content(self) -> dict[str, Any]:
-        """Everything that decides a draw, for content hashes: a file counts by what is in it."""
+        """Return everything that decides a draw, for content hashes: a file counts by what is in it."""
         albedos = [ReferencePlanet(albedo=kind.albedo).content()["albedo"] for kind in self.mixture]
         laws = [kind.model_dump(mode="json", exclude={"name"}) for kind in self.mixture]
         kinds = [law | {"albedo": albedo} for law, albedo in zip(laws, albedos, strict=True)]
@@ -196,7 +196,7 @@ mean_anomaly_deg : Law
 
 @functools.lru_cache(maxsize=256)
 def _mixture(population: PopulationConfig) -> tuple[PlanetKind, ...]:
-    """Kinds of a population, each complete; kept, because every draw asks for them and reading laws takes a while."""
+    """Return the kinds of a population, each complete; kept, as every draw asks and reading laws takes a while."""
     shared = {key: getattr(population, key) for key in _LAWS}
     if not population.kinds:
         return (PlanetKind(name=population.name, **shared),)
@@ -211,7 +211,7 @@ PopulationSource = PopulationConfig | Mapping[str, Any] | str | Path | None
 
 
 def population_names() -> tuple[str, ...]:
-    """Names of the populations that ship with the package."""
+    """Return the names of the populations that ship with the package."""
     return config.preset_names("population", package=PACKAGE)
 
 
@@ -265,7 +265,7 @@ def _tree(source: Any) -> dict[str, Any]:
 
 
 def _laid_over(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """What differs, laid over a preset."""
+    """Return what differs, laid over a preset."""
     merged = {key: item for key, item in base.items() if key not in ("planets_per_star", "description")}
     merged["name"] = f"{base['name']}+changes"
     kinds = own.get("kinds")

@@ -137,12 +137,12 @@ def published_orbit(
 
 
 def _about_mean(values: FloatArray) -> FloatArray:
-    """Deviations from the mean; exactly 0 where all values are the same."""
+    """Return the deviations from the mean; exactly 0 where all values are the same."""
     return values - values.mean() if np.ptp(values) > 0.0 else np.zeros_like(values)
 
 
 def _turned(angle: FloatArray) -> FloatArray:
-    """Deviations from the mean direction, between -pi and pi; exactly 0 where all are the same."""
+    """Return the deviations from the mean direction, between -pi and pi; exactly 0 where all are the same."""
     if not np.ptp(angle) > 0.0:
         return np.zeros_like(angle)
     middle = np.angle(np.exp(1j * angle).mean())

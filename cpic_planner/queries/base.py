@@ -32,7 +32,7 @@ def sections(instrument: Instrument) -> dict[str, Any]:
 
 
 def _every(node: Mapping[str, Any], above: str = "") -> Iterator[str]:
-    """Dotted keys of all values."""
+    """Yield the dotted keys of all values."""
     for name, item in node.items():
         below = children(item)
         if below is None:
@@ -65,7 +65,7 @@ def _below(node: Mapping[str, Any], parts: list[str], above: str) -> Iterator[tu
 
 
 def _takes_new(node: Any) -> bool:
-    """Whether a mapping holds values by the names of bands, so that there may be more."""
+    """Return whether a mapping holds values by the names of bands, so that there may be more."""
     return isinstance(node, Mapping) and not any(children(item) is not None for item in node.values())
 
 
@@ -204,7 +204,7 @@ def option_names(model: type[FrozenModel]) -> dict[str, str]:
 
 
 class Question(FrozenModel):
-    """What a command is asked: its fields are options, keywords of the Python function, keys of YAML and of the schema.
+    """A question to a command: its fields are options, keywords of Python, keys of YAML and of the schema.
 
     Equal physics has an equal hash: fields that decide no number (workers, folders) are in no hash, and neither is what
     is said of a field. None stands for an answer that was not given.
@@ -246,7 +246,7 @@ class Question(FrozenModel):
 
     @classmethod
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
-        """Values as people write them, read."""
+        """Return the values as people write them, read."""
         for name, info in cls.model_fields.items():
             own = asked_of(info)
             if own is not None and own.read is not None and name in tree:
@@ -263,7 +263,7 @@ class Question(FrozenModel):
         return content_hash({"kind": self.KIND} | self.hashed())
 
     def is_given(self, *path: str) -> bool:
-        """Whether a field, or one inside it, was given something other than no."""
+        """Return whether a field, or one inside it, was given something other than no."""
         value: Any = self
         for name in path:
             if not isinstance(value, FrozenModel) or name not in value.model_fields_set:
@@ -349,7 +349,7 @@ def _has(tree: Mapping[str, Any], path: Sequence[str], field: str, wanted: str) 
 
 
 def _settings(model: type[FrozenModel]) -> dict[str, Any]:
-    """Fields that decide no number, those of models inside a question too."""
+    """Return the fields that decide no number, those of models inside a question too."""
     found: dict[str, Any] = {}
     for name, info in model.model_fields.items():
         own = asked_of(info)

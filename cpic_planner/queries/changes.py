@@ -222,12 +222,12 @@ def changed(nominal: Instrument, changes: Iterable[Change]) -> Instrument:
 
 
 def is_optical(key: str) -> bool:
-    """Whether a key, which may hold ``*``, can mean something that point-spread functions depend on."""
+    """Return whether a key, which may hold ``*``, can mean something that point-spread functions depend on."""
     return any(_meets(key, pattern) for pattern in _OPTICS)
 
 
 def _meets(key: str, pattern: str) -> bool:
-    """Whether a key, which may hold ``*``, can mean what a pattern names or something below it."""
+    """Return whether a key, which may hold ``*``, can mean what a pattern names or something below it."""
     ours, theirs = key.split("."), pattern.split(".")
     pairs = zip(ours, theirs, strict=False)
     return len(ours) >= len(theirs) and all(fnmatchcase(a, b) or fnmatchcase(b, a) for a, b in pairs)
@@ -239,14 +239,14 @@ def long_key(key: str) -> str:
 
 
 def _present(key: str, nominal: Instrument | None) -> float | None:
-    """The number of an instrument that a key means, if it means one."""
+    """Return the number of an instrument that a key means, if it means one."""
     leaves = {} if nominal is None else dict(matching(sections(nominal), key))
     values = {value for value in leaves.values() if is_number(value)}
     return values.pop() if len(values) == 1 else None
 
 
 def _leaves(nominal: Instrument, change: Change) -> list[tuple[str, Any]]:
-    """Keys and values of an instrument that a key means."""
+    """Return the keys and values of an instrument that a key means."""
     root = sections(nominal)
     if change.key == DRIFT:
         return [leaf for key in (_VISIT, _WALK) for leaf in matching(root, key)]
@@ -362,7 +362,7 @@ def instrument_rows(
 
 
 def _plain_values(node: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted keys with their values as text."""
+    """Yield the dotted keys with their values as text."""
     for name, item in node.items():
         below = children(item)
         if below:

@@ -24,7 +24,7 @@ OWN_STAR = "my star"
 
 
 def _planets(given: Any) -> Any:
-    """Planets from what people write: one or several, objects or mappings."""
+    """Return the planets from what people write: one or several, objects or mappings."""
     if isinstance(given, Sequence) and not isinstance(given, str):
         return tuple(_planets(body) for body in given)
     planet = shared.ReferencePlanet

@@ -26,7 +26,7 @@ Meaning = tuple[str, str]
 
 @dataclass(frozen=True)
 class Asked:
-    """What a field of a question is beside its type, range and default.
+    """The metadata of a field of a question beside its type, range and default.
 
     Attributes
     ----------

@@ -1,7 +1,4 @@
-"""What decides images that are measured; the part that a plan, a scene and single stars share.
-
-The question of ``cpic confirm``: what simulated images of a scene show.
-"""
+"""The question of ``cpic confirm``, and the settings of measured images that plans and single stars share."""
 
 import os
 from pathlib import Path
@@ -24,7 +21,7 @@ REALISATIONS = 8
 
 
 class ImageQuestion(shared.InstrumentQuestion):
-    """What decides images that are measured.
+    """The settings that decide images that are measured.
 
     ``fidelity`` or ``tolerance`` set the dial of speed against accuracy, ``standard`` without any.
     ``simulator_overrides`` alter the images alone.
@@ -103,7 +100,7 @@ class StarImagesQuestion(ImageQuestion, shared.StarsQuestion, shared.RunQuestion
 
 
 def audited(dial: Dial, asked_for: bool | None = None) -> bool:
-    """Whether one more realisation runs frame by frame beside those that are drawn as sums.
+    """Return whether one more realisation runs frame by frame beside those that are drawn as sums.
 
     Parameters
     ----------
@@ -154,7 +151,7 @@ class SceneParts(Parts):
 
 
 def _scene(source: str) -> Scene:
-    """Scene of a preset or a file; says what to do with the name of a star."""
+    """Return the scene of a preset or a file; say what to do with the name of a star."""
     try:
         return load_scene(source)
     except InputError as error:

@@ -96,27 +96,27 @@ class SimulatorOverrides(FrozenModel):
         return any(entry.is_optical for entry in self.entries)
 
     def text(self) -> str:
-        """In one line, for reports."""
+        """Return the overrides in one line, for reports."""
         return ", ".join(entry.text for entry in self.entries) or "none"
 
     def as_mapping(self) -> dict[str, Any]:
-        """As a mapping of keys to values, which `of` reads."""
+        """Return a mapping of keys to values, which `of` reads."""
         return {
             entry.key: entry.value_text if entry.action == "scale" or entry.key == DRIFT else entry.value
             for entry in self.entries
         }
 
     def companions(self, nominal: OnOff) -> OnOff:
-        """Whether the light of companions is in the images, given whether the prediction counts it."""
+        """Return whether the light of companions is in the images, given whether the prediction counts it."""
         return next((cast(OnOff, entry.value) for entry in self.entries if entry.key == COMPANIONS), nominal)
 
     def scene(self, nominal: Scene) -> Scene:
-        """The scene that is simulated, given the one of the prediction."""
+        """Return the scene that is simulated, given the one of the prediction."""
         chosen = self.companions(nominal.companions)
         return nominal if chosen == nominal.companions else nominal.model_copy(update={"companions": chosen})
 
     def changes(self, nominal: Instrument) -> tuple[Alteration, ...]:
-        """Every number and word of an instrument that is altered, by key.
+        """Return every number and word of an instrument that is altered, by key.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class SimulatorOverrides(FrozenModel):
             raise _named(error) from None
 
     def instrument(self, nominal: Instrument) -> Instrument:
-        """The instrument that is simulated, given the one of the prediction.
+        """Return the instrument that is simulated, given the one of the prediction.
 
         Raises
         ------
@@ -150,7 +150,7 @@ OverrideSource: TypeAlias = SimulatorOverrides | Mapping[str, Any] | str | Path 
 
 
 def _pairs(source: OverrideSource) -> Iterator[tuple[str, Any]]:
-    """Keys and values of a source, as they are written."""
+    """Yield the keys and values of a source, as they are written."""
     if source is None:
         return
     if isinstance(source, Mapping):
@@ -186,7 +186,7 @@ def _flat(tree: Mapping[Any, Any], above: str = "") -> Iterator[tuple[str, Any]]
 
 
 def _stated(key: str, value: Any) -> Any:
-    """A value of a mapping, one of `astropy.units` as a text with the unit of its key."""
+    """Return a value of a mapping, one of `astropy.units` as a text with the unit of its key."""
     if not hasattr(value, "to_value"):
         return value
     unit = unit_of(long_key(key))
@@ -195,20 +195,20 @@ def _stated(key: str, value: Any) -> Any:
 
 
 def _sourced(item: Alteration) -> dict[str, Any]:
-    """An altered value with its standing, as an instrument's file has it."""
+    """Return an altered value with its standing, as an instrument's file has it."""
     source = f"override of the simulator, {item.change.text}; nominal {item.nominal}"
     return {"value": item.altered, "source": source, "confidence": "A"}
 
 
 def _named(error: InputError) -> InputError:
-    """The refusal with the name of the overrides before its key."""
+    """Return a refusal with the name of the overrides before its key."""
     if error.key:
         return at(_WHERE, error)
     return InputError(_WHERE, error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
 
 
 def _inner(error: ValueError) -> InputError:
-    """The refusal of ours that pydantic reports."""
+    """Return our refusal that pydantic reports."""
     for item in getattr(error, "errors", list)():
         cause = item.get("ctx", {}).get("error")
         if isinstance(cause, InputError):
@@ -217,7 +217,7 @@ def _inner(error: ValueError) -> InputError:
 
 
 def _refused(error: InputError, changes: tuple[Alteration, ...], text: str) -> InputError:
-    """The instrument's refusal in the words of the overrides."""
+    """Return the instrument's refusal in the words of the overrides."""
     key = error.key.removeprefix("instrument.")
     for item in changes:
         if key == item.key or key.startswith(f"{item.key}."):

@@ -289,7 +289,7 @@ FILTERS = tuple(inspect.get_annotations(FilteredQuestion))
 
 
 class RankedQuestion(shared.InstrumentQuestion, FilteredQuestion, CountedPlanetsQuestion):
-    """What a ranking of stars is asked."""
+    """The settings of a ranking of stars."""
 
     time_s: float = asked(
         shared.DEFAULT_TIME_S,

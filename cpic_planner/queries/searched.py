@@ -17,7 +17,7 @@ _MOST_PLACES = 200
 
 
 class SearchedQuestion(shared.InstrumentQuestion, shared.StarsQuestion, shared.RunQuestion):
-    """What one programme of a star shows in each band, by closed forms and in simulated images."""
+    """A question about one programme of a star in each band, by closed forms and in simulated images."""
 
     target: str = asked(..., 'Star: "tau Cet", "HIP 8102", "alpha Cen B" ...', argument=True)
     time_s: float | None = asked(

@@ -1,8 +1,6 @@
-"""The stated planet that a star's numbers refer to, as configuration.
+"""Fields that several questions share: the stated planet, the reduction, the instrument, the stars, runs.
 
 How an observation is made and reduced, as configuration: one name of each setting for commands, YAML and Python.
-
-Fields that several questions share: the instrument and its bands, the stars, runs.
 """
 
 from __future__ import annotations
@@ -82,7 +80,7 @@ class ReferencePlanet(FrozenModel):
     )
 
     def content(self) -> dict[str, Any]:
-        """Everything that decides its light, for content hashes: a file counts by what is in it."""
+        """Return everything that decides its light, for content hashes: a file counts by what is in it."""
         tree = self.model_dump(mode="json")
         file = getattr(self.albedo, "file", None)
         if file is not None:
@@ -118,7 +116,7 @@ class ReferenceStar(FrozenModel):
 
 
 class Reduction(FrozenModel):
-    """How images are reduced: what a simulated observation can honour of a `Strategy`.
+    """The reduction of images: the part of a `Strategy` that a simulated observation can honour.
 
     Notes
     -----
@@ -232,7 +230,7 @@ class Reduction(FrozenModel):
 
 
 class Strategy(Reduction):
-    """How an observation is made and reduced: the fields of `Reduction`, and how the camera counts.
+    """The way in which an observation is made and reduced: `Reduction`, and how the camera counts.
 
     Without ``visits`` the best number is chosen where one is asked for, and elsewhere there is one.
 
@@ -372,7 +370,7 @@ class CutsQuestion(StarsQuestion):
 
 
 class RunQuestion(Question):
-    """How a run is made: nothing here decides a number."""
+    """The settings of a run; none of them decides a number."""
 
     workers: int = asked(
         1, "Local worker processes; results do not depend on their number.", ge=1, le=256, physics=False

@@ -16,7 +16,7 @@ _CHANGES = ("frames", "seed", "fidelity", "tolerance", "switches", "start_utc")
 
 
 def _split(value: Any) -> Any:
-    """Items of a list whose texts may hold several with commas between."""
+    """Return the items of a list whose texts may hold several with commas between."""
     items = several(value)
     if items and all(isinstance(item, str) for item in items):
         return tuple(part.strip() for text in items for part in text.split(","))
@@ -24,7 +24,7 @@ def _split(value: Any) -> Any:
 
 
 def _numbers(value: Any) -> Any:
-    """Numbers of a list, or of texts with commas between."""
+    """Return the numbers of a list, or of texts with commas between."""
     try:
         return tuple(float(item) if isinstance(item, str) else item for item in _split(value))
     except ValueError:

@@ -74,7 +74,7 @@ class Ranking:
         return None if self.header is None else str(self.header["score_name"])
 
     def record(self) -> ComparedRanking:
-        """As it is written into results."""
+        """Return what is written into results."""
         return ComparedRanking.of(
             self,
             n_stars=len(self.rows),
@@ -187,14 +187,14 @@ def compare_rankings(before: Ranking, after: Ranking) -> RankComparison:
 
 
 def _rank(row: RankedTarget) -> int:
-    """Rank among all stars; in older results, which had no filters, the rank."""
+    """Return the rank among all stars; in older results, which had no filters, the rank."""
     return row.rank if row.rank_in_catalogue is None else row.rank_in_catalogue
 
 
 def _paired(
     before: Sequence[RankedTarget], after: Sequence[RankedTarget]
 ) -> tuple[list[tuple[RankedTarget, RankedTarget]], list[RankedTarget], list[RankedTarget]]:
-    """The same stars of both in the order of the second, and what only one of them holds."""
+    """Return the same stars of both in the order of the second, and what only one of them holds."""
     left = dict(enumerate(before))
     by_name = {row.name: i for i, row in reversed(left.items())}
     by_key = {star_key(row.name): i for i, row in reversed(left.items())}
@@ -213,7 +213,7 @@ def _new_detections(pairs: Sequence[tuple[RankedTarget, RankedTarget]]) -> list[
 
 
 def _agreement(moves: Sequence[RankMove]) -> Iterator[RankAgreement]:
-    """How far the first stars agree, among those that both rankings hold."""
+    """Yield how far the first stars agree, among those that both rankings hold."""
     scores = np.array([[move.before.score, move.after.score] for move in moves])
     place = np.empty(scores.shape, np.int64)
     for side, ranks in enumerate(([move.before.rank for move in moves], [move.after.rank for move in moves])):
@@ -229,7 +229,7 @@ def _agreement(moves: Sequence[RankMove]) -> Iterator[RankAgreement]:
 
 
 def _crossing(ranks: np.ndarray[Any, np.dtype[np.int64]], i: int) -> tuple[int, int]:
-    """How many stars a star passes, and how many pass it."""
+    """Return how many stars a star passes, and how many pass it."""
     before, after = ranks.T
     passes = (before < before[i]) & (after > after[i])
     passed = (before > before[i]) & (after < after[i])
@@ -249,7 +249,7 @@ def _percent(share: float) -> str:
 
 
 def _excluded(row: RankedTarget) -> str:
-    """Share of what is detected that is not counted, because it is known not to be there."""
+    """Return the share of what is detected that is not counted, because it is known not to be there."""
     of_all = row.completeness_unconditional
     return _percent(1.0 - row.completeness / of_all) if of_all else "0 %"
 
@@ -280,7 +280,7 @@ def _changes(says: Says, old: RankedTarget, new: RankedTarget) -> dict[str, str]
 
 
 def _why(old: RankedTarget, new: RankedTarget, crossing: tuple[int, int] | None) -> str:
-    """What changes of a star, and how others move past it where that decides its place."""
+    """Return what changes of a star, and how others move past it where that decides its place."""
     star = _changes(_STAR, old, new)
     planet = _changes(_PLANET if max(old.score, new.score) > 0.0 else {**_PLANET, **_MARGIN}, old, new)
     if old.completeness_unconditional != new.completeness_unconditional and "0 %" not in map(_excluded, (old, new)):
@@ -307,7 +307,7 @@ def _counted(stars: int) -> str:
 
 
 def _settings(before: Ranking, after: Ranking) -> list[SettingChange] | None:
-    """Settings that differ; those of the instruments key by key, where both are at hand."""
+    """Return the settings that differ; those of the instruments key by key, where both are at hand."""
     if before.header is None or after.header is None:
         return None
     old, new = dict(before.header), dict(after.header)
@@ -323,7 +323,7 @@ def _settings(before: Ranking, after: Ranking) -> list[SettingChange] | None:
 
 
 def _leaves(tree: Any, above: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted keys of a tree, and what is there as text."""
+    """Yield the dotted keys of a tree, and what is there as text."""
     if hasattr(tree, "model_dump"):
         tree = {name: getattr(tree, name) for name in type(tree).model_fields}
     if isinstance(tree, Mapping):
@@ -343,7 +343,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _statement(found: Mapping[str, Any], moves: Sequence[RankMove], scored: Sequence[RankMove], mover: RankMove) -> str:
-    """The comparison in words: who moves, which planets are detected, how firm the order is, who moves most."""
+    """Return the comparison in words: who moves, which planets are detected, how firm the order is, who moves most."""
     before, after = found["before"], found["after"]
     words = []
     if not scored:

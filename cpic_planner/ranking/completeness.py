@@ -1,4 +1,4 @@
-"""How many planets of a population one observation of each star detects, of all and of those that may still exist."""
+"""Completeness: the planets of a population that one observation of each star detects, all or still possible."""
 
 import functools
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ class _Setting:
     visits: FloatArray
 
     def of(self, stars: IntArray) -> "_Setting":
-        """Those of some stars, beside arrays of stars and planets."""
+        """Return the frames of some stars, beside arrays of stars and planets."""
         return _Setting(*(value[stars][:, None] for value in vars(self).values()))
 
 
@@ -92,7 +92,7 @@ def completeness(
     search: DetectionMode | None = None,
     around: ZonePlanets | None = None,
 ) -> BandCompleteness:
-    """Fraction of a population that one observation of each star detects.
+    """Return the fraction of a population that one observation of each star detects.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ class _Counts:
                 self.detected[k, mode, stars] += np.bincount(row, value, len(stars))
 
     def _contrast(self, stars: IntArray, pick: IntArray, usable: BoolArray) -> FloatArray:
-        """Contrast of the picked planets of each star, shape ``(n, k)``; the range of their insolation is noted."""
+        """Return the contrast of the picked planets of each star, ``(n, k)``; note the range of their insolation."""
         planets, kind, targets = self.planets, self.planets.kind[pick], self.targets.select(stars)
         distance = planets.distance_au[pick] * self.scale[stars][:, None]
         follows = np.array([needs_insolation(spec) for spec in planets.albedos])[kind] & usable
@@ -251,7 +251,7 @@ def _chances(
     shown: tuple[IntArray, ...],
     setting: _Setting,
 ) -> FloatArray:
-    """Probabilities that planets are detected, blind and at their place, of offsets x and y, and contrasts.
+    """Return the probabilities that planets are detected, blind and at their place, of offsets x and y, and contrasts.
 
     The planets of every star fill the first columns of a rectangle: ``shown`` are those that count, and the result has
     the shape ``(2, k)`` of them.
@@ -288,7 +288,7 @@ def _chances(
 
 
 def _notes(model: etc.EtcModel, band: str, planets: Planets, insolation: list[float]) -> tuple[str, ...]:
-    """What was clamped or extrapolated in the planets' albedos."""
+    """Return what was clamped or extrapolated in the planets' albedos."""
     notes: list[str] = []
     for spec, _ in etc.kinds_by_albedo(planets.albedos):
         if not needs_insolation(spec):
@@ -303,7 +303,7 @@ def _notes(model: etc.EtcModel, band: str, planets: Planets, insolation: list[fl
 def _settings(
     model: etc.EtcModel, n_stars: int, exposure_s: ArrayLike, n_frames: ArrayLike, em_gain: ArrayLike
 ) -> tuple[FloatArray, ...]:
-    """Exposure, frames and gain of every star, checked; 1 s and gain 1 where there are no frames."""
+    """Return the exposure, frames and gain of every star, checked; 1 s and gain 1 where there are no frames."""
     frames = _one_each("n_frames", n_frames, n_stars)
     bad = frames[~(np.isfinite(frames) & (frames >= 0.0))]
     if bad.size:

@@ -1,4 +1,4 @@
-"""How sure an order is: the stars ranked under many instruments that fit what is known, and what decides."""
+"""Rank the stars under many instruments that fit what is known, and tell how sure the order is."""
 
 import functools
 from collections.abc import Mapping, Sequence
@@ -140,7 +140,7 @@ def standings(
 
 
 def _standing(setting: RankSetting, counts: CountedPlanets, drawn: Mapping[str, float]) -> tuple[NDArray[Any], ...]:
-    """Scores, margins, detections and expected planets of the stars under one instrument."""
+    """Return the scores, margins, detections and expected planets of the stars under one instrument."""
     found = ranked(setting, counts.targets, brief=True, counts=counts)
     counted = np.stack([part.counted for part in found.counted])[found.picked, np.arange(len(counts.targets))]
     rate = setting.population.record().planets_per_star
@@ -211,7 +211,7 @@ def with_ensemble(result: RankResult, setting: RankSetting, targets: Targets, ch
 
 
 def _first(rows: Sequence[RankedTarget], most: int) -> BoolArray:
-    """The stars that come first by nominal rank or by the reference planet's margin."""
+    """Return the stars that come first by nominal rank or by the reference planet's margin."""
     by_margin = np.empty(len(rows), np.int64)
     by_margin[np.argsort([-row.detection_margin for row in rows], kind="stable")] = np.arange(1, len(rows) + 1)
     nearest = np.minimum(by_margin, [row.rank for row in rows])
@@ -228,7 +228,7 @@ def _ranked_by_all(
     draws: Sequence[Mapping[str, float]],
     pool: BoolArray,
 ) -> tuple[Standings, Standings]:
-    """Stars of the pool under every instrument, the pool grown as needed, and all stars under some of them."""
+    """Return the pool's stars under every instrument, the pool grown as needed, and all stars under some."""
     announce(f"ranking {np.count_nonzero(pool)} stars under {len(draws)} instruments")
     found = standings(setting, targets.select(pool), choice, draws)
     if pool.all():
@@ -246,7 +246,7 @@ def _ranked_by_all(
 
 
 def _columns(found: Standings, whole: Standings, pool: IntArray) -> dict[str, list[float]]:
-    """What rows of all stars say, by the names of their columns."""
+    """Return what rows of all stars say, by the names of their columns."""
     ranks: list[IntArray] = [whole.rank[:, i] for i in range(whole.rank.shape[1])]
     reached = np.zeros(len(ranks))
     for column, star in enumerate(pool.tolist()):
@@ -266,7 +266,7 @@ def _columns(found: Standings, whole: Standings, pool: IntArray) -> dict[str, li
 
 
 def _record(setting: RankSetting, targets: Targets, choice: EnsembleChoice, found: Standings) -> EnsembleRecord:
-    """Numbers of the whole ensemble, and the bars of what it hangs on."""
+    """Return the numbers of the whole ensemble, and the bars of what it hangs on."""
     keys = list(choice.ensemble.drawn)
     announce(f"ranking {len(targets)} stars with each of {len(keys)} numbers at the ends of what it may be")
     ends = {key: choice.ensemble.numbers[key].law.quantile(np.array(ENDS)).tolist() for key in keys}

@@ -1,4 +1,4 @@
-"""Why a star stands where it stands in the ranking."""
+"""Explain why a star stands where it stands in the ranking."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -91,7 +91,7 @@ def explain_star(
 
 
 def _other_ranks(setting: RankSetting, targets: Targets, rows: Sequence[RankedTarget], name: str) -> dict[str, int]:
-    """Rank of a star under every other assumption, among the first stars of the nominal ranking.
+    """Return the rank of a star under every other assumption, among the first stars of the nominal ranking.
 
     They are enough where those that come before it are all well within them; else as many again are added.
     """
@@ -113,7 +113,7 @@ def _other_ranks(setting: RankSetting, targets: Targets, rows: Sequence[RankedTa
 
 
 def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPlanets) -> BandStanding:
-    """One band of one star."""
+    """Return one band of one star."""
     model, planet = setting.model, setting.planet
     best = best_in_band(model, star, band, setting.time_s, planet)
     counted = counts.completeness(model, band, best)
@@ -145,7 +145,7 @@ def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPla
 
 
 def _choice(model: etc.EtcModel, best: OptimalSetting) -> etc.FrameChoice:
-    """The frames of a best setting, as the solver gives them."""
+    """Return the frames of a best setting, as the solver gives them."""
     exposure, frames, gain = (column[:, None] for column in (best.exposure_s, best.frames_per_visit, best.em_gain))
     visit = frames * (exposure + model.camera(str(best.band[0])).readout_s)
     with np.errstate(divide="ignore"):
@@ -155,7 +155,7 @@ def _choice(model: etc.EtcModel, best: OptimalSetting) -> etc.FrameChoice:
 def _sentences(
     star: RankedTarget, bands: Sequence[BandStanding], ranks: dict[str, int], n_ranked: int, score: ScoreName
 ) -> list[str]:
-    """The explanation in words: score, geometry, noise, and how firm the rank is."""
+    """Return the explanation in words: score, geometry, noise, and how firm the rank is."""
     chosen = next(item for item in bands if item.band == star.band)
     geometry = next(item for item in bands if item.band == star.completeness_band)
     words = [f"Rank {star.rank} of {n_ranked} by {SCORES[score].title}: {star.score:.3g}."]

@@ -1,4 +1,4 @@
-"""Which planets of a population stand in the dark zone around which stars, and which of them are too faint to count.
+"""Select the planets of a population that stand in the dark zone of a star and are not too faint to count.
 
 Neither where planets stand nor what they are depends on how dark the zone is: rankings under many instruments of one
 geometry place them once.
@@ -92,7 +92,7 @@ class ZonePlanets:
         yield from self._kept[key]
 
     def _placed(self, zone: Zone, radius_arcsec: float, parity: int) -> Iterator[Placed]:
-        """A map from sky to detector is linear in the offset, whatever its unit."""
+        """Return the places on the detector: a map from sky to detector is linear in the offset, whatever its unit."""
         planets, targets = self.planets, self.targets
         arcsec_au = planets.scale(targets.luminosity_lsun) / targets.distance_pc
         for part in _slices(len(planets), _PLANETS):
@@ -142,7 +142,7 @@ def faintest_contrast(
     visits: FloatArray,
     law: etc.DetectionLaw | None,
 ) -> FloatArray:
-    """Contrast below which no planet of a ring is detected: all of them need no further look.
+    """Return the contrast below which no planet of a ring is detected: all of them need no further look.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def faintest_contrast(
 def _least_shares(
     metrics: PsfMetrics, fine: FloatArray, middle: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray | float, FloatArray | float]:
-    """The least sky on a pixel of each ring, and the least core, over those in the middle of the zone; at most 1."""
+    """Return the least sky on a pixel of each ring, and the least core, in the middle of the zone; at most 1."""
     found: list[FloatArray | float] = []
     for value in (metrics.sky_share, metrics.core_pixels):
         there = value(*etc.diagonal(metrics.zone, fine))
@@ -219,7 +219,7 @@ def _least_shares(
 
 
 def _least(law: ProgrammeLaw) -> ProgrammeLaw:
-    """The least of a law along the last axis: its parts all fall and grow with the two variances that it has."""
+    """Return the least of a law along the last axis: its parts all fall and grow with the two variances that it has."""
 
     def least(part: SpeckleLaw) -> SpeckleLaw:
         return SpeckleLaw(*(np.asarray(k).min(axis=-1) for k in part))
@@ -255,7 +255,7 @@ def rectangles(star: IntArray) -> Iterator[tuple[IntArray, IntArray, BoolArray]]
 
 
 def _blocks(numbers: IntArray) -> Iterator[slice]:
-    """Slices of ascending numbers, each a rectangle of at most `_TOGETHER` pairs (one row may have more)."""
+    """Yield the slices of ascending numbers, each a rectangle of at most `_TOGETHER` pairs (one row may have more)."""
     end = len(numbers)
     while end > 0:
         most, start, idle = int(numbers[end - 1]), end - 1, 0
@@ -267,11 +267,11 @@ def _blocks(numbers: IntArray) -> Iterator[slice]:
 
 
 def _slices(length: int, step: int) -> Iterator[slice]:
-    """Slices of at most ``step`` that cover a length."""
+    """Yield the slices of at most ``step`` that cover a length."""
     for start in range(0, length, step):
         yield slice(start, min(start + step, length))
 
 
 def inside_zone(zone: Zone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
-    """Which points lie in the zone, at least ``margin`` from its edges; parameters as of `HoleZone.contains`."""
+    """Return which points lie in the zone, at least ``margin`` from its edges; parameters as of `HoleZone.contains`."""
     return zone.contains(x_arcsec, y_arcsec, margin_arcsec)

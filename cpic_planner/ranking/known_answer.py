@@ -119,7 +119,7 @@ def known_answer(
     catalogue: str | None = None,
     bands: Sequence[str] | None = None,
 ) -> KnownResult:
-    """Known planets of some stars, in the order of the stars and of the table; those that are not counted as well.
+    """Return the known planets of some stars, in order of stars and table; those that are not counted as well.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def known_answer(
 
 
 def planets_contrast(model: EtcModel, target: Targets, band: str, planets: Planets, albedo: AlbedoSpec) -> FloatArray:
-    """Contrast of planets of one star in a band, where they are; one value for each.
+    """Return the contrast of planets of one star in a band, where they are; one value for each.
 
     Parameters
     ----------
@@ -265,13 +265,13 @@ def _orbits(table: KnownPlanetTable, row: int) -> list[KnownOrbit]:
 
 
 def _days(length: float, period: float) -> list[float]:
-    """Days from the date on: many in a period, but not without end."""
+    """Return the days from the date on: many in a period, but not without end."""
     step = max(min(length / _STEPS, period / _PER_PERIOD), length / _MOST_STEPS)
     return [float(day) for day in np.linspace(0.0, length, math.ceil(length / step) + 1)]
 
 
 def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[KnownWindow]:
-    """Runs of dates on which the share is at least a half."""
+    """Return the runs of dates on which the share is at least a half."""
     likely = np.concatenate([[False], share >= _LIKELY, [False]])
     starts = np.flatnonzero(likely[1:] & ~likely[:-1])
     ends = np.flatnonzero(~likely[1:] & likely[:-1]) - 1

@@ -1,7 +1,4 @@
-"""How likely one observation of each star detects its known planets: completeness star by star.
-
-The stars that a question ranks, and those that its filters choose of them.
-"""
+"""Completeness of known planets, star by star, and the filters that choose the stars of a question."""
 
 import hashlib
 import re
@@ -32,7 +29,7 @@ KNOWN_ONLY = "those with known planets only"
 
 
 def known_rows(table: KnownPlanetTable, targets: Targets) -> list[tuple[int, ...]]:
-    """Rows of the counted planets of each star, by any of its names; empty where it has none.
+    """Return the rows of the counted planets of each star, by any of its names; empty where it has none.
 
     Parameters
     ----------
@@ -113,7 +110,7 @@ class KnownChoice:
         return cls(load_known_planets(source, candidates=candidates), utc, mjd_of(utc), albedo, n_draws, seed)
 
     def stars(self, targets: Targets) -> Targets:
-        """Targets that have known planets which are counted.
+        """Return the targets that have known planets which are counted.
 
         Raises
         ------
@@ -126,7 +123,7 @@ class KnownChoice:
         return targets.select(hosts)
 
     def draw(self, targets: Targets) -> KnownSample:
-        """Draws of the planets of each star.
+        """Return the draws of the planets of each star.
 
         Raises
         ------
@@ -143,7 +140,7 @@ class KnownChoice:
         return KnownSample(tuple(made), n)
 
     def record(self) -> PopulationRecord:
-        """As written into results, where the population of a ranking is."""
+        """Return what is written into results, where the population of a ranking is."""
         return PopulationRecord(
             name=KNOWN_PLANETS,
             description=f"{self.table.provenance}, on {self.date_utc}",
@@ -153,7 +150,7 @@ class KnownChoice:
         )
 
     def content(self) -> dict[str, Any]:
-        """For content hashes."""
+        """Return what decides the probability, for content hashes."""
         tables = [self.table, *self.table.solutions.values()]
         cells = [[(name, column.tolist()) for name, column in table.columns.items()] for table in tables]
         digest = hashlib.sha256(repr((cells, self.table.candidates)).encode()).hexdigest()
@@ -177,7 +174,7 @@ def counted_planets(question: RankedQuestion) -> PopulationChoice | KnownChoice:
 
 
 def chosen_targets(targets: Targets, question: RankedQuestion, catalogue: Catalogue) -> tuple[BoolArray, str]:
-    """Which targets pass the filters of a question, and what these are in words.
+    """Return which targets pass the filters of a question, and what these are in words.
 
     Parameters
     ----------
@@ -227,7 +224,7 @@ def chosen_targets(targets: Targets, question: RankedQuestion, catalogue: Catalo
 
 
 def _class_first(sp_type: str) -> str:
-    """A spectral type from its class on, without blanks: what stands before it (sd, d, a bracket) is left out."""
+    """Return a spectral type from its class on, without blanks and without what stands before it (sd, d, a bracket)."""
     return re.sub(r"^[^OBAFGKM]*", "", "".join(sp_type.split()))
 
 
@@ -293,7 +290,7 @@ def known_completeness(
     em_gain: ArrayLike,
     visits: ArrayLike = 1.0,
 ) -> BandCompleteness:
-    """Probability that one observation of each star detects at least one of its known planets.
+    """Return the probability that one observation of each star detects at least one of its known planets.
 
     Parameters
     ----------
@@ -391,7 +388,7 @@ class CountedPlanets:
 
 
 def _variance(shares: Sequence[float], errors: Sequence[float]) -> float:
-    """Variance of ``1 - prod(1 - p)`` where each p has a standard error."""
+    """Return the variance of ``1 - prod(1 - p)`` where each p has a standard error."""
     total = 0.0
     for k, error in enumerate(errors):
         others = np.prod([1.0 - other for j, other in enumerate(shares) if j != k])

@@ -31,7 +31,7 @@ def optimise(
     planet: ReferencePlanet | None = None,
     bands: Sequence[str] | None = None,
 ) -> OptimalSetting:
-    """Best band, separation and frame settings of each target.
+    """Return the best band, separation and frame settings of each target.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def best_in_band(
     *,
     with_limits: bool = True,
 ) -> OptimalSetting:
-    """Best separation, visits and settings of each target in one band within a time; see `optimise`.
+    """Return the best separation, visits and settings of each target in one band within a time; see `optimise`.
 
     What limits a planet that is not detected, and what would detect it, only ``with_limits``.
     """
@@ -116,7 +116,7 @@ def _least_in_band(
     planet: ReferencePlanet,
     separation_arcsec: float | None = None,
 ) -> OptimalSetting:
-    """Least time of each target in one band, for an SNR or a detection."""
+    """Return the least time of each target in one band, for an SNR or a detection."""
     search = _Search(model, targets, band, planet, separation_arcsec, snr)
     every = np.arange(len(targets))
     best, outlook, endless = search.lowest(every, lambda outlook: outlook.for_level()[0])
@@ -138,7 +138,7 @@ def _least_in_band(
 def _least_frames(
     chosen: Places, outlook: Outlook, visits: FloatArray, visit_s: FloatArray, snr: float | None
 ) -> tuple[etc.Programme, etc.FrameChoice]:
-    """Least frames of so many visits for an SNR, or a detection; they need at least ``visit_s``.
+    """Return the least frames of so many visits for an SNR, or a detection; they need at least ``visit_s``.
 
     The level of a detection grows with the share of the errors' light in the frames, and that with the length of the
     visits: it is reached from below, so that the first answer is the least.
@@ -214,7 +214,7 @@ class _Search:
         return Places(model, band, place, contrast, threshold, rates, motion)
 
     def outlook(self, stars: IntArray, columns: IntArray, *, dark: bool = False) -> Outlook:
-        """What decides programmes of some stars at some separations; ``dark``: with no background."""
+        """Return what decides programmes of some stars at some separations; ``dark``: with no background."""
         return self.places.at(stars, columns).outlook(self.snr, dark=dark)
 
     @functools.cached_property
@@ -225,7 +225,7 @@ class _Search:
     def lowest(
         self, stars: IntArray, cost: Callable[[Outlook], FloatArray], *, dark: bool = False
     ) -> tuple[IntArray, Outlook, FloatArray]:
-        """Which separation is of least cost for some stars, ``(n, 1)``: the middle one where there is no answer.
+        """Return which separation is of least cost for some stars, ``(n, 1)``: the middle one where there is no answer.
 
         And the outlook there, and the least level over SNR that any programme has, ``(n,)``.
         """
@@ -245,7 +245,7 @@ class _Search:
         return np.take_along_axis(around, best, axis=1), found, coarse.endless().min(axis=1)
 
     def _changed(self, stars: BoolArray, change: Callable[[Outlook], FloatArray], *, dark: bool = False) -> FloatArray:
-        """Least cost of some stars under a change, at the separation that is best under it; infinite for the others."""
+        """Return the least cost of some stars under a change, at its best separation; infinite for the others."""
         found, some = np.full(len(self.targets), np.inf), np.flatnonzero(stars)
         if some.size:
             found[some] = change(self.lowest(some, change, dark=dark)[1])[:, 0]
@@ -262,7 +262,7 @@ class _Search:
         *,
         with_limits: bool = True,
     ) -> OptimalSetting:
-        """Everything about the chosen separations and programmes; what limits them only in a given time."""
+        """Return everything about the chosen separations and programmes; what limits them only in a given time."""
         model, band, n = self.model, self.band, len(self.targets)
         noise = chosen.noise(choice, programme)
         if (refused := self.refusal) is not Reason.NONE:

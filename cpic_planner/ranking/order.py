@@ -54,7 +54,7 @@ def timed_model(model: etc.EtcModel, question: RankedQuestion | OptimiseQuestion
 
 @dataclass(frozen=True)
 class RankSetting:
-    """What a ranking is made with; made by `of`.
+    """The settings that a ranking is made with; made by `of`.
 
     ``time_s`` is the wall time per target and band, ``planet`` the reference planet, ``bands`` names of bands of the
     model, ``population`` what completeness counts, and ``score`` what the stars are ordered by.
@@ -93,7 +93,7 @@ class RankSetting:
         return None if isinstance(self.population, KnownChoice) else self.population.limits(targets.name.tolist())
 
     def digest(self, targets: Targets) -> str:
-        """Hash of everything that decides a ranking."""
+        """Return the hash of everything that decides a ranking."""
         limits = self.limits(targets)
         decides = {
             "kind": "rank",
@@ -182,7 +182,7 @@ class Ranked:
 def ranked(
     setting: RankSetting, targets: Targets, *, brief: bool = False, counts: CountedPlanets | None = None
 ) -> Ranked:
-    """Best settings, completeness and score of every star.
+    """Return the best settings, completeness and score of every star.
 
     ``brief``: neither least times nor what limits them. ``counts``: the setting's planets around these stars.
     """
@@ -212,7 +212,7 @@ def ranked(
 
 
 def _quickest(setting: RankSetting, targets: Targets) -> FloatArray:
-    """Least time of a detection of the reference planet, and the visits of that; NaN for none."""
+    """Return the least time of a detection of the reference planet, and the visits of that; NaN for none."""
     best = optimise(setting.model, targets, detect=True, planet=setting.planet, bands=setting.bands)
     return np.where(best.n_frames >= 1, np.stack([best.time_s, best.visits]), np.nan)
 
@@ -223,7 +223,7 @@ def _numbers(
     quickest_s: FloatArray,
     counted: Sequence[BandCompleteness],
 ) -> StarNumbers:
-    """What scores are made of; completeness is -1 where albedos are extrapolated, if they are known in another band."""
+    """Return what scores are made of; completeness is -1 for extrapolated albedos if another band has it."""
     shares = np.stack([part.counted for part in counted])
     times = np.stack([item.time_s for item in by_band])
     known = np.array(["extrapolated" not in part.flags for part in counted])
@@ -244,7 +244,7 @@ def _numbers(
 
 
 def ranked_order(found: Ranked, targets: Targets) -> list[int]:
-    """Stars from best to worst: by score, ties by the reference planet's margin, then by name.
+    """Return the stars from best to worst: by score, ties by the reference planet's margin, then by name.
 
     Parameters
     ----------

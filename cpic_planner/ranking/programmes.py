@@ -1,4 +1,4 @@
-"""Of how many visits, and how long ones, the observation of a planet is best made: closed forms over many places.
+"""The best number and length of the visits of a programme, by closed forms over many places.
 
 With ``G`` the white noise over signal squared of one second of frames, and ``z(v; V)`` the residual of V visits of
 ``v`` seconds over signal squared, a programme has ``1 / SNR^2 = G / (V v) + z(v; V)``. Each visit has an overhead, so
@@ -31,7 +31,7 @@ _RUNAWAY = 0.02
 
 @dataclass(frozen=True)
 class Outlook:
-    """What decides programmes at places of many stars: arrays ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
+    """The numbers that decide programmes at places of stars: ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ class Outlook:
         return VISITS if given is None else np.array([float(given)])
 
     def _laws(self, programme: etc.Programme) -> tuple[SpeckleLaw, SpeckleLaw]:
-        """Residual of programmes, and the light of the errors in it that visits average."""
+        """Return the residual of programmes, and the light of the errors in it that visits average."""
         light = programme.law(self.light.averaging())
         parts = programme.law(self.crossed), light, self.light.common
         return SpeckleLaw(*(one + two + three for one, two, three in zip(*parts, strict=True))), light
@@ -184,7 +184,7 @@ class Outlook:
         return self._noise(visits, visit_s)[1]
 
     def _noise(self, visits: FloatArray, visit_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """``1 / SNR^2`` of programmes, and the level that they have to reach."""
+        """Return ``1 / SNR^2`` of programmes, and the level that they have to reach."""
         programme = programme_of(self.model, visits, visit_s)
         whole, light = self._laws(programme)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -192,7 +192,7 @@ class Outlook:
             return noise, self._wanted(programme, visit_s, light.variance(visit_s) / noise)
 
     def _wanted(self, programme: etc.Programme, visit_s: FloatArray, light_share: FloatArray) -> FloatArray:
-        """Level that a search asks for of such visits where that share of the variance is light of the errors."""
+        """Return the level that a search asks for of such visits if that share of the variance is errors' light."""
         if not self.searched:
             return self.level
         tails = np.sqrt(np.nan_to_num(light_share))
@@ -237,7 +237,7 @@ class Outlook:
         return _least(time, many, visit)
 
     def _shortest_visit_s(self, visits: FloatArray) -> FloatArray:
-        """Length of the visits with which programmes reach the level; ``inf`` where none does.
+        """Return the length of the visits with which programmes reach the level; ``inf`` where none does.
 
         From the left: the level grows with the share of the errors' light, and that with the length of the visits.
         """
@@ -355,7 +355,7 @@ def nearby(visits: FloatArray) -> FloatArray:
 
 
 def _deeper(law: ProgrammeLaw) -> ProgrammeLaw:
-    """A law whose arrays have one more axis, for programmes."""
+    """Return a law whose arrays have one more axis, for programmes."""
 
     def deeper(part: SpeckleLaw) -> SpeckleLaw:
         return SpeckleLaw(*(np.asarray(k, float)[..., None] for k in part))
@@ -366,14 +366,14 @@ def _deeper(law: ProgrammeLaw) -> ProgrammeLaw:
 
 
 def _least(value: FloatArray, *others: FloatArray) -> list[FloatArray]:
-    """Least value along the last axis, and what other arrays have there."""
+    """Return the least value along the last axis, and what other arrays have there."""
     best = np.argmin(value, axis=-1)[..., None]
     taken = (np.broadcast_to(part, value.shape) for part in (value, *others))
     return [np.take_along_axis(part, best, axis=-1)[..., 0] for part in taken]
 
 
 def _largest(cost: Callable[[FloatArray], FloatArray], n: int) -> FloatArray:
-    """Largest factor below 1 at which costs that grow with it are at most 1; NaN where that is at none."""
+    """Return the largest factor below 1 at which costs that grow with it are at most 1; NaN where that is at none."""
     low, high = np.full(n, np.log(_LEAST_FACTOR)), np.zeros(n)
     reached = cost(np.exp(low)) <= 1.0
     for _ in range(_BISECTIONS):

@@ -1,4 +1,4 @@
-"""Some stars of a ranking: what the answer about them alone says otherwise."""
+"""Select stars of a ranking, and say what the answer about them alone says otherwise."""
 
 from collections import Counter
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""How the ranking depends on what nobody knows yet: the same stars ranked under other assumptions."""
+"""Rank the same stars under other assumptions, to show how the ranking depends on what is not known yet."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -38,7 +38,7 @@ class Order:
     detected: BoolArray
 
     def select(self, stars: BoolArray) -> "Order":
-        """Some of the stars, with the ranks that they have among all."""
+        """Return some of the stars, with the ranks that they have among all."""
         return Order(self.rank[stars], self.score[stars], self.margin[stars], self.detected[stars])
 
 
@@ -53,7 +53,7 @@ class Assumption:
 
 
 def _with(one: Change) -> Callable[[RankSetting], RankSetting]:
-    """An assumption that changes numbers of the instrument, but not its optics: only rates of light and drift.
+    """Return an assumption that changes numbers of the instrument, but not its optics: only rates of light and drift.
 
     A ``*`` in the key stands for the bands of the ranking.
     """
@@ -69,7 +69,7 @@ def _with(one: Change) -> Callable[[RankSetting], RankSetting]:
 
 
 def _at_two_au(setting: RankSetting) -> RankSetting:
-    """All planets, reference and population, with the albedo of the models' slice at 2 au from the Sun."""
+    """Return all planets, reference and population, with the albedo of the models' slice at 2 au from the Sun."""
     albedo = ParametricAlbedo(insolation_au=2.0)
     planet = setting.planet.model_copy(update={"albedo": albedo})
     if isinstance(setting.population, KnownChoice):
@@ -81,7 +81,7 @@ def _at_two_au(setting: RankSetting) -> RankSetting:
 
 
 def _with_published_hole(setting: RankSetting) -> RankSetting:
-    """The dark hole of the instrument `as_published`: the mirror is set from a field sensed with errors."""
+    """Give the instrument the dark hole `as_published`: the mirror is set from a field sensed with errors."""
     model, hole = setting.model, load_instrument(_PUBLISHED).dark_hole.model_dump(mode="json")
     return replace(
         setting, model=build_model(model.instrument.changed({"dark_hole": hole}), model.bands, model.strategy)
@@ -89,7 +89,7 @@ def _with_published_hole(setting: RankSetting) -> RankSetting:
 
 
 def _has_default_optics(setting: RankSetting) -> bool:
-    """Whether the optics of all bands are the default instrument's: those of the published hole are shipped then."""
+    """Return whether the optics of all bands are the default instrument's: their published holes are shipped."""
     instrument, default = setting.model.instrument, default_instrument()
     return all(
         band in default.bands and metrics_key(instrument, band) == metrics_key(default, band)
@@ -162,7 +162,7 @@ def in_order(setting: RankSetting, targets: Targets, counts: CountedPlanets | No
 
 
 def near_top(rank: IntArray, margin: FloatArray, top: int) -> BoolArray:
-    """Stars that may come among the first ``top``, or be detected, under another assumption: the others stay far down.
+    """Return the stars that may be among the first ``top``, or detected, under another assumption; others stay far.
 
     They are the first ``POOL * top`` by nominal rank and by margin of the reference planet.
 
@@ -245,7 +245,7 @@ def sensitivity(
 def _compared(
     assumption: Assumption, nominal: Order, other: Order, names: NDArray[np.str_], n_top: int
 ) -> SensitivityRow:
-    """What becomes of the nominal first stars under another assumption."""
+    """Return what becomes of the nominal first stars under another assumption."""
     first = np.flatnonzero(nominal.rank <= n_top)
     scored = (np.minimum(nominal.rank, other.rank) <= n_top) & ((nominal.score > 0) | (other.score > 0))
     falls = other.rank[first] - nominal.rank[first]
@@ -265,7 +265,7 @@ def _compared(
 
 
 def tau_b(x: NDArray[Any], y: NDArray[Any]) -> float | None:
-    """Kendall's tau-b (Kendall 1945): pairs that are tied in both have no weight, those tied in one lower it."""
+    """Return Kendall's tau-b (Kendall 1945): pairs tied in both have no weight, those tied in one lower it."""
     i, j = np.triu_indices(len(x), 1)
     a, b = np.sign(x[i] - x[j]), np.sign(y[i] - y[j])
     ordered = math.sqrt(np.count_nonzero(a) * np.count_nonzero(b))
@@ -273,7 +273,7 @@ def tau_b(x: NDArray[Any], y: NDArray[Any]) -> float | None:
 
 
 def _decides(row: SensitivityRow, n_ok: int) -> bool:
-    """Whether an assumption decides the ranking: by the number of detected stars, or by their order."""
+    """Return whether an assumption decides the ranking: by the number of detected stars, or by their order."""
     by_number = abs(row.n_ok - n_ok) >= DECIDING_SHARE * max(n_ok, 1)
     return by_number or (row.kendall_tau_b is not None and row.kendall_tau_b < DECIDING_TAU)
 

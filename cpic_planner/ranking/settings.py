@@ -1,4 +1,4 @@
-"""Where planets are looked for, the best setting of every target, what of it is detected, and what limits it."""
+"""The best setting of every target: where planets are looked for, what is detected, and what limits it."""
 
 import functools
 import math
@@ -25,7 +25,7 @@ MIN_BACKGROUND_APERTURES = 25.0
 
 
 def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
-    """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
+    """Return diagonal separations with the aperture in a band's zone, a defined threshold and room for noise."""
     inner, outer = etc.usable_range_arcsec(model.instrument, band)
     grid = _roomy(model.metrics[band].geometry, inner, outer, model.strategy.annulus_lambda_d)
     if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
@@ -68,12 +68,12 @@ class Places:
         return np.asarray(self.model.metrics[self.band].lambda_d_arcsec / self.separation_arcsec)
 
     def problem(self, objective: etc.Objective, programme: etc.Programme = etc.ONE_VISIT) -> etc.FrameProblem:
-        """What the solver of the frames of a visit needs."""
+        """Return what the solver of the frames of a visit needs."""
         camera, strategy = self.model.camera(self.band), self.model.strategy
         return etc.frame_problem(self.rates, camera, strategy, objective=objective, programme=programme)
 
     def outlook(self, snr: float | None = None, *, dark: bool = False) -> Outlook:
-        """What decides programmes for an SNR, or for a detection; ``dark``: with no background."""
+        """Return what decides programmes for an SNR, or for a detection; ``dark``: with no background."""
         problem = self.problem("significance" if snr is None else "snr")
         if dark:
             problem = etc.without_background(problem, etc.own_noise(self.rates, problem.camera))
@@ -90,7 +90,7 @@ class Places:
         )
 
     def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
-        """Noise of chosen frames, those of all visits together."""
+        """Return the noise of chosen frames, those of all visits together."""
         frames = choice.exposure_s, choice.n_frames, choice.em_gain
         return etc.stack_noise(
             self.rates, *frames, self.model.camera(self.band), self.model.strategy, programme=programme
@@ -99,7 +99,7 @@ class Places:
     def needed(
         self, choice: etc.FrameChoice, programme: etc.Programme, noise: etc.StackNoise | None = None
     ) -> FloatArray:
-        """Significance over threshold at which half of such observations detect a planet."""
+        """Return the significance over threshold at which half of such observations detect a planet."""
         model, band, place = self.model, self.band, self.separation_arcsec
         seen = noise or self.noise(choice, programme)
         tails = np.nan_to_num(detection.tail_share(model, band, place, choice.visit_s, seen))
@@ -182,7 +182,7 @@ class OptimalSetting:
 
 
 def best_of(found: Sequence[OptimalSetting], *, by_time: bool = False) -> OptimalSetting:
-    """Row by row the one of largest margin over what is needed (or of least time), the first of equals.
+    """Pick row by row the one of largest margin over what is needed (or of least time), the first of equals.
 
     Extrapolated ones come last. Whether a change would make the planet detected is said of any of them; the required
     drift, and what no programme can pass, are the largest.
@@ -208,7 +208,7 @@ def best_of(found: Sequence[OptimalSetting], *, by_time: bool = False) -> Optima
 
 
 def detection_statuses(best: OptimalSetting, model: etc.EtcModel) -> list[tuple[Status, Reason]]:
-    """Whether the reference planet is detected in the given time, and if not, why.
+    """Return whether the reference planet is detected in the given time, and if not, why.
 
     A detection is a significance that half of such observations show, by the search of the model's strategy
     (`OptimalSetting.needed_margin`). The reason ``speckle_floor`` says that no length of the given number of visits
@@ -262,7 +262,7 @@ def limits_of(standings: Sequence[tuple[Status, Reason]], best: OptimalSetting) 
 
 
 def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tuple[Status, Reason]:
-    """Why not even one frame is possible: the shortest one saturates, or the time is too short for it."""
+    """Return why not even one frame is possible: the shortest one saturates, or the time is too short for it."""
     peaks = (float(best.peak_columns_e_s[i]), float(best.peak_hole_e_s[i]), float(best.tail_e_s[i]))
     limit = frame_limit(*peaks, camera.exposure_min_s, 1.0, camera)
     return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)

@@ -1,4 +1,4 @@
-"""Where the reference frames of the subtraction come from: one entry a library.
+"""The registry of reference libraries: where the reference frames of the subtraction come from.
 
 An entry says what its frames show, in the exposure-time calculator and in the images alike, what it costs, and the
 words for it. `Library` itself is the library of the same star without its planet; the others differ from it.
@@ -18,7 +18,7 @@ Visits = TypeVar("Visits", int, FloatArray)
 
 
 class StarSettings(Protocol):
-    """What a library reads of another star (`cpic_planner.queries.shared.ReferenceStar`)."""
+    """The settings of another star that a library reads (`cpic_planner.queries.shared.ReferenceStar`)."""
 
     @property
     def v_mag(self) -> float:
@@ -38,7 +38,7 @@ class StarSettings(Protocol):
 
 
 class LibrarySettings(Protocol):
-    """What a library reads of the strategy that names it (`cpic_planner.queries.shared.Strategy`)."""
+    """The settings of a strategy that a library reads (`cpic_planner.queries.shared.Strategy`)."""
 
     @property
     def reference_ratio(self) -> float:
@@ -86,7 +86,7 @@ class LibraryNoise:
     variance_factor: float
 
     def light(self, halo_e_s: FloatArray, companion_e_s: FloatArray, even_e_s: FloatArray) -> FloatArray:
-        """Light and dark charge of a reference frame as they enter the variance, e-/s."""
+        """Return the light and dark charge of a reference frame as they enter the variance, e-/s."""
         return self.halo * halo_e_s + self.even * even_e_s + self.scale * self.companion * companion_e_s
 
 

@@ -1,4 +1,4 @@
-"""What a ranking can be by: one entry a score."""
+"""The registry of scores: the numbers that can order a ranking."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from cpic_core import FloatArray, Registry
 
 @dataclass(frozen=True)
 class StarNumbers:
-    """What a score is made of; arrays of ``n`` stars, or of ``b`` bands and ``n`` stars.
+    """The numbers that a score is made of; arrays of ``n`` stars, or of ``b`` bands and ``n`` stars.
 
     Those of the stars alone are of the reference planet in its best band, and have the names of
     `cpic_planner.ranking.optimiser.OptimalSetting`.

@@ -1,4 +1,4 @@
-"""What measured contrasts say of a planet's atmosphere: the posterior, and the contrasts on the spectrum."""
+"""Figures of a planet's atmosphere from measured contrasts: the posterior, and the contrasts on the spectrum."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _posterior(axes: Axes, fit: AlbedoFit, truth: tuple[float, float] | None) ->
 
 
 def _open_text(fit: AlbedoFit) -> str:
-    """Which ends of the ranges the 95 % region reaches."""
+    """Return which ends of the ranges the 95 % region reaches."""
     ends = []
     for name, text in _PARAMETER_TEXT.items():
         sides = [side for side in ("low", "high") if f"{name}_{side}" in fit.open_edges]

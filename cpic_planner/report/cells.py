@@ -125,7 +125,7 @@ def _through(of: Callable[[Any], Any], text: Callable[[Any], Any]) -> Callable[[
 
 
 def _cell_text(column: results.Column, page: bool) -> Callable[[Any], str]:
-    """Value of a column, with its error behind it where the format has one."""
+    """Return the value of a column, with its error behind it where the format has one."""
     form, _, error = column.look.format.partition(" ± ")
 
     def written(value: Any, form: str) -> str:
@@ -141,12 +141,12 @@ def _cell_text(column: results.Column, page: bool) -> Callable[[Any], str]:
 
 
 def status_cell(status: str, reason: str) -> str:
-    """Symbol and the short reason; `explain_symbols` explains the symbols below the table."""
+    """Return the symbol and the short reason; `explain_symbols` explains the symbols below the table."""
     return f"{STATUS_SYMBOLS.get(status, '')} {reason.replace('_', ' ') or status_text(status)}".strip()
 
 
 def verdict_cell(item: results.EtcAnswer | results.RankedTarget | results.BandStanding) -> str:
-    """Verdict of an answer in a cell; the mark of a success stands before a detection only."""
+    """Return the verdict of an answer in a cell; the mark of a success stands before a detection only."""
     if item.status == "ok":
         if item.verdict == "detected":
             return f"{STATUS_SYMBOLS['ok']} {VERDICTS['detected']}"
@@ -159,7 +159,7 @@ def verdict_cell(item: results.EtcAnswer | results.RankedTarget | results.BandSt
 def frames_text(
     item: results.RankedTarget | results.BandConfirmation | results.EtcAnswer | results.SearchRecord,
 ) -> str:
-    """Number of frames and their exposure."""
+    """Return the number of frames and their exposure."""
     if item.exposure_s is None or item.n_frames is None:
         return MISSING
     return f"{item.n_frames} × {significant(item.exposure_s)}"
@@ -266,12 +266,12 @@ def print_table(
 
 
 def _fitting(console: Console, text: str) -> str:
-    """What the terminal's encoding can show; anything else becomes a question mark instead of an error."""
+    """Return what the terminal's encoding can show; anything else becomes a question mark instead of an error."""
     return text.encode(console.encoding, "replace").decode(console.encoding)
 
 
 def _cell(console: Console, text: str) -> Text:
-    """Text without markup (names may hold brackets), coloured when it starts with a status symbol."""
+    """Return the text without markup (names may hold brackets), coloured when it starts with a status symbol."""
     from rich.text import Text
 
     for status, symbol in STATUS_SYMBOLS.items():

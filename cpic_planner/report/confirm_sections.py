@@ -27,7 +27,7 @@ _WORDS = (
 
 @dataclass(frozen=True)
 class ConfirmReport:
-    """What the report of a confirmed scene is made of.
+    """The contents of the report of a confirmed scene.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ _Candidate = tuple[results.SearchRecord, results.CandidateRecord | None]
 
 
 def _of_search(text: Callable[[results.SearchRecord], str]) -> Callable[[_Candidate], str]:
-    """Cell of a search, in its first row alone."""
+    """Return the cell of a search, in its first row alone."""
     return lambda row: text(row[0]) if row[1] is None or row[1] is row[0].candidates[0] else ""
 
 

@@ -252,7 +252,7 @@ _FEW = 3
 
 
 def _columns(sequences: Sequence[results.PlannedSequenceRow]) -> str:
-    """Names of the first columns of sequences, the visit where there are programmes."""
+    """Return the names of the first columns of sequences, the visit where there are programmes."""
     visit = " visit" if any(item.visit for item in sequences) else ""
     return f"obsid kind{visit} target/2 band frames"
 
@@ -338,7 +338,7 @@ def _title(name: str, count: int) -> str:
 
 
 def _files_text(sequences: Sequence[results.SimulatedSequence], out: Path) -> list[str]:
-    """Files where there are few, folders where there are many."""
+    """Return the files where there are few, folders where there are many."""
     if len(sequences) <= _FEW:
         return [str(out / item.file) for item in sequences]
     folders = dict.fromkeys(str((out / item.file).parent) for item in sequences)

@@ -36,7 +36,7 @@ _SMALLEST_SHARE = 5e-4
 
 
 def best_row(result: EtcResult) -> EtcAnswer | None:
-    """Row of the best answer in the best band: least time, clearest detection, or faintest limit."""
+    """Return the row of the best answer in the best band: least time, clearest detection, or faintest limit."""
     rows = [row for row in result.answers if row.band == result.best_band and row.value is not None]
     if not rows:
         return None
@@ -114,7 +114,7 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
 
 
 def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
-    """Cell of a number of a planet; of a known one its median with half of the width that holds 68 % of the draws."""
+    """Return the cell of a planet's number; of a known one its median and half of the width of 68 % of draws."""
 
     def written(value: float | None) -> str:
         return MISSING if value is None else f"{value:.{places}f}" if places else ratio_text(value)
@@ -137,7 +137,7 @@ def _with_error(value: float | None, share: float | None) -> str:
 
 
 def _range_text(row: EtcAnswer) -> str:
-    """Answers that the errors of a known planet leave open."""
+    """Return the answers that the errors of a known planet leave open."""
     look = row.known_planet
     if look is None or not look.value.answered_share:
         return MISSING
@@ -146,7 +146,7 @@ def _range_text(row: EtcAnswer) -> str:
 
 
 def _about_text(result: EtcResult) -> str:
-    """What the answers are about: planet and place."""
+    """Return what the answers are about: planet and place."""
     where = f"on the diagonal of {_quadrant_text(result)}"
     planet = result.reference_planet
     if planet is not None:
@@ -192,7 +192,7 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
 
 
 def _causes(missed: Sequence[EtcAnswer]) -> str:
-    """What limits answers that are no detection, bands of one cause together."""
+    """Return what limits answers that are no detection, bands of one cause together."""
     causes = []
     for limit in dict.fromkeys(row.limited_by for row in missed if row.limited_by is not None):
         where = ", ".join(dict.fromkeys(row.band for row in missed if row.limited_by == limit))
@@ -242,7 +242,7 @@ def _required_text(row: EtcAnswer) -> str:
 
 
 def _programme_text(rows: list[EtcAnswer]) -> str:
-    """Visits of the answers, in words."""
+    """Return the visits of the answers, in words."""
     seen = dict.fromkeys(
         f"{row.visits} {'visit' if row.visits == 1 else 'visits'} of {duration_text(row.visit_time_s)}"
         for row in rows
@@ -252,7 +252,7 @@ def _programme_text(rows: list[EtcAnswer]) -> str:
 
 
 def _limits_cell(row: EtcAnswer) -> str:
-    """What binds exposure and gain, in few words."""
+    """Return what binds exposure and gain, in few words."""
     limits = ("t", row.exposure_limited_by), ("g", row.gain_limited_by)
     parts = [f"{name}: {words.short_limit(limit)}" for name, limit in limits if limit]
     return ", ".join(parts) or MISSING
@@ -280,7 +280,7 @@ def _print_budget(row: EtcAnswer, console: Console) -> None:
 
 
 def _bar(share: float, room: int, console: Console) -> str:
-    """Bar of blocks in eighths, or of signs where the terminal has no blocks."""
+    """Return the bar of blocks in eighths, or of signs where the terminal has no blocks."""
     try:
         "█▏".encode(console.encoding)
     except (UnicodeEncodeError, LookupError):
@@ -324,7 +324,7 @@ def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list
 
 
 def _quadrant_text(result: EtcResult) -> str:
-    """The quadrants of the planets, by band where they differ, and the roll."""
+    """Return the quadrants of the planets, by band where they differ, and the roll."""
     quadrants = {row.band: row.quadrant for row in result.answers if row.quadrant is not None}
     if not quadrants:
         return "a quadrant"
@@ -339,7 +339,7 @@ def _quadrant_text(result: EtcResult) -> str:
 
 
 def _value_text(row: EtcAnswer, value: float | None) -> str:
-    """A value in the unit of an answer."""
+    """Return a value in the unit of an answer."""
     if row.unit == "s":
         return "never" if value is None else duration_text(value)
     if row.unit == "contrast":

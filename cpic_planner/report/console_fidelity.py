@@ -1,7 +1,4 @@
-"""How firm answers of the exposure-time calculator are, on the terminal: stated errors, and checks in images.
-
-Speed against accuracy on the terminal.
-"""
+"""Print how firm answers are (stated errors, checks in images), and speed against accuracy."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
 
 
 def _caveats(rows: Sequence[KnownPlanetRow]) -> str:
-    """Which of these planets have an orbit or a status that is in doubt, in one sentence; empty for none."""
+    """Return which of these planets have an orbit or a status that is in doubt, in one sentence; empty for none."""
     kinds = (
         ("a later orbit contradicts that of", [row for row in rows if row.superseded_by]),
         ("published orbits disagree on", [row for row in rows if len(row.orbits) > 1]),
@@ -126,7 +126,7 @@ def _cells(result: KnownResult) -> list[Cells]:
 
 
 def _window(row: KnownPlanetRow) -> str:
-    """The window of the best day."""
+    """Return the window of the best day."""
     if not row.windows:
         return MISSING
     best = best_window(row)

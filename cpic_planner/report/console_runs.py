@@ -77,7 +77,7 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20, *, f
 
 
 def _about_rank(rank: results.RankResult, limit: int) -> list[str]:
-    """What the numbers of a ranking refer to."""
+    """Return what the numbers of a ranking refer to."""
     planet = rank.reference_planet
     return [
         f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}",
@@ -96,7 +96,7 @@ def _about_rank(rank: results.RankResult, limit: int) -> list[str]:
 
 
 def _zeros(rank: results.RankResult) -> str:
-    """A sentence about stars of score 0, which the score does not order; empty if there are none."""
+    """Return a sentence about stars of score 0, which the score does not order; empty if there are none."""
     above = sum(row.score > 0.0 for row in rank.targets)
     if not SCORES[rank.score_name].from_zero or above == len(rank.targets):
         return ""
@@ -168,7 +168,7 @@ def print_moves(result: results.RankComparison, console: Console, limit: int = 2
 
 
 def _setting_text(item: results.SettingChange) -> str:
-    """A setting before and after; of texts in several parts, such as samples, those that differ."""
+    """Return a setting before and after; of texts in several parts, such as samples, those that differ."""
     parts = item.before.split("; "), item.after.split("; ")
     gone, new = ("; ".join(part for part in own if part not in other) or MISSING for own, other in (parts, parts[::-1]))
     return f"{item.key} {gone} → {new}"
@@ -308,7 +308,7 @@ _STRATEGIES = row_cells(
 
 
 def _print_differences(result: results.WhatIfResult, names: set[str], console: Console) -> None:
-    """Paired differences with the first strategy."""
+    """Print paired differences with the first strategy."""
     reference = result.strategies[0].name
     by = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
     pairs = [(item.name, by.get((item.name, "planets"))) for item in result.strategies[1:] if item.name in names]
@@ -331,7 +331,7 @@ def _print_differences(result: results.WhatIfResult, names: set[str], console: C
 
 
 def _print_facts(result: results.WhatIfResult, strategies: list[results.StrategyOutcome], console: Console) -> None:
-    """Planets found with all facts and without each."""
+    """Print planets found with all facts and without each."""
     facts = result.facts
     if facts is None or not facts.facts:
         return
@@ -360,7 +360,7 @@ def _signed(value: float, places: int) -> str:
 
 
 def _images_sentence(strategies: Sequence[results.StrategyOutcome]) -> str:
-    """How many of the detections that were simulated as images show the planet; empty where none was."""
+    """Return how many of the detections that were simulated as images show the planet; empty where none was."""
     samples = [item.images for item in strategies if item.images is not None and item.images.images]
     if not samples:
         return ""

@@ -138,7 +138,7 @@ def contrast_diagram(
 
 
 def _frame(axes: Axes, rows: Sequence[RankedTarget], limits: Sequence[LimitCurve], holes: Sequence[HoleEdges]) -> None:
-    """Limits of the axes: the points and curves with room for labels."""
+    """Set the limits of the axes: the points and curves with room for labels."""
     edges = [edge for hole in holes for edge in (hole.inner_arcsec, hole.outer_arcsec)]
     separations = [row.separation_arcsec for row in rows] + edges
     contrasts = [row.contrast for row in rows]
@@ -154,7 +154,7 @@ def _frame(axes: Axes, rows: Sequence[RankedTarget], limits: Sequence[LimitCurve
 
 
 def _hole_lines(axes: Axes, holes: Sequence[HoleEdges]) -> None:
-    """Vertical lines at the hole's corners; equal edges of several bands share one line and one label."""
+    """Draw lines at the hole's corners; equal edges of several bands share one line and one label."""
     groups: dict[float, list[str]] = {}
     for hole in holes:
         groups.setdefault(round(hole.inner_arcsec, 4), []).append(f"{hole.band} inner")

@@ -248,7 +248,7 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
 
 
 def _score_words(rank: results.RankResult) -> str:
-    """What the ranking is by, for the middle of a sentence."""
+    """Return what the ranking is by, for the middle of a sentence."""
     share, hourly = f"the fraction of the population {rank.population.name} that one observation detects", "per hour"
     if rank.population.name == results.KNOWN_PLANETS:
         share = "the probability that one observation detects at least one of the star's own planets"

@@ -70,7 +70,7 @@ def lines(*parts: Inline) -> Inline:
 
 
 class _Templated:
-    """What the page writes by the macro of its own name."""
+    """A part that the page writes by the macro of its own name."""
 
     @property
     def template(self) -> str:
@@ -208,7 +208,7 @@ _UNITS = {"AU": "au", "solLum": "L☉"}
 
 
 def _of_heading(look: str) -> str:
-    """Classes of a column that its heading shares."""
+    """Return the classes of a column that its heading shares."""
     return " ".join(name for name in look.split() if name in ("left", "pick"))
 
 

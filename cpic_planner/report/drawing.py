@@ -1,4 +1,4 @@
-"""What every figure shares: canvas, style, colours, and saving as a data URI with the same bytes every time."""
+"""Code that every figure shares: canvas, style, colours, and saving as a data URI with the same bytes every time."""
 
 from __future__ import annotations
 
@@ -162,13 +162,13 @@ def in_two_lights(drawing: bytes) -> bytes:
 
 
 def _in_the_dark(share: float) -> str:
-    """A grey in dark mode, from its share of white."""
+    """Return a grey in dark mode, from its share of white."""
     pairs = zip(_DARK_INK, _DARK_PAGE, strict=True)
     return "".join(f"{round(ink + share * (page - ink)):02x}" for ink, page in pairs)
 
 
 def _palette() -> Any:
-    """Palette image of 256 colours: those that the image panels are drawn with."""
+    """Return the palette image of 256 colours: those that the image panels are drawn with."""
     import matplotlib as mpl
     from PIL import Image
 
@@ -325,7 +325,7 @@ def place_labels(
 def _free_place(
     px: float, py: float, radius: float, width: float, height: float, frame: Any, taken: Sequence[tuple[float, ...]]
 ) -> tuple[float, float, int] | None:
-    """Lower left corner of a free place, nearest first, and on which ring it was found."""
+    """Return the lower left corner of a free place, nearest first, and on which ring it was found."""
     for ring, gap in enumerate((3.0, 11.0, 22.0, 36.0, 54.0, 76.0)):
         for angle in np.deg2rad((30, 330, 150, 210, 0, 180, 90, 270, 60, 120, 240, 300)):
             cx = px + np.cos(angle) * (radius + gap + width / 2)

@@ -82,7 +82,7 @@ class SeparationCurve:
 
 @dataclass(frozen=True)
 class EtcCurves:
-    """What a figure of an answer shows; ``limit_time_s`` is the time of the limits, ``limit_level`` their level."""
+    """The contents of a figure of an answer; ``limit_time_s`` is the time of the limits, ``limit_level`` the level."""
 
     times: tuple[TimeCurve, ...]
     limits: tuple[SeparationCurve, ...]
@@ -102,7 +102,7 @@ def etc_curves(
     exposure_s: float | None = None,
     em_gain: float | None = None,
 ) -> EtcCurves:
-    """Curves around the answers to one question about one star.
+    """Return the curves around the answers to one question about one star.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def _against_time(
     fixed: FixedFrames,
     several: bool,
 ) -> tuple[TimeCurve, ...]:
-    """Lines of SNR against time; none of planets that are outside the field or send no light."""
+    """Return the lines of SNR against time; none of planets that are outside the field or send no light."""
     shown = [
         one
         for one in answers
@@ -283,7 +283,7 @@ _HIGH, _LEFT, _BETWEEN, _RIGHT, _ABOVE = 4.6, 0.8, 1.0, 0.16, 0.49
 
 
 def _below(legend_rows: int) -> float:
-    """Room for an axis and a legend below it, inches."""
+    """Return the room for an axis and a legend below it, inches."""
     return 0.8 + 0.2 * legend_rows
 
 
@@ -307,7 +307,7 @@ def _few_ticks(*axes: Axis) -> None:
 
 
 def _line_looks(curves: Sequence[TimeCurve], looks: dict[str, tuple[str, str]]) -> list[tuple[str, str]]:
-    """Colours and markers by band; by line where each is of another planet."""
+    """Return the colours and markers by band; by line where each is of another planet."""
     if all(curve.label in looks for curve in curves):
         return [looks[curve.label] for curve in curves]
     return [BAND_STYLE[(len(looks) + i) % len(BAND_STYLE)] for i in range(len(curves))]
@@ -377,7 +377,7 @@ def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) ->
 
 
 def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> tuple[int, int]:
-    """One stacked bar an answer; small terms are one piece. Return rows of the legend and the longest label."""
+    """Draw one stacked bar an answer; small terms are one piece. Return rows of the legend and the longest label."""
     shares = []
     for row in rows:
         terms = {name.removesuffix("_e2"): value for name, value in row.budget.items() if name.endswith("_e2")}

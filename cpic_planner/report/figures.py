@@ -1,7 +1,4 @@
-"""Figures with one row a strategy: yields, differences, time, and what is detected.
-
-All figures of the reports, each drawn by a module of its own.
-"""
+"""The figures of the reports by key; those with one row a strategy are drawn here."""
 
 from __future__ import annotations
 
@@ -203,7 +200,7 @@ def _draw_mean(
 
 
 def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Figure, list[Axes]]:
-    """Panels that share their rows, first strategy at the top."""
+    """Return the panels that share their rows, first strategy at the top."""
     each = 0.42 if len(rows) <= 12 else 0.24
     figure = new_figure(1.5 + each * max(len(rows), 2))
     panels = list(figure.subplots(1, columns, sharey=True, squeeze=False)[0])

@@ -64,7 +64,7 @@ def form_text(form: str, title: str, columns: Sequence[Cells], rows: Sequence[An
 
 
 def _values(column: Cells, name: str | None, row: Any) -> dict[str, Any]:
-    """Cells of a row in a file by name: a field, three of what is known within errors, or the text of the terminal."""
+    """Return the cells of a row in a file by name: a field, three of what has errors, or the terminal's text."""
     if name is None:
         text = _MARKS.sub("", str(column.text(row)))
         return {re.sub(r"\W+", "_", column.header.casefold()).strip("_") or "text": text}

@@ -1,7 +1,4 @@
-"""What images recover: SNR against the predicted one, and contrasts on the spectrum that went in.
-
-What the reports of a plan and of a confirmed scene show of images: measurements, pictures, how they were made.
-"""
+"""Figures of what images recover, and the parts of reports that show measurements and pictures."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -99,7 +96,7 @@ def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
 
 
 def measurements_of(result: PlanResult | ConfirmResult) -> list[BandConfirmation]:
-    """Every band of every target or planet, measured or not."""
+    """Return every band of every target or planet, measured or not."""
     if isinstance(result, ConfirmResult):
         return list(result.bands)
     return [band for target in result.targets for band in target.bands]
@@ -218,7 +215,7 @@ def _verdict(band: BandConfirmation) -> str:
 
 
 def _quantities() -> list[doc.Column[BandConfirmation]]:
-    """Rows of the table of measurements, one a quantity."""
+    """Return the rows of the table of measurements, one a quantity."""
     return doc.row_columns(
         BandConfirmation,
         "outcome separation_arcsec pa_deg frames em_gain integration_s time_s realisations predicted_error "
@@ -324,7 +321,7 @@ _EFFECTS: tuple[doc.Column[_EffectRow], ...] = (
 
 
 def _effect_rows(groups: Sequence[ModelledGroup]) -> list[_EffectRow]:
-    """Every effect once, largest first."""
+    """Return every effect once, largest first."""
     every: dict[str, list[tuple[ModelledGroup, ModelledRow]]] = {}
     for group in groups:
         for row in group.rows:

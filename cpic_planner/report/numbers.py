@@ -1,7 +1,4 @@
-"""Star names for people: SIMBAD identifiers in readable form.
-
-Numbers as text: sensible digits, units beside them, a dash where there is none.
-"""
+"""Numbers and star names as text: sensible digits, units beside them, a dash where there is no value."""
 
 import math
 import re

@@ -203,13 +203,13 @@ class _Column:
 
 
 def _column_box(place: int, inset: float, bottom: float, height: float) -> tuple[float, float, float, float]:
-    """Left, bottom, width and height of what stands in a column, as fractions of the figure."""
+    """Return the left, bottom, width and height of what stands in a column, as fractions of the figure."""
     left = _LEFT + place * (_PANEL + _GAP) + inset
     return left / WIDTH_INCHES, bottom / _HEIGHT, (_PANEL - 2.0 * inset) / WIDTH_INCHES, height / _HEIGHT
 
 
 def _bar(axes: Axes, palette: Colormap) -> Axes:
-    """The colours of a panel from 0 to 1, with pointed ends: both sides may be clipped."""
+    """Return the colours of a panel from 0 to 1, with pointed ends: both sides may be clipped."""
     from matplotlib.patches import Polygon
 
     outline = [(-_BAR_END, 0.5), (0.0, 0.0), (1.0, 0.0), (1.0 + _BAR_END, 0.5), (1.0, 1.0), (0.0, 1.0)]
@@ -225,7 +225,7 @@ def _bar(axes: Axes, palette: Colormap) -> Axes:
 
 
 def _planets_text(panels: Panels) -> str:
-    """Where planets are, for those who cannot see it."""
+    """Return where planets are, for those who cannot see it."""
     at = [
         f"{mark.label or 'the planet'} is at x {decimals(mark.x_arcsec, 2)}, y {decimals(mark.y_arcsec, 2)} arcsec"
         for mark in panels.every_mark
@@ -235,7 +235,7 @@ def _planets_text(panels: Panels) -> str:
 
 
 def _marks(axes: Axes, panels: Panels, ink: str, *, searched: bool) -> None:
-    """Circles at planets, diamonds at stars, and crosses where a search names a place."""
+    """Draw circles at planets, diamonds at stars, and crosses where a search names a place."""
     from matplotlib.patches import Circle
 
     radius, view = panels.aperture_radius_arcsec, _VIEW_MARGIN * panels.hole_outer_arcsec
@@ -256,7 +256,7 @@ def _marks(axes: Axes, panels: Panels, ink: str, *, searched: bool) -> None:
 
 
 def _ticks(norm: Any) -> list[float]:
-    """Five round values across the range, evenly spread after the stretch."""
+    """Return the five round values across the range, evenly spread after the stretch."""
     ends = float(norm.vmin), float(norm.vmax)
     values = [float(norm.inverse(fraction)) for fraction in (0.06, 0.35, 0.65, 0.94)]
     step = 10.0 ** np.floor(np.log10(max((ends[1] - ends[0]) / 20.0, 1e-300)))
@@ -265,14 +265,14 @@ def _ticks(norm: Any) -> list[float]:
 
 
 def _even_ticks(limit: float) -> list[float]:
-    """Round values on both sides of zero."""
+    """Return round values on both sides of zero."""
     from matplotlib.ticker import MaxNLocator
 
     return [float(value) for value in MaxNLocator(5, symmetric=True).tick_values(-limit, limit)[1:-1]]
 
 
 def tick_labels(ticks: Sequence[float]) -> tuple[list[str], str]:
-    """Shortest texts that tell the ticks apart, and the power of ten that they are multiples of (empty for 1)."""
+    """Return the shortest texts that tell the ticks apart, and the power of ten to multiply by (empty for 1)."""
     largest = max((abs(tick) for tick in ticks), default=0.0)
     power = int(np.floor(np.log10(largest))) if largest > 0 else 0
     power = 0 if power in _PLAIN_POWERS else power
@@ -304,7 +304,7 @@ def _hole(axes: Axes, panels: Panels, ink: str) -> None:
 
 
 def _compass(axes: Axes, panels: Panels) -> None:
-    """North and east arrows from the star, inside the part of the image that the mask's cross hides."""
+    """Draw north and east arrows from the star, inside the part of the image that the mask's cross hides."""
     length = max(0.8 * panels.hole_inner_arcsec, 0.12 * panels.hole_outer_arcsec)
     halo = _halo("white")
     ink: Look = {"fontsize": 9, "fontweight": "bold", "ha": "center", "va": "center", "path_effects": halo}

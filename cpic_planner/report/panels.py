@@ -136,7 +136,7 @@ class Panels:
         return left, right, bottom, top
 
     def inside_hole(self) -> NDArray[np.bool_]:
-        """Pixels whose centres lie in one of the dark quadrants, (y, x)."""
+        """Return the pixels whose centres lie in one of the dark quadrants, (y, x)."""
         rows, columns = self.science.shape
         column, row = self.star_pixel
         x = np.asarray((np.arange(columns) - column) * self.pixel_scale_arcsec, dtype=np.float64)

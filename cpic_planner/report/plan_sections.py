@@ -29,7 +29,7 @@ from cpic_planner.report.words import method_credits, terms
 
 @dataclass(frozen=True)
 class PlanReport:
-    """What the report of a plan is made of.
+    """The contents of the report of a plan.
 
     Attributes
     ----------
@@ -256,7 +256,7 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
 
 
 def _velocities(report: PlanReport) -> Iterator[doc.Block]:
-    """What is expected with what is known, and where more velocities would change it."""
+    """Yield what is expected with what is known, and where more velocities would change it."""
     if expected := summary.expected_sentence(report.rank):
         yield doc.Paragraph(expected)
     if rows := summary.unprobed_stars(report.rank, len(report.rows)):

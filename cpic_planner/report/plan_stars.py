@@ -65,7 +65,7 @@ def _caveats(star: results.RankedTarget) -> list[doc.Block]:
 
 
 def _companion_text(star: results.RankedTarget) -> str:
-    """Where the nearest companion stands, with the error of its place."""
+    """Return where the nearest companion stands, with the error of its place."""
     angle, error = star.companion_pa_deg, star.companion_position_error_arcsec
     text = f"{significant(star.companion_separation_arcsec, 3)} arcsec"
     text += "" if error is None else f" ± {significant(error, 1)}"
@@ -90,7 +90,7 @@ def _star_facts(star: results.RankedTarget) -> Facts:
 
 
 def _priority_facts(star: results.RankedTarget) -> Facts:
-    """What a detection asks for, what is missing, and how sure that is."""
+    """Return what a detection asks for, what is missing, and how sure that is."""
     facts: list[tuple[doc.Inline, doc.Inline]] = []
     if star.tier is not None:
         facts.append(("Tier", f"{star.tier}: {TIERS[star.tier]}"))
@@ -123,7 +123,7 @@ def _completeness_text(star: results.RankedTarget) -> str:
 
 
 def _known_facts(star: results.RankedTarget, known: results.KnownResult | None) -> Facts:
-    """Known planets of the star, each with its next days in the dark hole."""
+    """Return the known planets of the star, each with its next days in the dark hole."""
     rows = [] if known is None else [row for row in known.planets if row.counted and row.star == star.name]
     none = "at no time more likely than not in a dark hole"
     return [(f"Known planet {known_planet_name(row)}", windows_text(row) if row.windows else none) for row in rows]

@@ -50,7 +50,7 @@ class Level(TypedDict):
 
 
 class Bar(TypedDict):
-    """What stands in a row, from its low to its high end; a point begins at 0."""
+    """A bar in a row, from its low to its high end; a point begins at 0."""
 
     name: str
     row: int
@@ -122,7 +122,7 @@ def _bars(axes: Axes) -> Iterator[Bar]:
 
 
 def _rows(axes: Axes) -> list[str]:
-    """Names of rows, where the ticks of the y axis are texts."""
+    """Return the names of rows, where the ticks of the y axis are texts."""
     from matplotlib.ticker import FixedLocator, FuncFormatter
 
     axis = axes.yaxis
@@ -144,7 +144,7 @@ def _plain(text: str) -> str:
 
 
 def _name(label: Any) -> str:
-    """What a label says; empty for those that matplotlib makes."""
+    """Return what a label says; empty for those that matplotlib makes."""
     return "" if _NAMELESS.fullmatch(str(label)) else _plain(str(label)).lstrip("_")
 
 

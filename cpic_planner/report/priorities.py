@@ -142,7 +142,7 @@ def known_blocks(known: results.KnownResult) -> Iterator[doc.Block]:
 
 
 def known_planet_name(row: results.KnownPlanetRow) -> str:
-    """Name of the star as people write it, and the letter of the planet."""
+    """Return the name of the star as people write it, and the letter of the planet."""
     return f"{pretty_name(row.star)} {row.planet.rpartition(' ')[2]}"
 
 

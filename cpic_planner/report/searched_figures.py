@@ -188,7 +188,7 @@ def _draw_curves(axes: Axes, result: CurveResult) -> None:
 
 
 def _of_contrasts(axes: Axes, separations: Sequence[float], contrasts: Sequence[float]) -> None:
-    """Limits of the axes: what is shown, but for the corners of the hole, where limits climb without bound."""
+    """Set the limits of the axes to what is shown, without the corners of the hole, where limits climb unbounded."""
     if separations:
         separation_ticks(axes, min(separations) / 1.04, max(separations) * 1.04)
     if contrasts:

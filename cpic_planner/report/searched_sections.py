@@ -171,7 +171,7 @@ def _detections(page: RocReport) -> Iterator[doc.Block]:
 
 
 def _programmes(kind: type[SearchedProgramme], result: CurveResult | RocResult) -> Iterator[doc.Block]:
-    """The programme of each band, and what was taken for granted."""
+    """Yield the programme of each band, and what was taken for granted."""
     caption = "The programme that every number of a band is about."
     yield doc.table("Programmes", caption, doc.row_columns(kind, _PROGRAMME), result.bands)
     for one in result.bands:

@@ -96,7 +96,7 @@ def roc_sentences(result: RocResult) -> list[str]:
 
 
 def _programme_text(band: SearchedProgramme) -> str:
-    """A programme in words."""
+    """Return a programme in words."""
     if band.time_s is None or band.visits is None:
         return "no programme"
     visits = f"{band.visits} visit{'s' * (band.visits != 1)}"
@@ -163,7 +163,7 @@ def print_roc(result: RocResult, console: Console, *, full: bool = False) -> Non
 
 
 def _print_below(console: Console, said: Sequence[str], flags: Sequence[str]) -> None:
-    """What numbers say, and what is to be known beside them."""
+    """Say what numbers mean, and what is to be known beside them."""
     print_note(console, *said)
     if flags:
         console.print()

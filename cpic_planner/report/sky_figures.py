@@ -1,4 +1,4 @@
-"""A ranking as figures: its first stars as bars, and how the whole sample fares.
+"""Figures of a ranking: its first stars as bars, the fate of the whole sample, and the stars on the sky.
 
 Where the ranked stars are on the sky.
 """
@@ -132,7 +132,7 @@ def margin_figure(rank: RankResult) -> Picture:
 
 
 def _outcomes(axes: Axes, rank: RankResult) -> None:
-    """Horizontal bars, most frequent on top."""
+    """Draw horizontal bars, most frequent on top."""
     status_of = {row.limited_by or row.reason or "none": row.status for row in rank.targets} | {"ok": "ok"}
     items = sorted((rank.counts_limited_by or rank.counts).items(), key=lambda item: (item[1], item[0]))
     names = [LIMITED_BY[key][0] if key in LIMITED_BY else _wrapped(reason_text(key) or "detected") for key, _ in items]
@@ -173,7 +173,7 @@ def _map_positions(rows: Sequence[RankedTarget]) -> tuple[NDArray[np.float64], N
 
 
 def _radius_px(v_mag: float, ringed: bool) -> float:
-    """Radius of a star's marker on the screen."""
+    """Return the radius of a star's marker on the screen."""
     area = float(marker_area(v_mag)) + (RING_AREA if ringed else 0.0)
     return float(np.sqrt(area / np.pi)) * drawing.SCREEN_DPI / 72.0
 

@@ -1,4 +1,4 @@
-"""Separation of known planets against time, with the dark holes of the bands.
+"""Figures against the date: separations of known planets, and when stars can be seen.
 
 When stars can be seen: the year of one star, or a calendar of several.
 """
@@ -88,7 +88,7 @@ def _ends(rows: list[KnownPlanetRow]) -> tuple[float, float]:
 
 
 def _days(mjd: list[float]) -> np.ndarray:
-    """Days since 1970, as the date axis counts."""
+    """Return the days since 1970, as the date axis counts."""
     return np.asarray(mjd, float) - _UNIX_MJD
 
 
@@ -158,13 +158,13 @@ def _shade(axes: tuple[Axes, Axes], edges: FloatArray, days: VisibleDays) -> lis
 
 
 def _runs(chosen: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First step and first step behind of every run."""
+    """Return the first step and first step behind of every run."""
     change = np.flatnonzero(np.diff(np.concatenate([[0], chosen.astype(int), [0]])))
     return [(int(begin), int(end)) for begin, end in zip(change[::2], change[1::2], strict=True)]
 
 
 def _steps(axes: Axes, edges: FloatArray, values: list[float], visible: NDArray[np.bool_], **look: Any) -> Any:
-    """A line of steps where something is seen."""
+    """Return a line of steps where something is seen."""
     shown = np.where(visible, values, np.nan)
     return axes.stairs(shown / 60.0, edges, baseline=None, **look)
 

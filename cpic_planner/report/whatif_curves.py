@@ -1,4 +1,4 @@
-"""What surveys yield against telescope time, against a varied key, and against the number of universes."""
+"""Figures of survey yields against telescope time, a varied key, and the number of universes."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _listed(texts: Sequence[str]) -> str:
 
 
 def _panels(result: WhatIfResult, what: _What) -> tuple[Figure, str]:
-    """One panel; for a long sweep one of each line, coloured by the value. With the end of the caption."""
+    """Draw one panel; for a long sweep one of each line, coloured by the value. Return the end of the caption too."""
     strategies, sweep = result.strategies, sweep_of(result.strategies)
     if len(strategies) > FEW and sweep is not None and len(sweep.lines) <= FEW and len(sweep.values) <= _MOST_VALUES:
         return _sweep_panels(strategies, sweep, what), "."
@@ -190,7 +190,7 @@ def sweep_figure(result: WhatIfResult) -> Picture | None:
 
 
 def _value_axis(axes: Axes, sweep: Sweep, places: FloatArray) -> None:
-    """Ticks at the values as they were written; a logarithmic axis for wide ranges."""
+    """Set ticks at the values as they were written; a logarithmic axis for wide ranges."""
     from matplotlib.ticker import NullLocator
 
     if sweep.numbers is not None and places.min() > 0 and places.max() / places.min() >= _LOG_RANGE:

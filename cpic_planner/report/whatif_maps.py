@@ -1,4 +1,4 @@
-"""How strategies look in figures: one colour and marker each, and what a sweep varies.
+"""Appearance of strategies in figures: one colour and marker each, and the values that a sweep varies.
 
 When strategies visit which stars, and where these stand on the sky.
 """
@@ -99,7 +99,7 @@ def sweep_of(strategies: Sequence[StrategyOutcome]) -> Sweep | None:
 
 
 def _number(value: Any) -> float | None:
-    """A number, or the only one of a list; None for anything else."""
+    """Return a number, or the only one of a list; None for anything else."""
     if isinstance(value, list | tuple) and len(value) == 1:
         return _number(value[0])
     plain = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
@@ -212,7 +212,7 @@ def _marks(
 def _counts(
     axes: Axes, rows: Mapping[str, Sequence[tuple[int, SurveyTarget]]], begins: np.ndarray, step: float, n: int
 ) -> None:
-    """How many strategies visit each star in each slot."""
+    """Draw how many strategies visit each star in each slot."""
     from matplotlib.ticker import MaxNLocator
 
     counts = np.zeros((len(rows), len(begins)))

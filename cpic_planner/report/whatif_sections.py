@@ -41,7 +41,7 @@ _WORDS = "contrast; SNR; significance; threshold; blind search; separation; dark
 
 @dataclass(frozen=True)
 class WhatIfReport:
-    """What the report of a comparison is made of: the result, and figures by the keys of `WHATIF_FIGURES`."""
+    """The contents of the report of a comparison: the result, and figures by the keys of `WHATIF_FIGURES`."""
 
     result: WhatIfResult
     figures: Mapping[str, Picture]

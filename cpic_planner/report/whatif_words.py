@@ -1,4 +1,4 @@
-"""What a comparison of survey strategies says, and the settings of strategies, in words."""
+"""Sentences about a comparison of survey strategies, and the settings of strategies in words."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -101,7 +101,7 @@ def extent_text(result: WhatIfResult) -> str:
 
 
 def _span_text(universe: Mapping[str, Any]) -> str:
-    """How long the survey is, and from when."""
+    """Return how long the survey is, and from when."""
     days = float(universe["duration_days"])
     years = significant(days / 365.25, 2)
     return f"{count_text(round(days))} days ({years} years) from {str(universe['start_utc'])[:10]}"
@@ -155,7 +155,7 @@ def lead_sentences(result: WhatIfResult) -> list[str]:
 
 
 def _new_text(result: WhatIfResult) -> str:
-    """What the new planets of the best strategy would be with other occurrence rates, and with nothing excluded."""
+    """Return the best strategy's new planets with other occurrence rates, and with nothing excluded."""
     best = max(result.strategies, key=lambda item: item.planets.mean)
     said = [occurrence_text(best)] if best.occurrence and best.new_planets.mean > 0 else []
     if result.universe["exclusions"] and best.new_planets_unconditional.mean > 0:
@@ -294,7 +294,7 @@ def _follow_up(rule: Mapping[str, Any]) -> str:
 
 
 def _candidates(settings: Mapping[str, Any]) -> str:
-    """What is done with a candidate that may be a false alarm."""
+    """Return what is done with a candidate that may be a false alarm."""
     rule, needed = settings["alarms"], settings["detection"]["visits_needed"]
     if needed > 1:
         return f"planets and false alarms are told apart by the {needed} visits that a detection takes"

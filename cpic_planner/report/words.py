@@ -1,4 +1,4 @@
-"""What codes mean, in words: statuses, reasons, flags, terms of the noise, limits, remedies; and the glossary."""
+"""Words for codes: statuses, reasons, flags, terms of the noise, limits, remedies; and the glossary of reports."""
 
 import functools
 import json

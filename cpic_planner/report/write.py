@@ -116,7 +116,7 @@ MAX_LIMITS = 3
 
 
 def limit_curves(plan: PlanResult, model: EtcModel, targets: Targets | None = None) -> list[LimitCurve]:
-    """Contrast limit against separation for the first confirmed targets, each in its ranked band and time.
+    """Return the contrast limit against separation for the first confirmed targets, each in its ranked band and time.
 
     `targets` are the ranked stars; without them the stars are those of the snapshot.
 
@@ -144,12 +144,12 @@ def limit_curves(plan: PlanResult, model: EtcModel, targets: Targets | None = No
 
 
 def hole_edges(model: EtcModel) -> list[HoleEdges]:
-    """Corners of each band's zone on the diagonal."""
+    """Return the corners of each band's zone on the diagonal."""
     return [HoleEdges(band, zone.hole_inner_corner_arcsec, zone.owa_arcsec) for band, zone in model.metrics.items()]
 
 
 def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Scene | None = None) -> Panels:
-    """Images of one finished piece of work, with marks.
+    """Return the images of one finished piece of work, with marks.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def write_report(
 
 
 def products_of(bands: Iterable[str]) -> list[str]:
-    """Names of the files of a report of images in these bands."""
+    """Return the names of the files of a report of images in these bands."""
     return ["measurements.csv", "report.html", *(PANELS.format(band=band) for band in bands)]
 
 
@@ -293,7 +293,7 @@ def write_confirm_report(
 
 
 def _albedo_picture(fitted: FittedAlbedo) -> Picture:
-    """The posterior, with the planet of the scene where it is one of the model's."""
+    """Return the posterior, with the planet of the scene where it is one of the model's."""
     from cpic_planner.report.albedo_figures import albedo_picture
 
     light, truth = fitted.light, None

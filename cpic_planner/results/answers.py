@@ -1,8 +1,6 @@
-"""What images contain and what they leave out, with the error that this is predicted to cost.
+"""Results of the exposure-time calculator, with their stated errors and their checks in images.
 
 What stands behind answers of the exposure-time calculator: stated errors, and checks in images.
-
-Results of the exposure-time calculator.
 """
 
 from typing import Any, Literal, Self
@@ -24,7 +22,7 @@ from simulator.knobs import Knobs, Quantity
 
 
 class Quantiles(Result):
-    """What the published errors leave open: 16, 50 and 84 % of the draws lie below."""
+    """The quantiles that published errors leave: 16, 50 and 84 % of the draws lie below."""
 
     low: float
     median: float
@@ -44,7 +42,7 @@ class EffectRecord(Result):
 
 
 class ModellingRecord(Result):
-    """How the images of one band were made."""
+    """The way in which the images of one band were made."""
 
     fidelity: Literal["quick", "standard", "reference", "custom"] = Field(description="custom: by a tolerance")
     tolerance: dict[Quantity, float] = Field(description="largest relative error of each quantity that is asked for")
@@ -90,7 +88,7 @@ class ImageCheck(Row):
 
 
 class AnswerFidelity(Result):
-    """How firm one answer is."""
+    """The stated errors of one answer."""
 
     answer: int = Field(description="place in `answers`, from 0")
     fidelity: Literal["quick", "standard", "reference"] = Field(
@@ -110,7 +108,7 @@ class AnswerFidelity(Result):
 
 
 class EtcFidelity(Result):
-    """How firm the answers are; answers without frames are passed over."""
+    """The stated errors of the answers; answers without frames are passed over."""
 
     fidelity: Literal["quick", "standard", "reference", "custom"] = Field(description="custom: by a tolerance")
     tolerance: float | None = Field(description="largest relative error that was asked for; null for a named tier")
@@ -119,7 +117,7 @@ class EtcFidelity(Result):
 
 
 class OpenQuantiles(Result):
-    """What the errors of a planet's place and light leave open: 16, 50 and 84 % of the draws lie below.
+    """The quantiles that errors of a planet's place and light leave: 16, 50 and 84 % of draws lie below.
 
     A draw without a value (outside the dark hole, out of reach) counts as an SNR of 0, and as a time or a limit without
     end, which is null.
@@ -156,7 +154,7 @@ Question = Literal["exposure_time", "signal_to_noise", "contrast_limit"]
 
 
 class AskedColumns(Row):
-    """What was asked of one target, and what came of it."""
+    """The question about one target, and its answer."""
 
     target: str
     band: str

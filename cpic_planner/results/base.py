@@ -1,6 +1,4 @@
-"""What all results and their rows share.
-
-Columns of result rows: what a field is called, its unit, and how its numbers are written, said once.
+"""Base classes of results and their rows: what a column is called, its unit, and how its numbers are written.
 
 A field of a `cpic_planner.results.base.Row` is a column of every table that shows such rows. What a column is called
 and how its numbers are written stands beside the field (`column`); words that mean the same in every row stand in
@@ -115,7 +113,7 @@ UNITS |= {"au": "AU", "nm": "nm", "km": "km", "s": "s", "h": "h"}
 
 @dataclass(frozen=True)
 class Look:
-    """How a column is shown to people.
+    """The way in which a column is shown to people.
 
     Attributes
     ----------
@@ -378,7 +376,7 @@ def described(name: str, field: FieldInfo) -> Look:
 
 
 def _dtype(annotation: Any) -> str:
-    """Type of the cells; empty for what no cell can hold."""
+    """Return the type of the cells; empty for what no cell can hold."""
     kinds = [kind for kind in get_args(annotation) if kind is not type(None)]
     origin = get_origin(annotation)
     if origin in (Union, types.UnionType):

@@ -54,7 +54,7 @@ class DoubtChoice(Row):
 
 
 class DoubtDecision(Result):
-    """What to take out of some plans."""
+    """The choice among some plans."""
 
     strategy: str = Field(description="the strategy whose plans these are; empty: all plans of all strategies")
     cautious: DoubtChoice = Field(description="the plan whose largest loss is the smallest")

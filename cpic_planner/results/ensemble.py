@@ -1,4 +1,4 @@
-"""What becomes of a ranking under other assumptions, and under an ensemble of instruments."""
+"""Results of a ranking under other assumptions and under an ensemble of instruments."""
 
 from typing import Literal
 
@@ -9,7 +9,7 @@ from cpic_planner.results.base import Result, Row, RunResult, column
 
 
 class EnsembleBar(Row):
-    """What one number that is not known does to a ranking, all others as they are assumed."""
+    """The effect of one unknown number on a ranking, all others as they are assumed."""
 
     key: str = column("key of the number")
     label: str = column("what the number is", label="number")
@@ -89,7 +89,7 @@ class SensitivityRow(Row):
 
 
 class SensitivityResult(RunResult):
-    """How the ranking depends on what is assumed."""
+    """The dependence of the ranking on what is assumed."""
 
     schema_version: Literal[1] = 1
     kind: Literal["sensitivity"] = "sensitivity"

@@ -171,7 +171,7 @@ class VisibleDays(Result):
 
 
 class VisibleTarget(Row):
-    """When one star can be seen. Medians are over the steps on which it can."""
+    """The times when one star can be seen. Medians are over the steps on which it can."""
 
     name: str = column("name of the star in the catalogue", label="star", format="star")
     hip: int | None
@@ -196,7 +196,7 @@ class VisibleTarget(Row):
 
 
 class VisibilityResult(Result):
-    """When stars can be seen."""
+    """The times when stars can be seen."""
 
     schema_version: Literal[1] = 1
     kind: Literal["visibility"] = "visibility"

@@ -169,7 +169,7 @@ class ConfirmedTarget(Result):
 
 
 class ImagedResult(RunResult):
-    """What a plan and a confirmed scene say of their images: reproducible from configuration and seed."""
+    """The findings in the images of a plan or scene: reproducible from configuration and seed."""
 
     schema_version: Literal[1] = 1
     kind: str
@@ -211,7 +211,7 @@ class LeftOutRow(Row):
 
 
 class SeenRow(Row):
-    """When a target of a plan can be seen in its period."""
+    """The times when a target of a plan can be seen in its period."""
 
     name: str = column("name of the star in the catalogue", label="star", format="star")
     usable_h: float = column("time of the period in which it is seen and may be pointed at", label="seen", format=".1f")
@@ -219,7 +219,7 @@ class SeenRow(Row):
 
 
 class PeriodRecord(Result):
-    """When the stars of a plan have to be seen, and which of those that come first are not."""
+    """The period in which the stars of a plan have to be seen, and which of the first stars are not."""
 
     start_utc: str
     n_days: int
@@ -272,7 +272,7 @@ class PlanResult(ImagedResult):
 
 
 class FingerprintRecord(Result):
-    """What made the numbers of a run."""
+    """The code, data and libraries that made the numbers of a run."""
 
     code: str = Field(description="SHA-256 of the installed Python code and of shipped data other than the next two")
     presets: str = Field(description="that of the shipped presets")
@@ -345,7 +345,7 @@ class PositionRecord(Row):
 
 
 class AlbedoRecord(Row):
-    """What band contrasts say of metallicity and clouds: mean contrasts, errors of one observation a band."""
+    """Metallicity and clouds by band contrasts: mean contrasts, errors of one observation a band."""
 
     planet: str
     bands: list[str]

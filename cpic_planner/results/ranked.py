@@ -80,7 +80,7 @@ class PlaceColumns(Row):
 
 
 class Standing(VerdictColumns, ProgrammeColumns, PlaceColumns):
-    """Where a star stands with one reference planet: what its best observation is, and what that detects."""
+    """The standing of a star with one reference planet: its best observation, and what that detects."""
 
     required_drift_factor: float | None = optional(
         "largest factor on the drift, common part and walk included, with which the planet is detected in the given "
@@ -226,7 +226,7 @@ class RankResult(RunResult):
 
 
 class StarInRanking(Row):
-    """Where one star stands in one of two rankings; columns are those of its row there."""
+    """The place of one star in one of two rankings; columns are those of its row there."""
 
     rank: int = column("among all stars of the sample, whatever the filters are")
     score: float
@@ -257,7 +257,7 @@ class RankMove(Row):
 
 
 class RankAgreement(Row):
-    """How far two rankings agree on the first stars."""
+    """The agreement of two rankings on the first stars."""
 
     top: int = column("first stars of either ranking, among those that both hold")
     kept: int = column("stars that are among the first in both")
@@ -290,7 +290,7 @@ class ComparedRanking(Result):
 
 
 class RankComparison(Result):
-    """What moves from one ranking to another one, and why."""
+    """The moves from one ranking to another one, and their reasons."""
 
     schema_version: Literal[1] = 1
     kind: Literal["comparison"] = "comparison"
@@ -335,7 +335,7 @@ class BandStanding(Standing):
 
 
 class Explanation(Result):
-    """Why a star stands where it stands."""
+    """The reasons why a star stands where it stands."""
 
     schema_version: Literal[1] = 1
     kind: Literal["explanation"] = "explanation"

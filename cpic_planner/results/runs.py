@@ -91,7 +91,7 @@ class SimulatedSequence(PlannedSequenceRow):
 
 
 class SimulationEstimate(Result):
-    """What a simulation would make, and its expected cost."""
+    """The products of a simulation and their expected cost."""
 
     schema_version: Literal[1] = 1
     kind: Literal["estimate"] = "estimate"
@@ -133,7 +133,7 @@ class FindingRecord(Row):
 
 
 class CheckResult(Result):
-    """What a check of Level-0 products found."""
+    """The findings of a check of Level-0 products."""
 
     schema_version: Literal[1] = 1
     kind: Literal["check"] = "check"
@@ -145,7 +145,7 @@ class CheckResult(Result):
 
 
 class MachineRecord(Result):
-    """Where it was timed."""
+    """The machine on which something was timed."""
 
     key: str = Field(description="hash of the description: equal machines, equal keys")
     processor: str

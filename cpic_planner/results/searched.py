@@ -119,7 +119,7 @@ class RecoveredRow(Row):
 
 
 class SearchedResult(RunResult):
-    """What every result on the programmes of a star says of them."""
+    """The fields that every result on the programmes of a star has."""
 
     version: str
     config_hash: str

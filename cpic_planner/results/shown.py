@@ -12,7 +12,7 @@ from cpic_planner.results.runs import InstrumentResult
 
 
 class StarResult(Result):
-    """What is known of a star: where it stands in the ranking, its known planets, and when it is seen."""
+    """The facts about a star: its place in the ranking, its known planets, and when it is seen."""
 
     schema_version: Literal[1] = 1
     kind: Literal["star"] = "star"

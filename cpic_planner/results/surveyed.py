@@ -24,7 +24,7 @@ class OccurrenceRange(Result):
 
 
 class TimeUse(Result):
-    """Where the telescope time goes, means over universes, in hours."""
+    """The use of the telescope time, means over universes, in hours."""
 
     exposing_h: float = Field(description="search: science and reference frames with readouts")
     occulted_h: float = Field(description="search: behind the Earth, in the South Atlantic Anomaly, windows not filled")
@@ -216,7 +216,7 @@ class AssumedInstrument(Result):
 
 
 class StrategyOutcome(Row):
-    """What one strategy yields."""
+    """The yields of one strategy."""
 
     name: str = column(label="strategy")
     description: str
@@ -301,7 +301,7 @@ class TakenBack(Result):
 
 
 class FactRow(Row):
-    """What one strategy finds, planned and played as if one fact were not known, in the same universes.
+    """The yields of one strategy, planned and played as if one fact were not known, in the same universes.
 
     A change is the number without the fact less that with all facts.
     """
@@ -325,7 +325,7 @@ class FactsRecord(Result):
 
 
 class SettingSource(Result):
-    """Where a number of the strategies' file or of its preset comes from."""
+    """The source of a number of the strategies' file or of its preset."""
 
     key: str = Field(description="dotted key of a strategy; universe.KEY of what all share")
     value: Any

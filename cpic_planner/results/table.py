@@ -108,7 +108,7 @@ def _plain(value: Any, joined: str) -> Any:
 
 
 def _filled(column: Column, rows: Sequence[Result], joined: str) -> tuple[list[Any], list[bool]]:
-    """Cells of a column without nulls, and which of them were null; texts that are null are empty."""
+    """Return the cells of a column without nulls, and which of them were null; texts that are null are empty."""
     cells = [getattr(row, column.name) for row in rows]
     missing = [cell is None for cell in cells]
     if column.dtype == "string":

@@ -1,6 +1,4 @@
-"""What a sequence leaves out for its tolerance, before its frames are made.
-
-What a person names on the command line, as one simulation: scenes, simulations, tables of stars, or a kind.
+"""Make one simulation of what a person names (scenes, tables of stars, a kind), and choose what it leaves out.
 
 What a simulation costs before it is run: time, memory and disk from the number and size of its frames.
 """
@@ -24,7 +22,7 @@ from simulator.ledger import Choice, observation_choice
 
 
 def sequence_choice(item: PlannedSequence) -> Choice | None:
-    """What `simulator.observe` decides for a sequence; None where nothing may be left out."""
+    """Return what `simulator.observe` decides for a sequence; None where nothing may be left out."""
     entry = item.entry
     if entry.scene is None or entry.tolerance == 0:
         return None
@@ -37,7 +35,7 @@ def sequence_choice(item: PlannedSequence) -> Choice | None:
 
 
 def modelled(item: PlannedSequence) -> ModellingRecord | None:
-    """Record of what a sequence models and leaves out; None where nothing may be left out."""
+    """Return the record of what a sequence models and leaves out; None where nothing may be left out."""
     choice = sequence_choice(item)
     if choice is None:
         return None
@@ -57,7 +55,7 @@ def simulation_from(
     instrument: Instrument | Mapping[str, Any] | str | Path | None = None,
     date_utc: str | None = None,
 ) -> tuple[SimulationConfig, tuple[str, ...]]:
-    """One simulation of everything that is named.
+    """Return one simulation of everything that is named.
 
     Parameters
     ----------
@@ -148,7 +146,7 @@ def _presets() -> str:
 def _read(
     item: SimulationInput, instrument: Any
 ) -> SimulationConfig | tuple[str, Sequence[Scene] | Catalogue, Sequence[str]]:
-    """A simulation, or scenes or a table of stars with the name of what they come from and remarks."""
+    """Return a simulation, or scenes or a table of stars with the name of what they come from and remarks."""
     if isinstance(item, SimulationConfig):
         return config.load_simulation(item, instrument=instrument)
     if isinstance(item, Scene):
@@ -179,7 +177,7 @@ def _read(
 def _read_mapping(
     tree: Any, source: Any, instrument: Any
 ) -> SimulationConfig | tuple[str, Sequence[Scene], Sequence[str]]:
-    """A mapping or a file by its ``kind``; without one, what has sequences is a simulation."""
+    """Return a mapping or a file by its ``kind``; without one, what has sequences is a simulation."""
     plain = tree if isinstance(tree, Mapping) else {}
     kind = plain.get("kind", "simulation" if "sequences" in plain else "scene")
     if kind == "simulation":
@@ -210,7 +208,7 @@ _MEMORY_MB_MPX = 150.0
 
 
 def simulation_estimate(simulation: SimulationConfig, *, truth: bool = True, workers: int = 1) -> SimulationEstimate:
-    """Sequences of a simulation, and what they would cost: wall time, memory of a worker, disk.
+    """Return the sequences of a simulation, and what they would cost: wall time, memory of a worker, disk.
 
     Raises
     ------
@@ -255,7 +253,7 @@ def sequences_cost(
 
 
 def disk_bytes(item: PlannedSequence, *, truth: bool) -> int:
-    """Bytes of the files of a sequence: exact for the images, a bound for compressed masks and logs."""
+    """Return the bytes of the files of a sequence: exact for the images, a bound for compressed masks and logs."""
     pixels = _n_pixels(item)
     level0 = 6 * _BLOCK + item.n_frames * (_padded(2 * pixels) + 2 * _BLOCK)
     params = 75_000 + 300 * item.n_frames + 1000 * _n_sources(item)
@@ -273,7 +271,7 @@ def _n_pixels(item: PlannedSequence) -> int:
 
 
 def _n_sources(item: PlannedSequence) -> int:
-    """Stars off the axis, and one for planets and extended sources together."""
+    """Return the stars off the axis, and one for planets and extended sources together."""
     scene = item.entry.scene
     if scene is None:
         return 0

@@ -138,7 +138,7 @@ class _Digests:
 
 
 def _named_files(tree: Any) -> Iterator[str]:
-    """Texts of a configuration that are names of files."""
+    """Yield the texts of a configuration that are names of files."""
     if isinstance(tree, dict):
         for item in tree.values():
             yield from _named_files(item)
@@ -151,7 +151,7 @@ def _named_files(tree: Any) -> Iterator[str]:
 
 @dataclass
 class _Tally:
-    """What the frames of a sequence hold, noted while they go by."""
+    """The contents of the frames of a sequence, noted while they go by."""
 
     sequence: FrameSequence
     adu_min: int = 2**16 - 1
@@ -198,13 +198,13 @@ def make_sequence(
 
 
 def _files(item: PlannedSequence, *, truth: bool) -> list[str]:
-    """Files of a sequence below the root, the Level-0 file first."""
+    """Return the files of a sequence below the root, the Level-0 file first."""
     params = [item.name.params / file for file in PARAMS_FILES]
     return [item.place(path) for path in [item.name.file, *([item.name.truth] if truth else []), *params]]
 
 
 def _manifests(planned: Sequence[PlannedSequence]) -> dict[str, list[PlannedSequence]]:
-    """Sequences of each programme by the file that lists them."""
+    """Return the sequences of each programme by the file that lists them."""
     found: dict[str, list[PlannedSequence]] = {}
     for item in planned:
         if item.part is not None:
@@ -251,7 +251,7 @@ def _visit_row(item: PlannedSequence, streams: list[str | int]) -> VisitRow:
 
 
 def _whole(root: Path, body: dict[str, Any]) -> bool:
-    """Whether the files of a sequence are as they were left."""
+    """Return whether the files of a sequence are as they were left."""
     for name, known in body["files"].items():
         path = root / name
         if not path.is_file() or path.stat().st_size != known["size_bytes"] or digest_of(path) != known["sha256"]:

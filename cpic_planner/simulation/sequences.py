@@ -125,7 +125,7 @@ class PlannedSequence:
         return _readout_s(self.entry, self.camera)
 
     def row(self) -> dict[str, Any]:
-        """What it is, in plain values."""
+        """Return the row in plain values."""
         own = ("obsid", "target", "camera", "band", "exposure_s", "n_frames", "em_gain", "start_utc")
         role = self.entry.role if self.on_sky else ""
         about: dict[str, Any] = {"kind": self.entry.kind, "role": role, "file": self.place(self.name.file)}
@@ -134,7 +134,7 @@ class PlannedSequence:
         return {name: getattr(self, name) for name in own} | about
 
     def settings(self, digest: Callable[[FrozenModel], str] = lambda part: part.content_hash) -> dict[str, Any]:
-        """What decides its frames, as plain values; scene and instrument by their hash."""
+        """Return what decides its frames, as plain values; scene and instrument by their hash."""
         entry = self.entry
         useful = set(meaningful_keys(entry.kind)) - {"scene", "instrument", *PROGRAMME_KEYS}
         plain = entry.model_dump(mode="json", include=useful)
@@ -246,12 +246,12 @@ class _Dated:
 
 
 def _dated(entry: SequenceConfig, begin_utc: str) -> tuple[list[_Dated], str]:
-    """Sequences of an entry in the order of time, and when the next entry may begin."""
+    """Return the sequences of an entry in the order of time, and when the next entry may begin."""
     grid = list(entry.grid())
     paces_s = [exposure_s + _readout_s(entry, entry.camera_of(band)) for band, exposure_s, _ in grid]
 
     def lasts_s(step: int, n_frames: int) -> float:
-        """Time from the begin of the first exposure to the end of the last."""
+        """Return the time from the begin of the first exposure to the end of the last."""
         return (n_frames - 1) * paces_s[step] + grid[step][1]
 
     found: list[_Dated] = []
@@ -283,14 +283,14 @@ def _readout_s(entry: SequenceConfig, camera: str) -> float:
 
 
 def _stream(entry: SequenceConfig, band: str) -> Hashable:
-    """What names the random streams of a sequence besides its realisation."""
+    """Return what names the random streams of a sequence besides its realisation."""
     if entry.scene is not None:
         return entry.seed, entry.scene.name, entry.role, band
     return entry.seed, entry.kind, entry.camera_of(band), band
 
 
 def _streams(entry: SequenceConfig, band: str) -> set[Hashable]:
-    """What names the random streams of an entry, those of its reference visits too."""
+    """Return what names the random streams of an entry, those of its reference visits too."""
     own = (entry, entry.reference_entry()) if entry.references else (entry,)
     return {_stream(one, band) for one in own}
 

@@ -31,7 +31,7 @@ _POLE_RA_DEG, _POLE_DEC_DEG, _NODE_DEG = 192.85948, 27.12825, 32.93192
 
 
 def galactic_deg(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Galactic longitude (0 to 360) and latitude of ICRS places, degrees.
+    """Return the galactic longitude (0 to 360) and latitude of ICRS places, degrees.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def galactic_deg(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, Flo
 
 
 def star_counts_deg2(v_mag: ArrayLike, longitude_deg: ArrayLike, latitude_deg: ArrayLike) -> FloatArray:
-    """Stars brighter than V, per square degree, at a Galactic place.
+    """Return the stars brighter than V, per square degree, at a Galactic place.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def star_counts_deg2(v_mag: ArrayLike, longitude_deg: ArrayLike, latitude_deg: A
 
 
 def background_alarms(model: EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule) -> FloatArray:
-    """Expected background stars that one visit of each star detects in the dark quadrants, shape ``(n,)``.
+    """Return the expected background stars that one visit of each star detects in the dark quadrants, shape ``(n,)``.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def background_alarms(model: EtcModel, stars: Targets, settings: Sequence[Settin
 
 
 def noise_alarms(model: EtcModel, band: str) -> float:
-    """Expected noise peaks of one visit above the threshold of a blind search.
+    """Return the expected noise peaks of one visit above the threshold of a blind search.
 
     The thresholds keep the false-alarm probability of ``sigma`` in every resolution element, an area of
     ``(lambda/D)^2`` of the dark hole (`cpic_planner.validation.search`); images hold it (``reports/blind_validator``).

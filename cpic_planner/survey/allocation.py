@@ -79,7 +79,7 @@ def make_schedule(problem: Problem, effort: Effort | None = None) -> Schedule:
 
 
 def _planned(problem: Problem, made: Chosen, effort: Effort) -> tuple[Chosen, float]:
-    """Plans of all stars, group after group, and what no schedule can pass."""
+    """Return the plans of all stars, group after group, and what no schedule can pass."""
     groups, room = problem.groups(), Room.of(problem)
     found: Chosen = {}
     bound = 0.0
@@ -96,7 +96,7 @@ def _planned(problem: Problem, made: Chosen, effort: Effort) -> tuple[Chosen, fl
 
 
 def _of_group(problem: Problem, room: Room, group: Sequence[int], made: Chosen, effort: Effort) -> tuple[Chosen, float]:
-    """Plans of stars in the time that is left for them, and what no schedule of these can pass."""
+    """Return the plans of stars in the time that is left for them, and what no schedule of these can pass."""
     each = effort.nodes // max(len(group), 1)
     pools = pools_of(problem, room, group, made)
     priced(problem, room, pools, effort.rounds)
@@ -120,7 +120,7 @@ def _of_group(problem: Problem, room: Room, group: Sequence[int], made: Chosen, 
 def _best(
     problem: Problem, room: Room, group: Sequence[int], pools: Sequence[Pool], known: Chosen, effort: Effort
 ) -> Chosen:
-    """The better of a choice among plans and a known schedule, after exchanges of visits."""
+    """Return the better of a choice among plans and a known schedule, after exchanges of visits."""
     least = least_gain(problem)
     chosen = share(problem, room, pools, least=least, nodes=effort.choice, gap=effort.gap).chosen
     if not _fits(problem, room, chosen) or _net(problem, known) >= _net(problem, chosen):
@@ -129,7 +129,7 @@ def _best(
 
 
 def _fits(problem: Problem, room: Room, made: Chosen) -> bool:
-    """Whether what is left holds all of these visits."""
+    """Return whether what is left holds all of these visits."""
     left = Room(room.budget_h, room.slots_h.copy())
     for star, visits in made.items():
         for visit in visits:
@@ -138,7 +138,7 @@ def _fits(problem: Problem, room: Room, made: Chosen) -> bool:
 
 
 def _net(problem: Problem, made: Chosen) -> float:
-    """Value of visits less what each of them has to be worth."""
+    """Return the value of visits less what each of them has to be worth."""
     least = least_gain(problem)
     return sum(
         StarValue.of(problem.stars[star], problem.needed, visits).value - least * len(visits)
@@ -147,7 +147,7 @@ def _net(problem: Problem, made: Chosen) -> float:
 
 
 def _rank(problem: Problem, made: Chosen) -> tuple[float, ...]:
-    """What groups of stars are worth, the first to be served first; sums of another order or processor are equal."""
+    """Return what groups of stars are worth, the first served first; the same sums in any order or processor."""
     worth = (_net(problem, {star: made[star] for star in group if star in made}) for group in problem.groups())
     return tuple(float(f"{value:.12g}") for value in worth)
 
@@ -160,7 +160,7 @@ def _by_star(visits: Iterable[tuple[int, Visit]]) -> Chosen:
 
 
 def _gains(problem: Problem, star: int, visits: Sequence[Visit]) -> list[tuple[int, Visit, float]]:
-    """Visits of a star in the order of the calendar, with what each adds."""
+    """Return the visits of a star in the order of the calendar, with what each adds."""
     state = StarValue.none(problem.stars[star], problem.needed)
     found = []
     for visit in sorted(visits, key=lambda item: item[1]):

@@ -20,7 +20,7 @@ _FIRST_NM, _MOST_NM, _RTOL, _ROUNDING = 0.01, 100.0, 1e-7, 1e-9
 
 
 def assumed_model(instrument: Instrument, strategy: SurveyStrategy, bands: Sequence[str]) -> EtcModel:
-    """Model of the ETC under the assumptions of a strategy, whose observations have one visit unless it says more.
+    """Return the ETC's model under the assumptions of a strategy; observations have one visit unless it says more.
 
     Throughput and drift change the rates alone and dust the sky: optics are those of the instrument. A dark hole that
     is brighter than the instrument's is that of a less steady mirror, band by band (`mirror_noise_nm`); a darker one
@@ -53,7 +53,7 @@ def assumed_model(instrument: Instrument, strategy: SurveyStrategy, bands: Seque
 
 
 def _changes(assumed: Assumptions, bands: Sequence[str]) -> list[Change]:
-    """What a strategy takes of the instrument instead of what its file says."""
+    """Return what a strategy takes of the instrument instead of what its file says."""
     changes = []
     if assumed.drift != 1.0:
         changes.append(Change.scaling("drift", assumed.drift))
@@ -66,7 +66,7 @@ def _changes(assumed: Assumptions, bands: Sequence[str]) -> list[Change]:
 
 
 def imaged_model(model: EtcModel, strategy: SurveyStrategy, band: str) -> EtcModel | None:
-    """An assumed model whose instrument makes images of the same light; None where no instrument does.
+    """Return an assumed model whose instrument makes images of the same light; None where no instrument does.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def _noisier(instrument: Instrument, noise_nm: float) -> Instrument:
 
 
 def mirror_noise_nm(instrument: Instrument, band: str, contrast: float) -> float | None:
-    """Random error of the mirror's actuators at which the dark hole of a band has a median raw contrast.
+    """Return the random error of the mirror's actuators at which the dark hole of a band has a median raw contrast.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def mirror_noise_nm(instrument: Instrument, band: str, contrast: float) -> float
 
 
 def _solved(instrument: Instrument, band: str, contrast: float) -> float:
-    """Noise of the mirror; nan without any."""
+    """Return the noise of the mirror; nan without any."""
     announce(f"brightening the dark hole of {band} to {contrast:g}, once: about 10 s")
     least = instrument.mirror.noise_nm
     bright = functools.partial(_median_of, instrument, band)
@@ -142,7 +142,7 @@ def _solved(instrument: Instrument, band: str, contrast: float) -> float:
 
 
 def _median_of(instrument: Instrument, band: str, noise_nm: float) -> float:
-    """As `raw_contrast_median`, of the two images that it needs alone."""
+    """Return the same as `raw_contrast_median`, of the two images that it needs alone."""
     imager = build_imager(_noisier(instrument, noise_nm), band)
     masked, clear = (imager.stamp_axis(masked=state) for state in (True, False))
     light = imager.image(masked, masked)
@@ -151,13 +151,13 @@ def _median_of(instrument: Instrument, band: str, noise_nm: float) -> float:
 
 
 def raw_contrast_median(metrics: PsfMetrics) -> float:
-    """Median raw contrast of the pixels of the dark hole."""
+    """Return the median raw contrast of the pixels of the dark hole."""
     return metrics.median_contrast
 
 
 @functools.lru_cache(maxsize=64)
 def with_contrast(metrics: PsfMetrics, contrast: float) -> PsfMetrics:
-    """Figures of a band whose dark hole has another median raw contrast: see `PsfMetrics.brightened`.
+    """Return the figures of a band whose dark hole has another median raw contrast: see `PsfMetrics.brightened`.
 
     Parameters
     ----------

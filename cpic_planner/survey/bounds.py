@@ -1,4 +1,4 @@
-"""What no schedule can pass: bounds of single stars under a price of telescope time, and their sum."""
+"""Bounds that no schedule can pass: of single stars under a price of telescope time, and their sum."""
 
 import heapq
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _KEPT = (0.8, 0.5, 0.3, 0.1)
 
 @dataclass(frozen=True)
 class Bound:
-    """What no schedule of some stars can pass.
+    """The bound that no schedule of some stars can pass.
 
     Attributes
     ----------
@@ -164,7 +164,7 @@ class _Star:
 
     @classmethod
     def of(cls, problem: Problem, room: Room, star: int, charge: FloatArray) -> "_Star":
-        """Parts of a star."""
+        """Return the parts of a star."""
         item = problem.stars[star]
         useful = room.holds(item.cost_h)
         if problem.needed == 1:  # a visit adds at most what it is worth alone
@@ -183,7 +183,7 @@ class _Star:
         return int(self.ratios.shape[1])
 
     def spans(self) -> list[tuple[int, int]]:
-        """Numbers of visits that are bounded together: few alone, as the ratio grows fast there."""
+        """Return the numbers of visits that are bounded together: few alone, as the ratio grows fast there."""
         needed, most = self.problem.needed, self.most
         if needed == 1:
             return [(1, most)] if most else []
@@ -285,7 +285,7 @@ class _Star:
         return bound
 
     def _limits(self, most: int) -> tuple[FloatArray, FloatArray]:
-        """Number of visits, budget and slots that are too near, as rows of ``A x <= b``."""
+        """Return number of visits, budget and slots that are too near, as rows of ``A x <= b``."""
         item, slots = self.problem.stars[self.star], self.columns[:, 1]
         rows, limits = [np.ones(len(slots)), self.cost_h], [float(most), self.room.budget_h]
         for slot in np.unique(slots):
@@ -319,7 +319,7 @@ def _ratios(needed: int, chance: FloatArray, most: int) -> FloatArray:
 def _solved(
     charge: FloatArray, cuts: FloatArray, starts: FloatArray, rows: FloatArray, limits: FloatArray, fewest: int
 ) -> tuple[FloatArray, float, float]:
-    """Shares of the visits, what the cuts promise for them, and the bound of one programme."""
+    """Return the shares of the visits, what the cuts promise for them, and the bound of one programme."""
     from scipy.optimize import linprog
 
     n = len(charge)

@@ -65,18 +65,18 @@ class Calendar:
         return len(self.slot_h)
 
     def select(self, rows: IntArray) -> "Calendar":
-        """The calendar of some of the stars."""
+        """Return the calendar of some of the stars."""
         names = ("fraction", "allowed_h", "window_s", "day", "opens_day", "closes_day", "sun_pa_deg")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def closed_before(self, mjd: float) -> "Calendar":
-        """The calendar without the slots that began before a time."""
+        """Return the calendar without the slots that began before a time."""
         begins = np.concatenate([[0.0], np.cumsum(self.slot_h)[:-1]]) / 24.0
         open_slots = self.start_mjd + begins >= mjd
         return replace(self, fraction=self.fraction * open_slots, allowed_h=self.allowed_h * open_slots)
 
     def cost_h(self, model: EtcModel, star: int, setting: Setting, settlings: int = 1) -> FloatArray:
-        """Telescope time of one observation in every slot, hours; infinite where it is not possible.
+        """Return the telescope time of one observation in every slot, hours; infinite where it is not possible.
 
         Each of its visits begins with slews and settling; then come as many orbits as the wall time needs, each
         counting for the whole frames that fit its longest window. All visits are in one slot.
@@ -102,7 +102,7 @@ class Calendar:
         return np.where(good, elapsed, np.inf)
 
     def roll_deg(self, revisits: Revisits, star: int, slots: IntArray, ordinals: IntArray) -> FloatArray:
-        """Roll of visits, given their numbers among those of their star.
+        """Return the roll of visits, given their numbers among those of their star.
 
         Parameters
         ----------
@@ -122,7 +122,7 @@ class Calendar:
 def make_calendar(
     universe: UniverseConfig, instrument: Instrument, pointing: VisibilityConfig, targets: Targets
 ) -> Calendar:
-    """Visibility of stars over the slots of a survey, sampled six times a slot.
+    """Return the visibility of stars over the slots of a survey, sampled six times a slot.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def make_calendar(
 
 
 def sun_position_angle_deg(targets: Targets, mjd: FloatArray) -> FloatArray:
-    """Direction from each star towards the Sun, east of north.
+    """Return the direction from each star towards the Sun, east of north.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def sun_position_angle_deg(targets: Targets, mjd: FloatArray) -> FloatArray:
 
 @functools.lru_cache(maxsize=8)
 def _sun_km(first_mjd: int, last_mjd: int) -> tuple[FloatArray, FloatArray]:
-    """Days, the last one left out, and where the Sun stands on each, shape ``(d, 3)``."""
+    """Return the days, the last one left out, and where the Sun stands on each, shape ``(d, 3)``."""
     from astropy.time import Time
 
     days = np.arange(first_mjd, last_mjd, dtype=np.float64)

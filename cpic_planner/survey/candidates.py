@@ -80,7 +80,7 @@ class Candidate:
 def chosen_stars(
     strategy: SurveyStrategy, targets: Targets, known: KnownPlanetTable | None
 ) -> tuple[Targets, tuple[tuple[int, ...], ...]]:
-    """Stars that the cuts of a strategy leave, and the known planets of each.
+    """Return the stars that the cuts of a strategy leave, and the known planets of each.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def chosen_stars(
 
 
 def settings_of(model: EtcModel, targets: Targets, band: str, visit: VisitRule, time_s: float) -> list[Setting]:
-    """Frames of each star in one band: the best ones for the reference planet within a wall time, or those given.
+    """Return each star's frames in one band: the best ones for the reference planet in a wall time, or given ones.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def settings_of(model: EtcModel, targets: Targets, band: str, visit: VisitRule, 
 
 
 def _fixed(model: EtcModel, targets: Targets, visit: VisitRule, best: OptimalSetting) -> list[FloatArray]:
-    """Frames of a given exposure or gain in the same band and wall time."""
+    """Return the frames of a given exposure or gain in the same band and wall time."""
     band = str(best.band[0])
     camera = model.camera(band)
     if visit.exposure_s is not None:
@@ -182,7 +182,7 @@ class Screened:
         return np.flatnonzero(self.promising | np.array([bool(rows) for rows in self.known_rows], bool))
 
     def select(self, rows: IntArray, known_rows: tuple[tuple[int, ...], ...]) -> "Screened":
-        """Some of the stars, with their known planets."""
+        """Return some of the stars, with their known planets."""
         settings = tuple(tuple(own[row] for row in rows) for own in self.settings)
         chosen = self.targets.select(rows), settings, self.promising[rows], known_rows
         return Screened(self.strategy, self.model, *chosen)
@@ -191,7 +191,7 @@ class Screened:
 def screen(
     strategy: SurveyStrategy, model: EtcModel, targets: Targets, known_rows: tuple[tuple[int, ...], ...], seed: int
 ) -> Screened:
-    """Frames of every star, and which stars can show a planet at all.
+    """Return the frames of every star, and which stars can show a planet at all.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def candidates(
     limits: StarLimits,
     log: ObservationLog | None = None,
 ) -> list[Candidate]:
-    """Stars worth a visit, best first, at most as many as the strategy wants.
+    """Return the stars worth a visit, best first, at most as many as the strategy wants.
 
     The value of a star is that of planets drawn for it alone, at the dates and rolls of the calendar.
 
@@ -316,7 +316,7 @@ def _with_orbits(
     place: int,
     sky: PlanningSky,
 ) -> Candidate:
-    """The star with what the orbits of its planets are worth: each once more, in slots early enough for its orbit."""
+    """Return the star with what its planets' orbits are worth: each once more, in slots early enough for its orbit."""
     albedos = albedos_of(host.population)
     zodis = dust_of(strategy, planets, sky.seed, str(host.star.name[0]), "planning")
     about = strategy, model, host.star, calendar, place
@@ -344,7 +344,7 @@ def _left(
     calendar: Calendar,
     zodis: FloatArray | None = None,
 ) -> FloatArray:
-    """What earlier visits leave of the weight of each planet: a known one is there all the same."""
+    """Return what earlier visits leave of the weight of each planet: a known one is there all the same."""
     albedos = albedos_of(host.population)
     placed = at_known_place(planets, host.known)
     epoch_mjd = calendar.start_mjd
@@ -359,5 +359,5 @@ def _left(
 
 
 def _class(strategy: SurveyStrategy, item: Candidate) -> int:
-    """0 for stars that come before all others."""
+    """Return 0 for stars that come before all others."""
     return int(not (strategy.targets.known_planets == "first" and item.known_rows))

@@ -1,4 +1,4 @@
-"""What to choose of plans where a number is not known: the smallest largest loss, and most in the mean."""
+"""Choose among plans where a number is not known: by the smallest largest loss, and by the mean."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ _STEPS, _ROUNDING = 100_000, 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """What to take of ``o`` plans where one of ``t`` values is true.
+    """The choice among ``o`` plans where one of ``t`` values is true.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Whether a visit shows planets that stand anywhere: significance over threshold, and the chance of a detection."""
+"""Tell whether a visit shows planets that stand anywhere: significance over threshold, and probability."""
 
 import math
 from collections.abc import Sequence
@@ -56,7 +56,7 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class ExpectedSignals:
-    """What visits expect of planets; arrays of one shape.
+    """The signals that visits expect of planets; arrays of one shape.
 
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
     threshold is defined there; ``tails`` the share of the noise, as rms, that is light of the wavefront's errors, and
@@ -91,12 +91,12 @@ def programme_of(model: EtcModel, setting: Setting) -> Programme:
 
 
 def _visit_s(model: EtcModel, setting: Setting) -> float:
-    """Length of the science part of a visit."""
+    """Return the length of the science part of a visit."""
     return setting.n_frames * (setting.exposure_s + model.camera(setting.band).readout_s)
 
 
 def faintest_of(model: EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule) -> FloatArray:
-    """Contrast below which a visit detects no planet, by star and ring (`cpic_planner.ranking.faintest_contrast`).
+    """Return the contrast below which a visit detects no planet, by star and ring; see `faintest_contrast`.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def pair_signals(
     zodis: FloatArray | None = None,
     faintest: FloatArray | None = None,
 ) -> ExpectedSignals:
-    """What visits expect of planets; arrays of the length of ``pairs``.
+    """Return what visits expect of planets; arrays of the length of ``pairs``.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def expected_signals(
     zodis: FloatArray | None = None,
     faintest: FloatArray | None = None,
 ) -> ExpectedSignals:
-    """What visits at some dates expect of every planet.
+    """Return what visits at some dates expect of every planet.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ def expected_signals(
 def on_detector(
     model: EtcModel, band: str, separation_arcsec: FloatArray, pa_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Places of planets on the detector, and whether a visit can see them there.
+    """Return the places of planets on the detector, and whether a visit can see them there.
 
     Parameters
     ----------
@@ -300,7 +300,7 @@ def on_detector(
 
 
 def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:
-    """Projected distances at which any band of a model can show a planet of a star: corners of its dark hole.
+    """Return the projected distances at which some band can show a planet of a star: corners of its dark hole.
 
     Parameters
     ----------
@@ -321,7 +321,7 @@ def tail_share(model: EtcModel, setting: Setting, separation_arcsec: FloatArray,
 def half_margin(
     rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward: ArrayLike, visits: ArrayLike = 1.0
 ) -> FloatArray:
-    """Significance over threshold at which half of the planets are detected.
+    """Return the significance over threshold at which half of the planets are detected.
 
     Parameters
     ----------
@@ -340,7 +340,7 @@ def half_margin(
 def detection_chance(
     seen: ExpectedSignals, rule: DetectionRule, known: BoolArray, shift: ArrayLike = 0.0, calibration: ArrayLike = 1.0
 ) -> FloatArray:
-    """Probability that a visit detects planets.
+    """Return the probability that a visit detects planets.
 
     Parameters
     ----------
@@ -367,12 +367,12 @@ def detection_chance(
 
 
 def _at_place(rule: DetectionRule, known: ArrayLike) -> BoolArray:
-    """Planets that are looked for at a known place under a rule."""
+    """Return the planets that are looked for at a known place under a rule."""
     return np.asarray(known, bool) | (rule.rule == "known_place")
 
 
 def rolled(star: Targets, roll_deg: float) -> Targets:
-    """The star as a rolled detector sees it: its companion stands elsewhere on it.
+    """Return the star as a rolled detector sees it: its companion stands elsewhere on it.
 
     Parameters
     ----------

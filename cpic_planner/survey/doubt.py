@@ -71,7 +71,7 @@ def doubted(config: StrategiesConfig) -> StrategiesConfig:
 
 
 def _setting(config: StrategiesConfig, at: int) -> VariedSetting:
-    """The doubtful number as one of the strategies of `doubted` has it."""
+    """Return the doubtful number as one of the strategies of `doubted` has it."""
     return config.strategies[at].varied[-1]
 
 
@@ -194,7 +194,7 @@ def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping
 
 
 def _more(one: FloatArray, other: FloatArray) -> ChangeRecord:
-    """One plan less another in the same universes; exactly nothing of what is equal in each of them."""
+    """Return one plan less another in the same universes; exactly nothing of what is equal in each of them."""
     if np.array_equal(one, other):
         return ChangeRecord(mean=0.0, error=0.0, low=0.0, high=0.0)
     return change_record(difference_interval(one - other))

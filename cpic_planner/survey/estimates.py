@@ -27,7 +27,7 @@ class Estimate:
 
 
 def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
-    """Mean of a sample and an interval for that of its law, also where few values differ from the others.
+    """Return the mean of a sample and an interval for that of its law, also where few values differ from the others.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
 
 
 def difference_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
-    """As `mean_interval`, of differences: values of the other sign are possible where none was met.
+    """Return the same as `mean_interval`, of differences: the other sign is possible where none was met.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def _interval(values: ArrayLike, level: float, *, unmet: float) -> Estimate:
 
 
 def _end(values: FloatArray, counts: FloatArray, edge: float, aim: float) -> float:
-    """Mean between 0, that of the sample, and an edge of it at which the likelihood ratio reaches ``aim``.
+    """Return the mean between 0, that of the sample, and an edge of it at which the likelihood ratio reaches ``aim``.
 
     The likeliest law of a mean has weights ``counts / (1 + tilt values)``. Each tilt gives its mean and its ratio, so
     that the tilt is all that is sought; at ``-1 / edge`` the law stands on the edge alone.
@@ -122,7 +122,7 @@ def _end(values: FloatArray, counts: FloatArray, edge: float, aim: float) -> flo
 
 
 def spread(values: ArrayLike, level: float = LEVEL) -> tuple[float, float]:
-    """Quantiles between which that part of the universes lies: what one survey may turn out to be.
+    """Return the quantiles between which that part of the universes lies: what one survey may turn out to be.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def spread(values: ArrayLike, level: float = LEVEL) -> tuple[float, float]:
 
 
 def convergence(values: ArrayLike, points: int = 12) -> list[Estimate]:
-    """Estimates from the first few universes to all of them, at numbers evenly spaced in logarithm.
+    """Return the estimates from the first few universes to all of them, at numbers evenly spaced in logarithm.
 
     Parameters
     ----------

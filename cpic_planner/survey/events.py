@@ -1,7 +1,4 @@
-"""What a survey spends and finds, event after event.
-
-Tables of a survey's results and their keys: one kind of row each, its fields are the columns.
-"""
+"""Tables of a survey's results: what it spends and finds, event after event; fields of a row are the columns."""
 
 from __future__ import annotations
 
@@ -83,7 +80,7 @@ class DetectionRow(Row):
 
 
 class StarRow(Row):
-    """What a strategy does at one star in one block of universes."""
+    """The visits and findings of a strategy at one star in one block of universes."""
 
     strategy: str = column("name of the strategy")
     star: str = column("name in the catalogue")
@@ -173,7 +170,7 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class SurveyTables:
-    """What happened in ``n`` universes; each field holds the columns of the table of its name."""
+    """The events in ``n`` universes; each field holds the columns of the table of its name."""
 
     universes: dict[str, NDArray[Any]]
     detections: dict[str, NDArray[Any]]
@@ -234,7 +231,7 @@ class Events:
         self._parts.append({name: np.broadcast_to(given[name], new.shape)[new] for name in names})
 
     def columns(self, survey: Survey) -> dict[str, NDArray[Any]]:
-        """Columns of the table of detections, names instead of positions."""
+        """Return the columns of the table of detections, names instead of positions."""
         joined: dict[str, NDArray[Any]] = {
             name: np.concatenate([np.zeros(0), *(part[name] for part in self._parts)]).astype(dtype)
             for name, dtype in _DTYPES.items()
@@ -314,7 +311,7 @@ class Events:
 
 
 def _orbit_columns(orbits: FoundOrbits, planets: PlanetSample, star: str) -> dict[str, NDArray[Any]]:
-    """Columns of the table of orbits for one star."""
+    """Return the columns of the table of orbits for one star."""
     mine = planets.select(orbits.planet)
     given = vars(orbits.quality) | vars(orbits) | {"universe": mine.universe, "planet": mine.number}
     given |= {"star": np.full(len(mine), star, object), "orbit_known": orbits.known}
@@ -322,7 +319,7 @@ def _orbit_columns(orbits: FoundOrbits, planets: PlanetSample, star: str) -> dic
 
 
 def rows_of(tables: SurveyTables, strategy: str, first_universe: int) -> dict[str, Mapping[str, NDArray[Any]]]:
-    """Columns of all tables of one block, universes by their number in the survey."""
+    """Return the columns of all tables of one block, universes by their number in the survey."""
     n = len(tables.universes["visits"])
     found = tables.detections["universe"]
     columns = {

@@ -1,4 +1,4 @@
-"""Which fact moved which number: strategies planned and played again as if one of the facts were not known."""
+"""Plan and play strategies again as if one fact were not known, to show which fact moves which number."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -99,7 +99,7 @@ def taken_back(config: StrategiesConfig) -> dict[str, StrategiesConfig]:
 
 
 def counts_of(parts: Sequence[Mapping[str, NDArray[Any] | list[int]]]) -> Counts:
-    """Planets found in the universes of some blocks, one after the other.
+    """Return the planets found in the universes of some blocks, one after the other.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def facts_record(
 
 
 def _statement(named: Sequence[TakenBack], rows: Sequence[FactRow], outcomes: Sequence[StrategyOutcome]) -> str:
-    """Which fact moves most planets, and which most new ones where that is another."""
+    """Return which fact moves most planets, and which most new ones where that is another."""
     said: dict[str, str] = {}
     for quantity, words in (("planets", "planets"), ("new_planets", "new planets")):
         changes = [(row, getattr(row, f"{quantity}_change")) for row in rows if row.fact != ALL]

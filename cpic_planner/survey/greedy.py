@@ -64,7 +64,7 @@ def greedy(problem: Problem, *, room: Room | None = None) -> tuple[Room, list[tu
 
 
 def _fits(bundle: _Bundle, star: Candidate, room: Room) -> bool:
-    """Whether the calendar still holds a bundle: other stars may have taken its slots."""
+    """Return whether the calendar still holds a bundle: other stars may have taken its slots."""
     left = room.slots_h.copy()
     for visit in bundle.visits:
         left[visit[1]] -= star.cost_h[visit]
@@ -160,7 +160,7 @@ def surest(problem: Problem, state: StarValue, room: Room, star: int, chance_fir
 
 
 def next_visit(problem: Problem, state: StarValue, room: Room, made: Sequence[Visit]) -> Visit | None:
-    """The visit that adds most per hour, of those worth the least that a visit has to be; the earliest of equals."""
+    """Return the visit that adds most per hour, of those worth the least a visit has to be; the first of equals."""
     cost = np.where(room.holds(state.star.cost_h), state.star.cost_h, np.inf)
     for _, taken in made:
         cost[:, problem.near(state.star, taken)] = np.inf

@@ -1,4 +1,4 @@
-"""What a survey has done at a star, and what that has shown, in all universes of a block."""
+"""Record of what a survey has done at a star and found there, in all universes of a block."""
 
 from dataclasses import InitVar, dataclass, field
 from typing import TYPE_CHECKING
@@ -61,7 +61,7 @@ class StarHistory:
         self.orbit_slots: BoolArray | None = None
 
     def universes_of(self, some: BoolArray | IntArray) -> BoolArray:
-        """Universes that have at least one of some planets."""
+        """Return the universes that have at least one of some planets."""
         found = np.zeros(len(self.stopped), bool)
         found[self.planets.universe[some]] = True
         return found

@@ -84,7 +84,7 @@ def sampled_detections(
 
 
 def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> ConfirmTask | None:
-    """Images of one detection; None where the images cannot be made."""
+    """Return the images of one detection; None where the images cannot be made."""
     i = int(np.flatnonzero(survey.targets.name == row["star"])[0])
     setting = survey.options[i][int(row["option"])]
     model = imaged_model(survey.model, survey.strategy, setting.band)

@@ -54,7 +54,7 @@ OUTCOMES = ("detected", "not_detected", "lost")
 
 
 def _columns() -> Columns:
-    """The columns of `PlannedVisitRow` with the ranges that a file may hold."""
+    """Return the columns of `PlannedVisitRow` with the ranges that a file may hold."""
     made = []
     for item in columns_of(PlannedVisitRow):
         limits = PlannedVisitRow.model_fields[item.name].metadata
@@ -98,7 +98,7 @@ class ObservationLog:
     provenance: str
 
     def of(self, star: str) -> tuple[ObservedVisit, ...]:
-        """Visits of a star, by any of its names, without those that were lost."""
+        """Return the visits of a star, by any of its names, without those that were lost."""
         key = star_key(star)
         return tuple(visit for visit in self.visits if star_key(visit.star) == key and not visit.lost)
 
@@ -203,7 +203,7 @@ def read_schedule(source: str | Path, strategy: str | None = None) -> tuple[tupl
 
 
 def _raw_table(file: TableBytes) -> RawTable:
-    """The table as it is written; JSON as ``visits.json`` has it."""
+    """Return the table as it is written; JSON as ``visits.json`` has it."""
     if not file.data.lstrip().startswith(b"{"):
         return parse_table(file)
     allowed = "JSON with a list of visits, as cpic whatif writes it"
@@ -221,7 +221,7 @@ _Line = tuple[str, dict[str, Any]]
 
 
 def _of_one_strategy(lines: Sequence[_Line], file: str, key: str, wanted: Collection[str]) -> list[_Line]:
-    """Lines of one strategy, and those that no strategy planned; a varied strategy is meant by its name before."""
+    """Return the lines of one strategy, and those nobody planned; a varied strategy goes by its earlier name."""
     found = list(dict.fromkeys(row["strategy"] for _, row in lines if "strategy" in row))
     mine = found
     if wanted and (key == "schedule" or len(found) > 1):
@@ -233,7 +233,7 @@ def _of_one_strategy(lines: Sequence[_Line], file: str, key: str, wanted: Collec
 
 
 def _setting(table: Rows, where: str, row: dict[str, Any]) -> tuple[Setting, int]:
-    """Frames of a line, and how many visits are reduced together."""
+    """Return the frames of a line, and how many visits are reduced together."""
     table.refuse_missing(where, row, _FRAMES)
     visits, frames = int(row.get("visits", 1)), row["frames_per_visit"]
     time_s = row.get("time_s") or 2.0 * row["exposure_s"] * frames * visits
@@ -283,7 +283,7 @@ def missed(
     placed: BoolArray | None = None,
     zodis: FloatArray | None = None,
 ) -> FloatArray:
-    """Probability that none of some visits showed each planet.
+    """Return the probability that none of some visits showed each planet.
 
     Parameters
     ----------
@@ -324,7 +324,7 @@ def missed(
 
 
 def resampled(planets: PlanetSample, left: FloatArray, luck: FloatArray) -> PlanetSample:
-    """Planets that are left to be found after some visits.
+    """Return the planets that are left to be found after some visits.
 
     Parameters
     ----------

@@ -257,7 +257,7 @@ def orbit_chance(
 def _after(
     covariance: FloatArray, slopes: FloatArray, weight: FloatArray, later: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What one more position at each of some epochs does to orbits, each of shape (n, t).
+    """Return what one more position at each of some epochs does to orbits, each of shape (n, t).
 
     Returns the fall of the logarithmic volume of the elements' errors, the relative error of the axis, and that of the
     place at a later date, arcsec; ``slopes`` and ``later`` are derivatives of both, shape (n, 2, t, 7).

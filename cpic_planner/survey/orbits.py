@@ -38,7 +38,7 @@ _YEAR_DAYS = 365.25
 
 
 class Epoch(NamedTuple):
-    """What one visit of a star shows: day after the start, band, SNR of each planet, and which it detects."""
+    """One visit of a star: day after the start, band, SNR of each planet, and which it detects."""
 
     day: float
     band: str
@@ -72,7 +72,7 @@ class FoundOrbits:
 
 
 class PublishedOrbits(dict[int, PublishedOrbit]):
-    """What is published of the orbits of a star's known planets, by their row; made when it is first asked for.
+    """The published orbits of a star's known planets, by their row; made when first asked for.
 
     Parameters
     ----------

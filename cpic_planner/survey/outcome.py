@@ -1,7 +1,4 @@
-"""From tables of universes to what strategies yield, how they differ, and which stars changed their rank.
-
-The calendar of every strategy as a table for an observatory: one line a visit, as CSV, ECSV and JSON.
-"""
+"""Yields of strategies from tables of universes, how they differ, and the calendar as a table for an observatory."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,7 +36,7 @@ _ROUNDING = 1e-6
 def outcome(
     survey: Survey, tables: Mapping[str, Columns], first_utc: Sequence[str], images: results.ImageSample | None
 ) -> results.StrategyOutcome:
-    """What one strategy yields.
+    """Return what one strategy yields.
 
     Parameters
     ----------
@@ -89,7 +86,7 @@ def outcome(
 
 
 def _leading(survey: Survey, detections: Columns, n: int) -> results.PlanetShare | None:
-    """The known planet that is found most often; new planets are others in every universe."""
+    """Return the known planet that is found most often; new planets are others in every universe."""
     rows, times = np.unique(detections["known_row"][detections["known_row"] >= 0], return_counts=True)
     if survey.known is None or not len(rows):
         return None
@@ -99,7 +96,7 @@ def _leading(survey: Survey, detections: Columns, n: int) -> results.PlanetShare
 
 
 def _occurrence(strategy: SurveyStrategy, new_planets: float) -> results.OccurrenceRange | None:
-    """New planets at the ends of the range that is stated of the population's occurrence rate."""
+    """Return the new planets at the ends of the range that is stated of the population's occurrence rate."""
     population = strategy.population
     stated = None if population is None else population.provenance.get("planets_per_star")
     if population is None or population.planets_per_star is None or stated is None or stated.range is None:
@@ -137,7 +134,7 @@ def _point(x: float, found: Any) -> results.CurvePoint:
 
 
 def _time_use(survey: Survey, universes: Columns, stars: Columns) -> results.TimeUse:
-    """Means over universes; a visit's parts are those of the planned visits of its star."""
+    """Return the means over universes; a visit's parts are those of the planned visits of its star."""
     n = len(universes["visits"])
     exposing = settling = 0.0
     settle_h = survey.strategy.visit.settlings * (survey.model.strategy.visits or 1) * survey.calendar.settle_h
@@ -167,7 +164,7 @@ def _planned(survey: Survey, star: int) -> list[PlannedVisit]:
 
 
 def _curve(detections: Columns, n: int, most_h: float) -> list[results.CurvePoint]:
-    """Planets found by the time that so many hours were used, up to the longest survey."""
+    """Return the planets found by the time that so many hours were used, up to the longest survey."""
     universe = detections["universe"] - detections["universe"].min(initial=0)
     used = detections["used_h"]
     _, universe = np.unique(universe, return_inverse=True)
@@ -219,7 +216,7 @@ def _median(values: FloatArray) -> float | None:
 
 
 def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[results.DifferenceRecord]:
-    """Paired differences: all pairs of a few strategies; of many each with the first one, and the best two.
+    """Return the paired differences: all pairs of a few strategies; of many each with the first one, and the best two.
 
     Parameters
     ----------
@@ -263,7 +260,7 @@ def _difference(first: str, second: str, quantity: Any, one: FloatArray, other: 
 
 
 def rank_changes(outcomes: Sequence[results.StrategyOutcome]) -> list[results.RankChange]:
-    """Stars that other strategies rank elsewhere than the first, the largest changes of each, with the reason."""
+    """Return the stars that other strategies rank elsewhere than the first, the largest changes, with reasons."""
     first = {target.name: target for target in outcomes[0].targets}
     found = []
     for other in outcomes[1:]:
@@ -354,12 +351,12 @@ def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[re
 
 
 def _digits(value: float) -> float:
-    """Six digits, which no camera can tell from more."""
+    """Return six digits, which no camera can tell from more."""
     return float(f"{value:.6g}")
 
 
 def _quadrants(metrics: PsfMetrics) -> str:
-    """Quadrants of the hole: all, or the names of the two on its side."""
+    """Return the quadrants of the hole: all, or the names of the two on its side."""
     if metrics.hole_mode != "2q":
         return "all"
     side = {"top": "upper", "bottom": "lower"}.get(metrics.hole_side, metrics.hole_side)

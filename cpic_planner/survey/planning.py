@@ -29,7 +29,7 @@ KNOWN_ALBEDO = MeasuredAlbedo(model="jupiter")
 
 
 def albedos_of(population: PopulationConfig | None) -> tuple[AlbedoSpec, ...]:
-    """Albedos by kind: those of the population, then that of known planets, Jupiter's."""
+    """Return the albedos by kind: those of the population, then that of known planets, Jupiter's."""
     own = () if population is None else tuple(kind.albedo for kind in population.mixture)
     return (*(spec for spec in own if spec is not None), KNOWN_ALBEDO)
 
@@ -37,7 +37,7 @@ def albedos_of(population: PopulationConfig | None) -> tuple[AlbedoSpec, ...]:
 def dust_of(
     strategy: SurveyStrategy, planets: PlanetSample, seed: int, star: str, block: int | str
 ) -> FloatArray | None:
-    """Dust around a star in the universe of each planet, zodi; None where it is the same everywhere.
+    """Return the dust around a star in the universe of each planet, zodi; None where it is the same everywhere.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Host:
         return known if self.population is None else [*known, replace(self, known=None, known_rows=())]
 
     def content(self) -> dict[str, Any]:
-        """Everything that decides its planets and their light; known planets by what their published orbits say."""
+        """Return what decides the planets and their light; known planets by what their published orbits say."""
         orbits = [] if self.known is None else [self.known.orbits_of(row).columns for row in self.known_rows]
         return {
             "star": self.star.content(),
@@ -94,7 +94,7 @@ class Host:
 
 @functools.lru_cache(maxsize=16)
 def _digest(population: PopulationConfig | None) -> str:
-    """Digest of a population; empty for none."""
+    """Return the digest of a population; empty for none."""
     return "" if population is None else content_hash(population.content())
 
 
@@ -120,7 +120,7 @@ class Looks:
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """What visits of a star are likely to show.
+    """The planets that visits of a star are likely to show.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ _T = TypeVar("_T")
 
 
 class _Latest(Generic[_T]):
-    """What was made last, by a key, up to some number of bytes of its arrays."""
+    """The latest values by a key, up to some number of bytes of their arrays."""
 
     def __init__(self, most_bytes: int) -> None:
         self._most, self._bytes = most_bytes, 0
@@ -191,7 +191,7 @@ class PlanningSky:
         self._view: PlanningView | None = None
 
     def planets(self, host: Host, epoch_mjd: float) -> PlanetSample:
-        """Planets of a star that any date shows, of `N_KNOWN` draws of each known one and `N_DRAWS` new ones.
+        """Return a star's planets that any date shows, of `N_KNOWN` draws of each known one and `N_DRAWS` new ones.
 
         Parameters
         ----------
@@ -203,7 +203,7 @@ class PlanningSky:
         return PlanetSample.joined(_known_as(found, host))
 
     def pairs(self, planets: PlanetSample, days: FloatArray, distance_pc: float) -> Pairs:
-        """Planets of a star at the dates on which any band may show them.
+        """Return the planets of a star at the dates on which any band may show them.
 
         Parameters
         ----------
@@ -224,7 +224,7 @@ class PlanningSky:
         return self._view
 
     def of_part(self, part: Host, content: str, epoch_mjd: float) -> PlanetSample:
-        """Planets of one of the parts of a star.
+        """Return the planets of one of the parts of a star.
 
         Parameters
         ----------
@@ -256,7 +256,7 @@ class PlanningSky:
 
 
 class PlanningView:
-    """What visits by one strategy show of the planets that schedules are made with.
+    """The view that a strategy's visits have of the planets that schedules are made with.
 
     Parameters
     ----------
@@ -277,11 +277,11 @@ class PlanningView:
         self._rules = {band: content_hash(of_all | {"optics": key}) for band, key in content["optics"].items()}
 
     def is_of(self, strategy: SurveyStrategy, model: EtcModel) -> bool:
-        """Whether a strategy and its model show the same."""
+        """Return whether a strategy and its model show the same."""
         return model is self._model and strategy == self._strategy
 
     def shown(self, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
-        """What the visits that a star can have are likely to show.
+        """Return what the visits that a star can have are likely to show.
 
         Parameters
         ----------
@@ -326,7 +326,7 @@ class PlanningView:
         epoch_mjd: float,
         faintest: Callable[[], FloatArray],
     ) -> _Seen:
-        """What visits in one way show of the planets of a part of a star."""
+        """Return what visits in one way show of the planets of a part of a star."""
         (option,), (open_,) = looks.options, looks.open
         sky, strategy = self._sky, self._strategy
 
@@ -350,17 +350,17 @@ class PlanningView:
         return sky.stored_chances.get((self._rules[option.band], option, content, epoch_mjd, *when), made)
 
     def _faintest(self, star: Targets, option: Setting) -> FloatArray:
-        """Contrast below which a visit shows no planet, by ring."""
+        """Return the contrast below which a visit shows no planet, by ring."""
         return np.asarray(faintest_of(self._model, star, [option], self._strategy.detection)[0])
 
 
 def _content(part: Host) -> str:
-    """What decides the planets of a part of a star, in words."""
+    """Return what decides the planets of a part of a star, in words."""
     return repr(part.content())
 
 
 def _known_as(samples: Sequence[PlanetSample], host: Host) -> list[PlanetSample]:
-    """Planets of the parts of a star, known ones with their rows in its table, and of the kind behind all others."""
+    """Return the planets of a star's parts, known ones with their rows in its table, and of the last kind."""
     kind = 0 if host.population is None else len(host.population.mixture)
     rows = [part.known_rows for part in host.parts()]
     return [

@@ -32,13 +32,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Prices:
-    """What an hour of telescope time is worth: of the budget, and in every slot on top of that, in planets."""
+    """The prices of an hour of telescope time, in planets: of the budget, and in every slot on top of that."""
 
     budget: float
     slots: FloatArray
 
     def near(self, other: "Prices") -> bool:
-        """Whether they hardly differ from others."""
+        """Return whether they hardly differ from others."""
         return bool(np.allclose(self.slots, other.slots) and np.isclose(self.budget, other.budget))
 
 
@@ -140,7 +140,7 @@ def improved(problem: Problem, room: Room, star: int, start: Sequence[Visit], pr
 
 
 def pools_of(problem: Problem, room: Room, group: Sequence[int], made: Chosen) -> list[Pool]:
-    """Plans of stars to begin with: those of the greedy choice, the surest, the cheapest, and all their beginnings.
+    """Return plans of stars to begin with: the greedy choice's, the surest, the cheapest, and all beginnings.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def priced(problem: Problem, room: Room, pools: Sequence[Pool], rounds: int) -> 
 
 @dataclass(frozen=True)
 class Shared:
-    """How plans share the time: those chosen, the value that no choice among them passes, and prices (of parts)."""
+    """The sharing of time by plans: the chosen, the value that no choice passes, and prices (of parts)."""
 
     chosen: Chosen
     bound: float

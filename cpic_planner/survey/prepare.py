@@ -1,4 +1,4 @@
-"""From strategies to surveys that can be simulated: stars, calendar, frames, schedule."""
+"""Make surveys that can be simulated from strategies: stars, calendar, frames, schedule."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -41,7 +41,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What strategies are planned with, read from presets and files: whoever has it can plan them anywhere.
+    """The inputs of planning, read from presets and files: whoever has them can plan strategies anywhere.
 
     ``reach_arcsec`` are the separations between which any band of any strategy shows a planet.
     """
@@ -56,7 +56,7 @@ class Ground:
     reach_arcsec: tuple[float, float]
 
     def content(self) -> dict[str, Any]:
-        """Everything that decides the plans beside the strategies, for content hashes; files by what is in them."""
+        """Return what decides the plans beside the strategies, for content hashes; files by what is in them."""
         joined = Targets.joined([case.targets for case in self.cases])
         _, first = np.unique(joined.name, return_index=True)
         stars = joined.select(np.sort(first))
@@ -190,7 +190,7 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
 
 
 def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Plan]:
-    """One task: plans of one strategy in several states of what is known.
+    """Work on one task: plans of one strategy in several states of what is known.
 
     What a change of the facts leaves as it was is worked out once: screening, calendar, and what visits show.
 
@@ -248,12 +248,12 @@ def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], ru
 
 
 def _size(strategy: SurveyStrategy) -> tuple[int, int]:
-    """How much there is to plan: ways to visit a star, and visits of it."""
+    """Return how much there is to plan: ways to visit a star, and visits of it."""
     return len(strategy.visit.bands) * len(strategy.visit.time_s), strategy.revisits.max_visits
 
 
 def _places(item: Screened) -> list[tuple[str, float, float]]:
-    """Name and direction of each star with a close look: what decides its calendar, and tells it from others."""
+    """Return name and direction of each star with a close look: what decides its calendar and tells it apart."""
     stars = item.targets.select(item.rows)
     names = stars.name.tolist()
     return list(zip(names, stars.ra_deg.tolist(), stars.dec_deg.tolist(), strict=True))
@@ -264,7 +264,7 @@ def _stars(item: Screened, places: list[tuple[str, float, float]]) -> list[tuple
 
 
 def _plan(ground: Ground, item: Screened, calendar: Calendar, sky: PlanningSky) -> Plan:
-    """Plan of one strategy, ``calendar`` that of the stars with a close look."""
+    """Return the plan of one strategy, ``calendar`` that of the stars with a close look."""
     limits = StarLimits.of(item.targets.name.tolist(), ground.universe.exclusions, ground.known)
     found = candidates(item, calendar, ground.known, sky, limits, ground.log)
     problem = Problem(item.strategy, tuple(found), calendar.slot_h)
@@ -303,7 +303,7 @@ def _check_rolls(config: StrategiesConfig, limits: VisibilityConfig) -> None:
 
 
 def _checked(log: ObservationLog, catalogue: Catalogue, instrument: Instrument) -> ObservationLog:
-    """The log with the names that the catalogue has for its stars; refused by row without such a star or band."""
+    """Return the log with the catalogue's names of its stars; refuse by row without such a star or band."""
     names: dict[str, str] = {}
     for visit in log.visits:
         if visit.setting.band not in instrument.bands:
@@ -318,7 +318,7 @@ def _checked(log: ObservationLog, catalogue: Catalogue, instrument: Instrument) 
 
 
 def _without(strategy: SurveyStrategy, hours: float) -> SurveyStrategy:
-    """The strategy with the time that is left of its budget."""
+    """Return the strategy with the time that is left of its budget."""
     budget_h = strategy.time_budget_h
     if budget_h <= hours:
         raise InputError(
@@ -355,7 +355,7 @@ def _survey(ground: Ground, item: Screened, found: list[Candidate], calendar: Ca
 
 
 def _follow_ups(strategy: SurveyStrategy, model: EtcModel, targets: Targets) -> tuple[tuple[Setting, ...], ...]:
-    """Follow-up settings of each star, one a band."""
+    """Return the follow-up settings of each star, one a band."""
     rule = strategy.follow_up
     if not rule.wanted or not len(targets):
         return ((),) * len(targets)

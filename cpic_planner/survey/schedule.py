@@ -1,4 +1,4 @@
-"""What is to be scheduled, what visits of a star are worth, and the calendar that is made of them.
+"""The problem that a scheduler solves, the worth of visits of a star, and the calendar that results.
 
 Visits are worth the detections expected of the planets drawn for planning, and what a strategy gives for their orbits.
 """
@@ -41,7 +41,7 @@ class StarValue:
 
     @classmethod
     def none(cls, star: Candidate, needed: int) -> "StarValue":
-        """Before any visit.
+        """Return the state before any visit.
 
         Parameters
         ----------
@@ -55,7 +55,7 @@ class StarValue:
 
     @classmethod
     def of(cls, star: Candidate, needed: int, visits: Iterable[Visit]) -> "StarValue":
-        """After a set of visits.
+        """Return the state after a set of visits.
 
         Parameters
         ----------
@@ -70,7 +70,7 @@ class StarValue:
         return state
 
     def after(self, visit: Visit) -> "StarValue":
-        """After one more visit."""
+        """Return the state after one more visit."""
         option, slot = visit
         weight, shown = self.star.weight, self.counts * self.star.chance[option, slot]
         counts = self.counts - shown
@@ -81,11 +81,11 @@ class StarValue:
         return StarValue(self.star, self.needed, counts, self.value + gain, self.upper + upper)
 
     def gain(self) -> FloatArray:
-        """What one more visit adds to `V`, for every option and slot, shape ``(o, b)``."""
+        """Return what one more visit adds to `V`, for every option and slot, shape ``(o, b)``."""
         return np.asarray(self.star.chance @ (self.star.weight * self.counts[-1]))
 
     def gains(self) -> tuple[FloatArray, FloatArray]:
-        """What one more visit adds to `V` and to `U`, for every option and slot, shape ``(o, b)``."""
+        """Return what one more visit adds to `V` and to `U`, for every option and slot, shape ``(o, b)``."""
         chance, w = self.star.chance, self.star.weight
         return self.gain(), chance @ (w * self.counts.sum(axis=0)) / self.needed
 
@@ -96,7 +96,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be scheduled.
+    """The problem of a scheduler.
 
     ``slot_h`` are the lengths of the slots.
     """
@@ -111,11 +111,11 @@ class Problem:
         return self.strategy.detection.visits_needed
 
     def cost_h(self, star: int, visit: Visit) -> float:
-        """Telescope time of one visit of the star at a position."""
+        """Return the telescope time of one visit of the star at a position."""
         return float(self.stars[star].cost_h[visit])
 
     def near(self, star: Candidate, slot: int) -> BoolArray:
-        """Slots too near to one for another visit of the same star, itself among them.
+        """Return the slots too near to one for another visit of the same star, itself among them.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class Problem:
         return np.asarray(near)
 
     def groups(self) -> tuple[list[int], ...]:
-        """Stars that are served before all others (known planets, where they come first), and the rest."""
+        """Return the stars that are served before all others (known planets, where they come first), and the rest."""
         wanted = self.strategy.targets.known_planets == "first"
         first = [i for i, star in enumerate(self.stars) if wanted and star.known_rows]
         rest = [i for i in range(len(self.stars)) if i not in first]
@@ -181,7 +181,7 @@ class Room:
 
     @classmethod
     def of(cls, problem: Problem, booked: Iterable[tuple[int, Visit]] = ()) -> "Room":
-        """All of a strategy's time, less that of visits of stars.
+        """Return all of a strategy's time, less that of visits of stars.
 
         Parameters
         ----------
@@ -209,14 +209,14 @@ class Room:
         self.visits.setdefault(star, []).append(visit)
 
     def holds(self, cost_h: FloatArray) -> BoolArray:
-        """Which costs ``(..., b)`` still fit."""
+        """Return which costs ``(..., b)`` still fit."""
         return np.asarray((cost_h <= self.slots_h + ROUNDING) & (cost_h <= self.budget_h + ROUNDING))
 
 
 def in_order(
     stars: Sequence[Candidate], booked: Sequence[tuple[int, Visit, float]], spare: Sequence[tuple[int, Visit, float]]
 ) -> tuple[PlannedVisit, ...]:
-    """Visits in the order of the calendar: by slot, those within the budget first, then as booked.
+    """Return the visits in the order of the calendar: by slot, those within the budget first, then as booked.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def in_order(
 
 @dataclass(frozen=True)
 class VisitOdds:
-    """What a planned visit is likely to bring.
+    """The probable results of a planned visit.
 
     Attributes
     ----------

@@ -118,7 +118,7 @@ def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyT
 def count_block(
     surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
 ) -> dict[str, list[int] | list[float]]:
-    """One task: planets found, visits made and hours used in each universe of one block, and nothing else.
+    """Work on one task: planets found, visits made and hours used in each universe of one block, and nothing else.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def count_block(
 
 
 def _played(survey: Survey, block: int, n: int, seed: int) -> "_Simulation":
-    """A survey after its last slot."""
+    """Return a survey after its last slot."""
     run = _Simulation(survey, block, n, seed)
     by_slot: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
@@ -176,7 +176,7 @@ class _Simulation:
         self.planets_found = np.zeros(n, np.int64)
 
     def _star(self, i: int, visits: Sequence[tuple[int, PlannedVisit]], mass_msun: float) -> StarHistory:
-        """Planets of a star, and what every visit would detect of them."""
+        """Return the planets of a star, and what every visit would detect of them."""
         survey, block, n, seed = self.survey, self.block, self.n, self.seed
         strategy = survey.strategy
         target = survey.targets.select([i])
@@ -242,11 +242,11 @@ class _Simulation:
         return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll
 
     def _dust(self, i: int, planets: PlanetSample) -> FloatArray | None:
-        """Dust around a star in the universe of each planet."""
+        """Return the dust around a star in the universe of each planet."""
         return dust_of(self.survey.strategy, planets, self.seed, str(self.survey.targets.name[i]), self.block)
 
     def search(self, k: int, visit: PlannedVisit) -> None:
-        """One planned visit in all universes."""
+        """Make one planned visit in all universes."""
         star, clock, strategy = self.stars[visit.star], self.clock, self.survey.strategy
         cost, stop = visit.cost_h, strategy.stop
         wanted = ~star.stopped
@@ -289,13 +289,13 @@ class _Simulation:
         star.stopped |= ends
 
     def _spend(self, star: StarHistory, go: BoolArray, cost_h: float, on: FloatArray) -> None:
-        """Time of one visit of a star in the universes ``go``, for one account of the clock."""
+        """Charge the time of one visit of a star in the universes ``go``, for one account of the clock."""
         self.clock.spend(go, cost_h, on)
         accounts = (self.clock.search, self.clock.follow, self.clock.alarm)
         star.hours[[account is on for account in accounts]] += cost_h * float(go.sum())
 
     def _doubt(self, k: int, visit: PlannedVisit, star: StarHistory, go: BoolArray, new: BoolArray) -> None:
-        """Candidates of a search visit, which refutes earlier false ones where the gap is long enough."""
+        """Note candidates of a search visit, which refutes earlier false ones where the gap is long enough."""
         day = self.survey.calendar.day[visit.star, visit.slot]
         star.doubts[go & (day >= star.shown_day + self.survey.strategy.alarms.gap_days)] = 0
         false = np.where(go, sum(star.alarms[k]), 0)
@@ -304,7 +304,7 @@ class _Simulation:
         star.shown_day[shows], star.option[shows], star.checks[shows] = day, visit.option, 0
 
     def check(self, i: int, star: StarHistory, slot: int) -> None:
-        """Second look at the candidates of a star in one slot, unless a planned search visit is still to come."""
+        """Look again at the candidates of a star in one slot, unless a planned search visit is still to come."""
         survey, clock, rule = self.survey, self.clock, self.survey.strategy.alarms
         true = star.found & ~star.confirmed & ~(star.listed & (survey.strategy.orbit.visits > 0))
         wanted = (star.universes_of(true) | (star.doubts > 0)) & (star.checks < rule.attempts)
@@ -329,7 +329,7 @@ class _Simulation:
             star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
 
     def determine(self, i: int, star: StarHistory, slot: int) -> None:
-        """Visits of one star in one slot for the orbits of its planets, once they are confirmed."""
+        """Visit one star in one slot for the orbits of its planets, once they are confirmed."""
         survey, clock = self.survey, self.clock
         ready = star.found & (star.confirmed | (not survey.strategy.checks_candidates) | star.listed)
         for option in np.unique(star.way[ready]).tolist():
@@ -350,12 +350,12 @@ class _Simulation:
             star.show(survey.calendar.day[i, slot], setting.band, seen, snr, shows)
 
     def _cost_h(self, i: int, setting: Setting, slot: int) -> float:
-        """Telescope time of one more visit of a star; infinite where it is not possible."""
+        """Return the telescope time of one more visit of a star; infinite where it is not possible."""
         calendar, settlings = self.survey.calendar, self.survey.strategy.visit.settlings
         return float(calendar.cost_h(self.survey.model, i, setting, settlings)[slot])
 
     def _ahead(self, i: int, star: StarHistory, some: IntArray, setting: Setting, slot: int) -> FloatArray:
-        """Odds and SNR in a slot of planets at their known place, shape ``(2, len(some))``.
+        """Return the odds and SNR in a slot of planets at their known place, shape ``(2, len(some))``.
 
         They are worked out once, for all slots from then on and all planets that any visit can show.
         """
@@ -371,12 +371,12 @@ class _Simulation:
         return np.asarray(star.ahead[setting][:, slot, some])
 
     def _luck(self, i: int, star: StarHistory, some: IntArray, visit: str) -> FloatArray:
-        """Uniform numbers of some planets of a star in a visit of that name."""
+        """Return the uniform numbers of some planets of a star in a visit of that name."""
         name, mine = str(self.survey.targets.name[i]), star.planets.select(some)
         return uniform_draws(mine, self.seed, name, self.block, visit, self.n)
 
     def follow(self, i: int, star: StarHistory, slot: int) -> None:
-        """Follow-up of one star in one slot: every band that a found planet still lacks, once it is confirmed."""
+        """Follow up one star in one slot: every band that a found planet still lacks, once it is confirmed."""
         survey, clock, rule = self.survey, self.clock, self.survey.strategy.follow_up
         ready = star.found & (star.confirmed | (not survey.strategy.checks_candidates))
         for f, setting in enumerate(survey.follow[i]):

@@ -100,7 +100,7 @@ class ResultStore:
             raise InputError("tables", [table.name for table in tables], allowed="at least one, each name once")
 
     def finished(self) -> frozenset[str]:
-        """Keys of the parts that are whole; damaged ones are named on the log and are to be done again."""
+        """Return the keys of the parts that are whole; damaged ones are named on the log and are to be done again."""
         keys = set()
         for path in self._folder.blob_paths():
             try:
@@ -147,7 +147,7 @@ class ResultStore:
         return {}
 
     def read(self, table: str) -> dict[str, NDArray[Any]]:
-        """All parts of one table joined, sorted by its key.
+        """Return all parts of one table joined, sorted by its key.
 
         Raises
         ------
@@ -215,7 +215,7 @@ class ResultStore:
 
 
 def table_files(tables: Sequence[Table]) -> list[str]:
-    """Names of the files that `ResultStore.merge` writes."""
+    """Return the names of the files that `ResultStore.merge` writes."""
     return [f"{table.name}.parquet" for table in tables]
 
 
@@ -263,7 +263,7 @@ def _arrow_table(table: Table, columns: Mapping[str, ArrayLike], where: str) -> 
 
 
 def _checked(column: Column, values: ArrayLike, where: str) -> NDArray[Any]:
-    """Values in the declared type, unchanged."""
+    """Return the values in the declared type, unchanged."""
     given = np.asarray(values)
     if given.ndim != 1:
         raise InputError(where, f"{given.ndim} dimensions", allowed="1")
@@ -283,7 +283,7 @@ def _checked(column: Column, values: ArrayLike, where: str) -> NDArray[Any]:
 
 
 def _rows_of(content: bytes, place: int, table: Table) -> Any:
-    """Rows of the table at ``place`` in a part: one stream of Arrow after another."""
+    """Return the rows of the table at ``place`` in a part: one stream of Arrow after another."""
     import pyarrow as pa
 
     source = io.BytesIO(content)
@@ -296,7 +296,7 @@ def _rows_of(content: bytes, place: int, table: Table) -> Any:
 
 
 def _sorted_rows(table: Table, rows: Any) -> Any:
-    """Rows by key, in one piece: how a table is cut in pieces shows in the bytes of its file."""
+    """Return the rows by key, in one piece: how a table is cut in pieces shows in the bytes of its file."""
     import pyarrow.compute as pc
 
     rows = rows.combine_chunks()

@@ -1,4 +1,4 @@
-"""What a survey does: targets, visits, revisits, detection and stop rules as frozen configuration."""
+"""A survey strategy as frozen configuration: targets, visits, revisits, detection and stop rules."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -15,12 +15,12 @@ from simulator.config import FrozenModel, Real, validate
 
 
 def _listed(value: Any) -> Any:
-    """A single text as a list of one."""
+    """Return a single text as a list of one."""
     return (value,) if isinstance(value, str) else value
 
 
 def _factor(value: Any) -> Any:
-    """A factor that is written with its x, as a number."""
+    """Return a factor that is written with its x, as a number."""
     written = read_value("factor", value) if isinstance(value, str) else None
     return value if written is None or written.action == "set" else written.value
 
@@ -77,7 +77,7 @@ class VisitRule(FrozenModel):
 
 
 class Revisits(FrozenModel):
-    """How often a star is visited, how far apart, and how the telescope is rolled.
+    """The number of visits of a star, their distance in time, and the roll of the telescope.
 
     A star is visited at most ``max_visits`` times, and again after ``min_gap_days`` at the earliest.
     ``roll`` ``sun``: the roll that the solar panels ask for on the day of the visit, so that the dark quadrants turn
@@ -114,7 +114,7 @@ class FollowUp(FrozenModel):
 
 
 class AlarmRule(FrozenModel):
-    """What a candidate asks for that one visit has shown: a planet, or a false alarm that nobody can tell from one.
+    """The answer to a candidate that one visit has shown, which may be a planet or a false alarm.
 
     With ``check`` a candidate is looked at again, by a visit of the same frames at least ``gap_days`` later: a search
     visit of that star that is planned anyway, or else one of its own, which costs telescope time. It is refuted there:
@@ -136,7 +136,7 @@ class AlarmRule(FrozenModel):
 
 
 class DetectionRule(DetectionLaw):
-    """What counts as a detection.
+    """The rule by which something counts as a detection.
 
     Attributes
     ----------
@@ -190,14 +190,14 @@ class _OneLevel(FrozenModel):
 
 
 def _dust(value: Any, _: Any) -> DustLaw | float | None:
-    """A law of dust, or one level."""
+    """Return a law of dust, or one level."""
     if value is None or isinstance(value, DustLaw):
         return value
     return validate(DustLaw, value) if isinstance(value, Mapping) else validate(_OneLevel, {"exozodi": value}).exozodi
 
 
 class Assumptions(FrozenModel):
-    """What is taken of the instrument instead of what its file says.
+    """The assumptions about the instrument that replace what its file says.
 
     ``contrast`` is the median raw contrast of the dark hole in every band: a brighter hole is that of a mirror whose
     actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`).
@@ -218,7 +218,7 @@ class Assumptions(FrozenModel):
 
 
 class StopRule(FrozenModel):
-    """When a star, or the survey, is left alone.
+    """The rule by which a star, or the survey, is left alone.
 
     ``after_detection``: no more search visits of a star once it has shown a planet; ``after_empty``: nor after that
     many without; ``after_planets``: the survey ends with that many planets found. ``after_orbit``, in place of
@@ -239,7 +239,7 @@ class StopRule(FrozenModel):
 
 
 class OrbitRule(FrozenModel):
-    """When the orbit of a planet that a survey finds counts as known, and how many visits it is worth.
+    """The rule by which the orbit of a found planet counts as known, and how many visits it is worth.
 
     The relative error of the semi-major axis is at most ``axis_error``, and the planet will stand within
     ``place_error_lambda_d`` (rms, in lambda/D of the last band that showed it) of its predicted place in the next
@@ -274,7 +274,7 @@ class OrbitRule(FrozenModel):
 
 
 class SchedulerRule(FrozenModel):
-    """How visits are put into the calendar.
+    """The rule by which visits are put into the calendar.
 
     ``method``: ``auto`` weighs whole plans of stars (sets of visits) against each other, however many visits a
     detection needs, with a search that ends after seconds; ``exact`` searches for minutes; ``greedy`` takes the visits

@@ -28,7 +28,7 @@ _OF_SURVEY = ("kind", "universe", "doubt", "defaults", "strategies")
 
 
 class UniverseConfig(FrozenModel):
-    """What all strategies share: the calendar, the instrument, the stars, and how often chance is asked.
+    """The settings that strategies share: calendar, instrument, stars, and number of universes.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class UniverseConfig(FrozenModel):
 
 
 def _written(value: Any) -> str:
-    """A value as people write it."""
+    """Return a value as people write it."""
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
@@ -225,7 +225,7 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
 
 
 def _laid(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """A layer of a strategy over another; its budget, in hours or as a share, replaces that of the other.
+    """Return a layer of a strategy over another; its budget, in hours or as a share, replaces that of the other.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def _laid(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def budgeted(config: StrategiesConfig) -> StrategiesConfig:
-    """The same strategies, with the hours of those that state a share of the length of the survey."""
+    """Return the same strategies, with the hours of those that state a share of the length of the survey."""
     length_h, made = 24.0 * config.universe.duration_days, []
     for item in config.strategies:
         made.append(item)
@@ -254,7 +254,7 @@ def budgeted(config: StrategiesConfig) -> StrategiesConfig:
 
 
 def _sourced(*layers: Any) -> dict[str, Provenance]:
-    """Sources of the values that are left when trees are laid over each other."""
+    """Return the sources of the values that are left when trees are laid over each other."""
     found: dict[str, Provenance] = {}
     for layer in layers:
         values, provenance = split_sourced(layer)
@@ -263,7 +263,7 @@ def _sourced(*layers: Any) -> dict[str, Provenance]:
 
 
 def _holds(tree: Any, key: str) -> bool:
-    """Whether a tree says what a dotted key is, or what one above it is."""
+    """Return whether a tree says what a dotted key is, or what one above it is."""
     head, _, rest = key.partition(".")
     if not isinstance(tree, Mapping):
         return True
@@ -271,7 +271,7 @@ def _holds(tree: Any, key: str) -> bool:
 
 
 def _beside(tree: Any, folder: Path) -> Any:
-    """Files of the survey and of populations that exist beside the strategies' file, made whole."""
+    """Return the files of the survey and of populations that exist beside the strategies' file, made whole."""
     if isinstance(tree, list):
         return [_beside(item, folder) for item in tree]
     if not isinstance(tree, dict):
@@ -288,7 +288,7 @@ def _beside(tree: Any, folder: Path) -> Any:
 def with_universe(
     config: StrategiesConfig, given: Mapping[str, Any], share_of_time: float | None = None
 ) -> StrategiesConfig:
-    """The same strategies over another calendar, catalogue, or number of universes, or with another telescope time.
+    """Return the same strategies over another calendar, catalogue, number of universes, or telescope time.
 
     A survey that is shorter than a slot has one slot. ``share_of_time`` is that of all strategies; a share that is
     kept means more or fewer hours where the survey gets another length.
@@ -320,7 +320,7 @@ def with_universe(
 
 
 def with_doubt(config: StrategiesConfig, text: str | None) -> StrategiesConfig:
-    """The same strategies with a number that is not known, ``KEY=VALUE,VALUE...``; unchanged without one.
+    """Return the same strategies with a number that is not known, ``KEY=VALUE,VALUE...``; unchanged without one.
 
     Raises
     ------
@@ -331,7 +331,7 @@ def with_doubt(config: StrategiesConfig, text: str | None) -> StrategiesConfig:
 
 
 def with_exact_calendars(config: StrategiesConfig) -> StrategiesConfig:
-    """The same strategies, whose calendars are searched for much longer."""
+    """Return the same strategies, whose calendars are searched for much longer."""
     exact = [
         item.model_copy(update={"scheduler": item.scheduler.model_copy(update={"method": "exact"})})
         for item in config.strategies
@@ -340,7 +340,7 @@ def with_exact_calendars(config: StrategiesConfig) -> StrategiesConfig:
 
 
 def sources_of(config: StrategiesConfig) -> list[SettingSource]:
-    """Sources of the numbers of all strategies and of what they share, equal ones once."""
+    """Return the sources of the numbers of all strategies and of what they share, equal ones once."""
     names, settings = [item.name for item in config.strategies], config.universe.model_dump(mode="json")
     shared = [
         SettingSource.of(item, key=f"universe.{key}", value=settings[key], strategies=names)

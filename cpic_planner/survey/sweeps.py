@@ -46,7 +46,7 @@ class _Sweep:
         return f"{self.option} {self.name}"
 
     def setting(self, text: str, value: Any, unit: str, meaning: str) -> VariedSetting:
-        """One of its values as results tell it."""
+        """Return one of its values as results tell it."""
         return VariedSetting(name=self.name, key=self.key, text=text, value=value, unit=unit, meaning=meaning)
 
 
@@ -143,7 +143,7 @@ def _sweep(text: str, config: StrategiesConfig, option: str) -> _Sweep:
 def _setting(
     sweep: _Sweep, written: Written, tree: Mapping[str, Any], strategy: SurveyStrategy, instrument: Instrument | None
 ) -> tuple[VariedSetting, Any]:
-    """One value of a key: how it is told, and what the strategy gets."""
+    """Return one value of a key: how it is told, and what the strategy gets."""
     if instrument is not None and sweep.key in _UNITS:
         return _of_instrument(sweep, written, instrument)
     unit = unit_of(sweep.key)
@@ -161,7 +161,7 @@ def _setting(
 
 
 def _of_instrument(sweep: _Sweep, written: Written, instrument: Instrument) -> tuple[VariedSetting, Any]:
-    """One value of what is assumed of the instrument, whose numbers are what factors multiply."""
+    """Return one value of what is assumed of the instrument, whose numbers are what factors multiply."""
     key, unit, text = sweep.key, _UNITS[sweep.key], written.text
     factor = written.action == "scale"
     optics = {band.t_opt for band in instrument.bands.values()}

@@ -60,17 +60,17 @@ class PlanetSample(OrbitingPlanets):
         return len(self.universe)
 
     def select(self, rows: ArrayLike) -> "PlanetSample":
-        """Planets of a mask or of row numbers."""
+        """Return the planets of a mask or of row numbers."""
         return PlanetSample(**{name: getattr(self, name)[rows] for name in PlanetSample.__dataclass_fields__})
 
     @classmethod
     def joined(cls, parts: "Sequence[PlanetSample]") -> "PlanetSample":
-        """Planets of several, one after the other."""
+        """Return the planets of several, one after the other."""
         names = cls.__dataclass_fields__
         return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
     def within(self, inner_au: float, outer_au: float) -> BoolArray:
-        """Planets whose projected distance can lie between two at all: of the others no date shows any.
+        """Return the planets whose projected distance can lie between two at all: of the others no date shows any.
 
         It is at most ``a (1 + e)``, and at least ``a (1 - e) |cos i|``.
 
@@ -86,7 +86,7 @@ class PlanetSample(OrbitingPlanets):
         return np.asarray((farthest >= inner_au) & (nearest <= outer_au))
 
     def places(self, days: ArrayLike) -> OrbitPlaces:
-        """Places so many days after the epoch, shape ``(len(days), n_planets)``."""
+        """Return the places so many days after the epoch, shape ``(len(days), n_planets)``."""
         when = np.asarray(days, float)
         step = max(_TOGETHER // max(len(self), 1), 1)
         parts = [self.places_after(when[i : i + step, None], self.period_days) for i in range(0, len(when), step)]
@@ -103,7 +103,7 @@ def star_mass_msun(targets: Targets) -> FloatArray:
 
 
 def occurrence(population: PopulationConfig) -> float:
-    """Planets per star of a population.
+    """Return the planets per star of a population.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def occurrence(population: PopulationConfig) -> float:
 
 
 def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
-    """Uniform numbers of a named stage, the last axis over universes.
+    """Return the uniform numbers of a named stage, the last axis over universes.
 
     The first rows of a larger shape are those of a smaller one, and so are the first universes of a larger block.
 
@@ -151,7 +151,7 @@ def at_known_place(planets: PlanetSample, table: KnownPlanetTable | None) -> Boo
 
 
 def allowed_probability(planets: PlanetSample, limits: StarLimits, star: int) -> FloatArray:
-    """Probability that what is known of a star still allows each planet; 1 for known ones.
+    """Return the probability that what is known of a star still allows each planet; 1 for known ones.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def draw_planet_sample(
     stage: str = "universe",
     one_each: bool = False,
 ) -> PlanetSample:
-    """Planets of one star in ``n`` universes.
+    """Return the planets of one star in ``n`` universes.
 
     Every planet has its own uniform numbers, one for each quantity, that its laws turn into values: changing a law or
     the occurrence rate leaves the planets that remain where they are, so that strategies with different assumptions see

@@ -78,7 +78,7 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
 def simulate_block(
     surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
 ) -> dict[str, Mapping[str, Any]]:
-    """One task: rows of one strategy in one block of universes."""
+    """Work on one task: rows of one strategy in one block of universes."""
     survey = surveys[which]
     return rows_of(simulate_survey(survey, block=block, n=n, seed=seed), survey.strategy.name, block * BLOCK)
 
@@ -100,7 +100,7 @@ def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = Tru
 
     @functools.cache
     def grounds() -> tuple[Ground, ...]:
-        """What strategies are planned with: with all facts, then in every state without one."""
+        """Return what strategies are planned with: with all facts, then in every state without one."""
         now = read_ground(config)
         return (now, *(read_ground(state, now) for state in states.values()))
 
@@ -172,7 +172,7 @@ def _blocks(prepared: Prepared) -> list[Task]:
 
 
 def _without_facts(states: Mapping[str, Prepared], runner: Runner) -> dict[str, list[Counts]]:
-    """Planets found without each fact, by strategy: planned anew, played in the same universes."""
+    """Return the planets found without each fact, by strategy: planned anew, played in the same universes."""
     surveys: list[Survey] = []
     tasks: dict[str, list[list[Task]]] = {}
     for fact, ready in states.items():
@@ -218,7 +218,7 @@ def assemble(
     digest: str,
     doubt: DoubtRecord | None = None,
 ) -> WhatIfResult:
-    """The result from its tables."""
+    """Return the result from its tables."""
     config, ground, universe = prepared.config, prepared.ground, prepared.config.universe
     outcomes, universes = [], []
     for survey, sample in zip(prepared.surveys, images, strict=True):
@@ -251,14 +251,14 @@ def assemble(
 
 
 def unchecked(config: StrategiesConfig) -> list[str]:
-    """What is left out of strategies that look at no candidate again."""
+    """Return what is left out of strategies that look at no candidate again."""
     names = [item.name for item in config.strategies if not item.checks_candidates]
     which = "" if len(names) == len(config.strategies) else f" of {', '.join(names)}"
     return [f"false alarms{which} cost no telescope time (alarms.check)"] if names else []
 
 
 def _named(config: StrategiesConfig) -> dict[str, Any]:
-    """What strategies share, files by their names without folder."""
+    """Return what strategies share, files by their names without folder."""
     tree = config.universe.model_dump(mode="json")
     return tree | {name: Path(tree[name]).name if "/" in tree[name] else tree[name] for name in FILES}
 
@@ -269,7 +269,7 @@ def _rows(columns: Columns, strategy: str) -> dict[str, NDArray[Any]]:
 
 
 def _first_visits(survey: Survey) -> list[str]:
-    """Date of the first planned visit of each star."""
+    """Return the date of the first planned visit of each star."""
     days = np.full(len(survey.targets), np.nan)
     for visit in survey.schedule.visits:
         days[visit.star] = np.fmin(days[visit.star], survey.calendar.day[visit.star, visit.slot])
@@ -301,7 +301,7 @@ def statement(outcomes: Sequence[StrategyOutcome]) -> str:
 
 
 def _sweep_statement(outcomes: Sequence[StrategyOutcome]) -> str:
-    """The best strategy at each value of what is varied."""
+    """Return the best strategy at each value of what is varied."""
     several = len({item.base for item in outcomes}) > 1
     parts = []
     for value, best in best_by_value(outcomes).items():

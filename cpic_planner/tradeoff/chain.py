@@ -1,8 +1,4 @@
-"""Where the noise is measured: apertures of the hole beside the planet's, and what is expected of them.
-
-The closed-form answer: what the exposure-time calculator says of a fixed scene.
-
-The images of a programme of visits, reduced as one.
+"""The work that is timed on a fixed scene: both visits drawn, calibrated and measured, and the closed form.
 
 The work that is timed: both visits of an observation, drawn, calibrated, and the planet's aperture measured.
 """
@@ -88,7 +84,7 @@ class Places:
 
     @classmethod
     def of(cls, case: FixedScene) -> Self:
-        """Those of a scene: the same for every way, so that ways can be compared."""
+        """Return the frames of a scene: the same for every way, so that ways can be compared."""
         metrics = psf_metrics(case.instrument, case.band)
         alone = case.scene.model_copy(update={"stars": (), "extended": ()})
         star, planet, *_ = scene_sources(alone, case.instrument, case.band)
@@ -113,7 +109,7 @@ class Places:
 
 
 def _level(case: FixedScene, weights: FloatArray, at: tuple[int, int]) -> FloatArray:
-    """Closed-form variance at the planet over that at each place, from the expected light at quick knobs."""
+    """Return the closed-form variance at the planet over that at each place, from the expected light at quick knobs."""
     setup = Setup("frames", "hole", FIDELITIES["quick"], 1, scene_model=case.scene_model)
     observed = visit(case, setup, planets=False, n_frames=1)
     noise = FrameNoise.of(observed.instrument.detector_of(case.band), case.em_gain, case.exposure_s)
@@ -136,7 +132,7 @@ class ClosedForm:
     contrast: float
 
     def noise(self, n_cases: int = 1) -> StackNoise:
-        """One question, or as many at once, of planets that differ."""
+        """Return one question, or as many at once, of planets that differ."""
         case, place = self.case, np.ones((1, n_cases))
         x, y, contrast = self.x_arcsec * place, self.y_arcsec * place, self.contrast * np.linspace(1.0, 2.0, n_cases)
         rates = aperture_rates(self.model, self.target, case.band, x, y, contrast[None])
@@ -148,7 +144,7 @@ class ClosedForm:
         return stack_noise(rates, *frames, camera, case.how, programme)
 
     def answer(self) -> dict[str, float]:
-        """Flux and variance of the visit, e- and e-^2, as the images are measured.
+        """Return the flux and variance of the visit, e- and e-^2, as the images are measured.
 
         A single visit has no error of the mean background; of a programme ``white_e2`` is all of the variance.
         """
@@ -277,7 +273,7 @@ class Drawn:
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """What the work leaves.
+    """The outcome of the work.
 
     Attributes
     ----------
@@ -294,13 +290,13 @@ class Work:
 
 
 def stamp_of(observation: Observation) -> tuple[slice, slice]:
-    """Rows and columns of the stamp around the mask."""
+    """Return the rows and columns of the stamp around the mask."""
     rows, columns, _ = observation.area.stamp(observation.psf.on_axis.shape[0])
     return rows, columns
 
 
 def aperture_flux_e(observation: Observation, stamp_e: FloatArray) -> float:
-    """Sum in the planet's aperture on a stamp."""
+    """Return the sum in the planet's aperture on a stamp."""
     planet = next(k for k, source in enumerate(observation.truth.sources) if source.kind == "planet")
     rows, columns = stamp_of(observation)
     y, x = observation.truth.y_pixel[planet] - rows.start, observation.truth.x_pixel[planet] - columns.start
@@ -340,7 +336,7 @@ def _infrared(observation: Observation) -> Drawn:
 
 
 def both_visits(case: FixedScene, setup: Setup) -> tuple[Observation, Observation]:
-    """Science and reference visit, the light of field stars made anew: work that is timed begins without it.
+    """Return the science and reference visit, the light of field stars made anew: work that is timed begins without it.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ class Point:
 
 
 def points_of(case: FixedScene) -> tuple[Point, ...]:
-    """Every way that is tried on a scene, those that it will refuse included."""
+    """Return every way that is tried on a scene, those that it will refuse included."""
     if case.is_programme:
         return tuple(_main(case))
     return (*_main(case), *_knobs(case), *_effects(case))
@@ -158,7 +158,7 @@ def _effects(case: FixedScene) -> list[Point]:
 
 
 def named_points(case: FixedScene, names: tuple[str, ...], *, main_only: bool = False) -> tuple[Point, ...]:
-    """Those of a scene with some names; all without any.
+    """Return the ways of a scene with some names; all without any.
 
     Raises
     ------
@@ -180,7 +180,7 @@ def ratio_of_programmes(
     *,
     paired: bool,
 ) -> tuple[float, float]:
-    """Ratio of what two series of realisations say, and its error by leaving one of them out at a time (jackknife).
+    """Return the ratio of what two series of realisations say, and its error by leaving one out (jackknife).
 
     Parameters
     ----------
@@ -199,12 +199,12 @@ def ratio_of_programmes(
 
 
 def flux_of_programme(contrast: FloatArray, contrast_error: FloatArray) -> float:
-    """Mean contrast."""
+    """Return the mean contrast."""
     return float(contrast.mean())
 
 
 def snr_of_programme(contrast: FloatArray, contrast_error: FloatArray) -> float:
-    """Mean contrast over the quadratic mean of its errors (`cpic_planner.validation.mean_snr`)."""
+    """Return the mean contrast over the quadratic mean of its errors (`cpic_planner.validation.mean_snr`)."""
     return float(contrast.mean() / np.sqrt((contrast_error**2).mean()))
 
 
@@ -255,7 +255,7 @@ class _Noiseless(Observation):
 
 
 def expected_flux_e(case: FixedScene, setup: Setup, shown: Observation, bare_e_s: FloatArray) -> float:
-    """Planet's aperture in the expected visit: with the planet minus without it, no noise.
+    """Return the planet's aperture in the expected visit: with the planet minus without it, no noise.
 
     Frames of the visible camera are calibrated as noisy ones are; the expectation of sums and of the infrared camera is
     divided by the gain alone.
@@ -274,7 +274,7 @@ def expected_flux_e(case: FixedScene, setup: Setup, shown: Observation, bare_e_s
 
 
 def light_without(case: FixedScene, setup: Setup) -> FloatArray:
-    """Electrons per second of everything but the central star and the planets.
+    """Return the electrons per second of everything but the central star and the planets.
 
     Parameters
     ----------
@@ -293,7 +293,7 @@ def _calibrated(shown: Observation, setup: Setup) -> FloatArray:
 
 
 def white_of_frames(places: Places, drawn: Sequence[Drawn]) -> FloatArray:
-    """Variance of aperture sums from frame to frame at the planet's place, one value a frame, e-^2 of one frame.
+    """Return aperture sums' variance from frame to frame at the planet's place, one value a frame, e-^2 of one.
 
     Every aperture of the hole counts, scaled to the planet's place as closed forms expect (`Places.level`).
 
@@ -320,7 +320,7 @@ def white_of_frames(places: Places, drawn: Sequence[Drawn]) -> FloatArray:
 
 
 def white_of_sums(case: FixedScene, setup: Setup, places: Places, n_draws: int) -> FloatArray:
-    """The same from sums of frames, one value a draw: draws less what they are expected to be.
+    """Return the same from sums of frames, one value a draw: draws less what they are expected to be.
 
     Parameters
     ----------
@@ -343,13 +343,13 @@ def white_of_sums(case: FixedScene, setup: Setup, places: Places, n_draws: int) 
 
 
 def own_noise_e2(case: FixedScene, setup: Setup, places: Places, flux_e: float) -> float:
-    """Variance that the planet's own light adds to its aperture in the visit, e-^2."""
+    """Return the variance that the planet's own light adds to its aperture in the visit, e-^2."""
     noise = FrameNoise.of(setup.instrument(case).detector_of(case.band), case.em_gain, case.exposure_s)
     return noise.factor2 * noise.photons * places.source_noise_fraction * flux_e
 
 
 def speckle_samples(case: FixedScene, setup: Setup, places: Places, n_pairs: int) -> FloatArray:
-    """Variance of aperture sums that subtraction of the reference visit leaves, one value a pair, (e-/s)^2; no noise.
+    """Return the variance of aperture sums that subtracting the references leaves, one value a pair, (e-/s)^2.
 
     Both visits have one wavefront; `walk_samples` tells what more of them change.
     """
@@ -357,7 +357,7 @@ def speckle_samples(case: FixedScene, setup: Setup, places: Places, n_pairs: int
 
 
 def walk_samples(case: FixedScene, setup: Setup, places: Places, n_pairs: int) -> tuple[FloatArray, FloatArray]:
-    """The same at the cheapest knobs: at the way's epochs, and at one epoch with the same offsets."""
+    """Return the same at the cheapest knobs: at the way's epochs, and at one epoch with the same offsets."""
     cheap, count = FIDELITIES["quick"], setup.n_epochs(case)
     one = _residuals(case, setup, places, cheap, 1, n_pairs)
     return (one if count == 1 else _residuals(case, setup, places, cheap, count, n_pairs)), one

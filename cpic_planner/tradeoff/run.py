@@ -45,7 +45,7 @@ class _Ratio:
 
 
 def compared(rows: Iterable[TradeoffRow], *, exposure_s: float) -> list[TradeoffRow]:
-    """Rows of one scene with their errors; None where there is no reference to compare with.
+    """Return the rows of one scene with their errors; None where there is no reference to compare with.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def _white(row: TradeoffRow) -> _Ratio:
 
 
 def _white_ratio(row: TradeoffRow, best: TradeoffRow) -> _Ratio:
-    """White noise over the reference's: frame by frame where the frames have the same random numbers."""
+    """Return the white noise over the reference's: frame by frame where the frames have the same random numbers."""
     if _same_numbers(row, best):
         return _paired(row.samples["white_e2"], best.samples["white_e2"])
     return _divided(_white(row), _white(best))
@@ -134,7 +134,7 @@ def _same_numbers(row: TradeoffRow, best: TradeoffRow) -> bool:
 
 
 def _speckle(row: TradeoffRow, best: TradeoffRow) -> _Ratio:
-    """Variance of the residual of the star, (e-/s)^2; its error is that of the ratio to the reference.
+    """Return the variance of the residual of the star, (e-/s)^2; its error is that of the ratio to the reference.
 
     What a row does not hold is as in the reference.
     """
@@ -150,7 +150,7 @@ def _speckle(row: TradeoffRow, best: TradeoffRow) -> _Ratio:
 
 
 def _paired(ours: Sequence[float], theirs: Sequence[float]) -> _Ratio:
-    """Ratio of two means of paired samples."""
+    """Return the ratio of two means of paired samples."""
     first, second = np.asarray(ours, float), np.asarray(theirs, float)
     if len(first) != len(second):
         pair = (_Ratio(float(part.mean()), float(part.mean()) * _relative(part)) for part in (first, second))
@@ -169,7 +169,7 @@ def _divided(ours: _Ratio, theirs: _Ratio) -> _Ratio:
 
 
 def speed_ups(rows: Iterable[TradeoffRow], *, beside: str = "etc") -> dict[str, float]:
-    """Wall clock of the reference over that of another way on the same machine, by scene."""
+    """Return the wall clock of the reference over that of another way on the same machine, by scene."""
     times: dict[str, dict[str, TradeoffRow]] = {}
     for row in rows:
         if row.point in (REFERENCE, beside) and row.wall_s:
@@ -189,7 +189,7 @@ GLANCE_FRAMES = 2
 def chosen(
     scenes: Sequence[str] = (), only: Sequence[str] = (), *, quick_look: bool = False
 ) -> list[tuple[FixedScene, tuple[Point, ...]]]:
-    """What is to be measured: scenes with their points.
+    """Return what is to be measured: scenes with their points.
 
     Raises
     ------
@@ -213,7 +213,7 @@ def chosen(
 
 
 def n_rows(work: Iterable[tuple[FixedScene, tuple[Point, ...]]]) -> int:
-    """Number of rows that will be measured."""
+    """Return the number of rows that will be measured."""
     return sum(len(points) for _, points in work)
 
 

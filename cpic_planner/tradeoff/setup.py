@@ -1,8 +1,6 @@
-"""The machine on which something was timed.
+"""Fixed scenes on which speed and accuracy are measured, the ways to model them, and the machine.
 
 The fixed scenes on which speed and accuracy are measured: one for each place where shortcuts can fail.
-
-What one way to an answer models, and the observations that follow from it.
 """
 
 import dataclasses
@@ -28,7 +26,7 @@ from simulator.observing import Observation, Role, observe
 
 
 def this_machine() -> MachineRecord:
-    """Processor, memory and software of this machine; nothing that names it."""
+    """Return the processor, memory and software of this machine; nothing that names it."""
     import numpy as np
     from threadpoolctl import threadpool_info
 
@@ -179,7 +177,7 @@ SCENES = {name: _read(name, entry) for name, entry in _ENTRIES.items()}
 
 
 def fixed_scene(name: str) -> FixedScene:
-    """One of the scenes by name.
+    """Return one of the scenes by name.
 
     Raises
     ------
@@ -193,7 +191,7 @@ def fixed_scene(name: str) -> FixedScene:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is drawn for the noise, beside the visits themselves.
+    """The number of draws for the noise, beside the visits themselves.
 
     Attributes
     ----------
@@ -266,11 +264,11 @@ class Setup:
     scene_model: SceneModel = "exact"
 
     def changed(self, **changes: Any) -> Self:
-        """The same with something changed."""
+        """Return the same with something changed."""
         return dataclasses.replace(self, **changes)
 
     def instrument(self, case: FixedScene) -> Instrument:
-        """The instrument of the scene as far as it is modelled."""
+        """Return the instrument of the scene as far as it is modelled."""
         instrument = case.instrument
         if self.draw == "sums":
             instrument = images_of(instrument)
@@ -282,7 +280,7 @@ class Setup:
         return instrument.switched(self.switches)
 
     def scene(self, case: FixedScene, *, planets: bool = True) -> Scene:
-        """What is shown, without planets if so asked."""
+        """Return what is shown, without planets if so asked."""
         scene = case.scene
         kept = {
             "stars": tuple(star for star in scene.stars if star.name not in self.left_out),
@@ -292,12 +290,12 @@ class Setup:
         return scene.model_copy(update=kept)
 
     def n_epochs(self, case: FixedScene) -> int:
-        """Wavefronts of one visit."""
+        """Return the wavefronts of one visit."""
         return min(self.epochs, case.n_frames)
 
 
 def _dark_sky(instrument: Instrument) -> Instrument:
-    """No light in front of the telescope but the targets': 40 mag in every square arcsecond."""
+    """Return a sky without light in front of the telescope but the targets': 40 mag in every square arcsecond."""
     sky = instrument.sky
     lights = {"earthshine": sky.earthshine, "stray_light": sky.stray_light}
     dark = {name: light.model_copy(update={"brightness_v_mag_arcsec2": None}) for name, light in lights.items()}
@@ -306,12 +304,12 @@ def _dark_sky(instrument: Instrument) -> Instrument:
 
 
 def reference_setup(case: FixedScene) -> Setup:
-    """Everything: whole frames one by one, every effect, the finest knobs, a wavefront for every frame."""
+    """Return everything: whole frames one by one, every effect, the finest knobs, a wavefront for every frame."""
     return Setup("frames", "full", FIDELITIES["reference"], REFERENCE_EPOCHS, scene_model=case.scene_model)
 
 
 def choice_of(case: FixedScene, dial: Dial) -> Choice:
-    """What the effect ledger decides where the planet's flux and SNR are asked for, as a confirmation does.
+    """Return what the effect ledger decides where the planet's flux and SNR are asked for, as a confirmation does.
 
     Parameters
     ----------
@@ -334,7 +332,7 @@ def choice_of(case: FixedScene, dial: Dial) -> Choice:
 
 
 def chosen_by(case: FixedScene, choice: Choice) -> Setup:
-    """The setup of a choice of the effect ledger.
+    """Return the setup of a choice of the effect ledger.
 
     Parameters
     ----------
@@ -365,7 +363,7 @@ def visit(
     epochs: int | None = None,
     realisation: int = 0,
 ) -> Observation:
-    """One visit; reference visits show no planet."""
+    """Return one visit; reference visits show no planet."""
     most_epochs = setup.epochs if epochs is None else epochs
     if setup.draw == "sums":
         most_epochs = 1

@@ -1,7 +1,4 @@
-"""Wall clock, processor time and peak memory of one piece of work.
-
-One row, or several that share a process: timed, and its flux and noise measured.
-"""
+"""Measure one row, or several that share a process: wall clock, processor time, memory, flux and noise."""
 
 import contextlib
 import dataclasses
@@ -101,7 +98,7 @@ def reset_peak_memory() -> None:
 
 
 def peak_memory_mb() -> float:
-    """Peak of the resident set, MB: since `reset_peak_memory` on Linux, of the whole process elsewhere."""
+    """Return the peak of the resident set, MB: since `reset_peak_memory` on Linux, of the whole process elsewhere."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines():
             if line.startswith("VmHWM:"):
@@ -112,7 +109,7 @@ def peak_memory_mb() -> float:
 
 @dataclass
 class _Row:
-    """What is known of a row while it is made."""
+    """A row while it is made."""
 
     case: FixedScene
     point: Point
@@ -122,7 +119,7 @@ class _Row:
     reason: str = "not_applicable"
 
     def made(self, **more: Any) -> TradeoffRow:
-        """The row."""
+        """Return the row."""
         return TradeoffRow(
             scene=self.case.name,
             point=self.point.name,
@@ -138,7 +135,7 @@ class _Row:
     def ok(
         self, setup: Setup, timing: Timing, flux_e: float, samples: dict[str, list[float]], cold_s: float | None = None
     ) -> TradeoffRow:
-        """The row of images."""
+        """Return the row of images."""
         settings = {
             "draw": setup.draw,
             "region": setup.region,
@@ -269,7 +266,7 @@ def measure_shared(
     machine: str,
     advance: Callable[[str], None] = lambda name: None,
 ) -> list[TradeoffRow]:
-    """The same for ways that change one thing of the reference, one after the other in one process.
+    """Return the same for ways that change one thing of the reference, one after the other in one process.
 
     Each is called once. Ways that leave the light as it is take the light of the reference, and its time.
     """
@@ -357,7 +354,7 @@ def _white(row: _Row, setup: Setup, places: Places, work: Work, effort: Effort, 
 
 
 def _residual(row: _Row, setup: Setup, places: Places, effort: Effort, base: Setup) -> dict[str, list[float]]:
-    """Speckles where optics or drift differ from the reference's, and the walk where the epochs do."""
+    """Return the speckles where optics or drift differ from the reference's, and the walk where the epochs do."""
     case, own = row.case, row.point.name == REFERENCE
     samples: dict[str, list[float]] = {}
     if own or setup.knobs != base.knobs or setup.drift != base.drift:
@@ -369,7 +366,7 @@ def _residual(row: _Row, setup: Setup, places: Places, effort: Effort, base: Set
 
 
 def _listed(values: FloatArray) -> list[float]:
-    """Seven digits of each: enough to compare them pair by pair."""
+    """Return seven digits of each: enough to compare them pair by pair."""
     return [float(f"{value:.7g}") for value in values]
 
 

@@ -68,7 +68,7 @@ def _memory(value: float | None) -> str:
 
 
 def tier_table(result: TradeoffResult) -> str:
-    """One line per tier: range of times and memory over the scenes of a single visit, and the worst errors."""
+    """Return one line per tier: range of times and memory over the scenes of a single visit, and the worst errors."""
     lines, programmes = [], {scene.name for scene in result.scenes if scene.is_programme}
     for name in _TIERS:
         rows = [row for row in result.rows if row.point == name and row.scene not in programmes]
@@ -96,7 +96,7 @@ _OF_PROGRAMMES = {"etc": "closed form", REFERENCE: "sums of frames", "hole_stand
 
 
 def programme_table(result: TradeoffResult) -> str:
-    """One line per programme of visits: time of each way, and what the closed form says against the images."""
+    """Return one line per programme of visits: time of each way, and what the closed form says against the images."""
     lines = []
     for scene in (scene for scene in result.scenes if scene.is_programme):
         rows = {row.point: row for row in result.rows if row.scene == scene.name and row.status == "ok"}
@@ -112,7 +112,7 @@ def programme_table(result: TradeoffResult) -> str:
 
 
 def _programmes_text(result: TradeoffResult) -> str:
-    """The section of programmes; nothing where none was measured."""
+    """Return the section of programmes; nothing where none was measured."""
     if not any(scene.is_programme for scene in result.scenes):
         return ""
     return f"""
@@ -188,7 +188,7 @@ def _line(row: TradeoffRow, machine: str) -> list[str]:
 
 
 def report_text(result: TradeoffResult, *, head: str = "") -> str:
-    """The report.
+    """Return the report.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ DPI = 130
 
 
 def pareto_png(result: TradeoffResult) -> bytes:
-    """The figure as a file."""
+    """Return the figure as a file."""
     buffer = io.BytesIO()
     with style():
         pareto_figure(result).savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
@@ -290,7 +290,7 @@ def pareto_figure(result: TradeoffResult) -> Figure:
 
 
 def _size(row: TradeoffRow) -> tuple[float, bool]:
-    """Error to draw, and whether it is only a limit."""
+    """Return the error to draw, and whether it is only a limit."""
     sizes = []
     for quantity in ("flux", "snr"):
         value, limit = abs(getattr(row, f"{quantity}_error") or 0.0), getattr(row, f"{quantity}_uncertainty") or 0.0
@@ -348,7 +348,7 @@ def products_of(result: TradeoffResult, *, head: str = "") -> dict[str, bytes]:
 
 
 def read_result(folder: Path) -> TradeoffResult | None:
-    """What an earlier run wrote; None where there is nothing.
+    """Return what an earlier run wrote; None where there is nothing.
 
     Raises
     ------

@@ -26,7 +26,7 @@ LEVELS = (0.68, 0.95)
 
 @dataclass(frozen=True, eq=False)
 class AlbedoFit:
-    """What band contrasts say of log10_mh and log10_fsed.
+    """The values of log10_mh and log10_fsed that band contrasts allow.
 
     Attributes
     ----------
@@ -88,12 +88,12 @@ class AlbedoFit:
     flags: tuple[str, ...] = ()
 
     def level(self, probability: float) -> float:
-        """Posterior density on the edge of the smallest region that holds this probability, between 0 and 1."""
+        """Return the posterior density on the edge of the smallest region of this probability, between 0 and 1."""
         _check_probability(probability)
         return _level(self.posterior, _cells(self.log10_mh_grid, self.log10_fsed_grid), probability)
 
     def contains(self, log10_mh: float, log10_fsed: float, probability: float = LEVELS[0]) -> bool:
-        """Whether a planet lies in the smallest region of this probability; f_sed above 6 counts as 6.
+        """Return whether a planet lies in the smallest region of this probability; f_sed above 6 counts as 6.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class AlbedoFit:
         return bool(np.interp(mh, axes[0], along) >= self.level(probability))
 
     def interval(self, name: Literal["log10_mh", "log10_fsed"], probability: float = LEVELS[0]) -> tuple[float, float]:
-        """Central interval of one parameter, the other integrated over.
+        """Return the central interval of one parameter, the other integrated over.
 
         Parameters
         ----------
@@ -259,7 +259,7 @@ def _measured(
 def _terms(
     values: FloatArray, errors: FloatArray, contrast: FloatArray, grey_error: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Chi2, half the logarithm of the determinant that depends on the model, and the best common factor."""
+    """Return chi2, half the logarithm of the determinant that depends on the model, and the best common factor."""
     relative, residual = contrast / errors, (values - contrast) / errors
     pull, size = np.sum(relative * residual, axis=-1), np.sum(relative**2, axis=-1)
     variance = grey_error**2
@@ -272,13 +272,13 @@ def _terms(
 
 
 def _within_cell(contrast: FloatArray) -> FloatArray:
-    """Rms of the model within the cell of each grid point: a narrow ridge must not slip through between points."""
+    """Return the model's rms within the cell of each grid point: no narrow ridge may slip through between points."""
     steps = [np.gradient(contrast, axis=axis) for axis in (0, 1)]
     return np.asarray(np.hypot(*steps) / math.sqrt(12.0))
 
 
 def _around(axis: FloatArray, kept: BoolArray) -> FloatArray:
-    """A finer axis over the kept points and two more on either side."""
+    """Return a finer axis over the kept points and two more on either side."""
     inside = np.flatnonzero(kept)
     low, high = max(inside[0] - 2, 0), min(inside[-1] + 2, axis.size - 1)
     return np.linspace(axis[low], axis[high], axis.size)
@@ -299,7 +299,7 @@ def _polished(
 
 
 def _widths(axis: FloatArray) -> FloatArray:
-    """Trapezoidal weights."""
+    """Return trapezoidal weights."""
     step = np.diff(axis)
     return np.asarray(0.5 * (np.concatenate([[0.0], step]) + np.concatenate([step, [0.0]])))
 

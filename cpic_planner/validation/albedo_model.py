@@ -52,7 +52,7 @@ class AlbedoModel:
     flags: tuple[str, ...] = ()
 
     def contrast(self, log10_mh: ArrayLike, log10_fsed: ArrayLike) -> FloatArray:
-        """Contrast in every band, shape (..., band); parameters broadcast.
+        """Return the contrast in every band, shape (..., band); parameters broadcast.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class AlbedoModel:
         return np.asarray(self.full_contrast * albedo * phase[..., None])
 
     def contrast_grid(self, log10_mh: ArrayLike, log10_fsed: ArrayLike) -> FloatArray:
-        """Contrast on the grid of two axes, shapes (i,) and (j,): shape (i, j, band); as `contrast`, but fast.
+        """Return the contrast on the grid of two axes, (i,) and (j,): shape (i, j, band); as `contrast`, but fast.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class AlbedoModel:
         return np.asarray(self.full_contrast * albedo * (metal @ self.phase @ cloud.T)[..., None])
 
     def _node_weights(self, log10_mh: ArrayLike, log10_fsed: ArrayLike) -> Iterator[FloatArray]:
-        """Weight of every node of metallicity, then of clouds, for each value, shape (..., node)."""
+        """Yield the weight of every node of metallicity, then of clouds, for each value, shape (..., node)."""
         for key, given in {"log10_mh": log10_mh, "log10_fsed": log10_fsed}.items():
             nodes, values = getattr(self, key), np.asarray(given, dtype=np.float64)
             good = (values >= nodes[0]) & (values <= nodes[-1])

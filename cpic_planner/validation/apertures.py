@@ -1,7 +1,4 @@
-"""Images as rows of the pixels that take part in a reduction, and back.
-
-Exact circular apertures, and the scatter of their sums over a region.
-"""
+"""Exact circular apertures, the scatter of their sums over a region, and images as rows of pixels."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -23,12 +20,12 @@ from simulator.imaging import Zone
 
 
 def described(array: np.ndarray) -> str:
-    """Type and shape of an array, as refusals name it."""
+    """Return the type and shape of an array, as refusals name it."""
     return f"{array.dtype} array of shape {array.shape}"
 
 
 def checked_frames(key: str, value: ArrayLike) -> FloatArray:
-    """Image or images as float64; refused by name if they are no numbers of that shape.
+    """Return the image or images as float64; refused by name if they are no numbers of that shape.
 
     Parameters
     ----------
@@ -44,7 +41,7 @@ def checked_frames(key: str, value: ArrayLike) -> FloatArray:
 
 
 def check_mask(key: str, value: ArrayLike, shape: tuple[int, ...], *, empty: bool = False) -> BoolArray:
-    """Pixels as a mask; refused by name if they are no truth values of that shape, or none of them is true.
+    """Return the pixels as a mask; refused by name if they are no truth values of that shape, or none of them is true.
 
     Parameters
     ----------
@@ -65,7 +62,7 @@ def check_mask(key: str, value: ArrayLike, shape: tuple[int, ...], *, empty: boo
 
 
 def checked_region(key: str, value: ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:
-    """Pixels (y, x) that take part: a copy; all without any.
+    """Return the pixels (y, x) that take part: a copy; all without any.
 
     Parameters
     ----------
@@ -80,7 +77,7 @@ def checked_region(key: str, value: ArrayLike | None, shape: tuple[int, ...]) ->
 
 
 def region_rows(key: str, images: FloatArray, region: BoolArray) -> FloatArray:
-    """Region pixels of each image as one row, a copy; refused by name if not finite.
+    """Return the region pixels of each image as one row, a copy; refused by name if not finite.
 
     Parameters
     ----------
@@ -102,7 +99,7 @@ def region_rows(key: str, images: FloatArray, region: BoolArray) -> FloatArray:
 
 
 def frame_counts(key: str, value: ArrayLike, images: int) -> FloatArray:
-    """Number of frames in each of so many images, from one number for all or one each; refused by name below 1.
+    """Return the number of frames in each of so many images, from one number or one each; refused below 1.
 
     Parameters
     ----------
@@ -120,7 +117,7 @@ def frame_counts(key: str, value: ArrayLike, images: int) -> FloatArray:
 
 
 def as_images(rows: FloatArray, region: BoolArray, shape: tuple[int, ...]) -> FloatArray:
-    """Rows as images of the given shape, 0 outside the region; may share the memory of the rows.
+    """Return the rows as images of the given shape, 0 outside the region; may share the memory of the rows.
 
     Parameters
     ----------
@@ -139,7 +136,7 @@ def as_images(rows: FloatArray, region: BoolArray, shape: tuple[int, ...]) -> Fl
 
 
 def outside_discs(region: BoolArray, places: Iterable[Sequence[float]], radius_pixel: float) -> BoolArray:
-    """Pixels of a region farther than a radius from every place.
+    """Return the pixels of a region farther than a radius from every place.
 
     Parameters
     ----------
@@ -156,7 +153,7 @@ def outside_discs(region: BoolArray, places: Iterable[Sequence[float]], radius_p
 
 
 def edge_crossed(zone: Zone, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> Reason:
-    """Which edge of the dark hole the aperture of a source crosses that does not lie in it.
+    """Return which edge of the dark hole the aperture of a source crosses that does not lie in it.
 
     Parameters
     ----------
@@ -174,7 +171,7 @@ MIN_BACKGROUND_APERTURES = 3
 
 
 def aperture_weights(shape: tuple[int, int], x_pixel: float, y_pixel: float, radius_pixel: float) -> FloatArray:
-    """Exact overlap of a circle with each pixel of an image.
+    """Return the exact overlap of a circle with each pixel of an image.
 
     Parameters
     ----------
@@ -244,7 +241,7 @@ def sample_scatter(
     phase_pixel: tuple[float, float] = (0.0, 0.0),
     kernel: FloatArray | None = None,
 ) -> tuple[float, int]:
-    """Standard deviation of aperture sums inside a region, and how many independent apertures it holds.
+    """Return the standard deviation of aperture sums inside a region, and how many independent apertures it holds.
 
     Apertures lie wholly inside the region, on square grids of pitch ``ceil(2 r)`` so that none overlap; every
     offset of the grid by whole pixels is used, and the variances about each grid's own mean are pooled. The
@@ -296,7 +293,7 @@ def sample_scatter(
 def sample_places(
     region: BoolArray, radius_pixel: float, kernel: FloatArray | None
 ) -> tuple[IntArray, IntArray, IntArray, int]:
-    """Pixels around which a kernel lies wholly inside a region.
+    """Return the pixels around which a kernel lies wholly inside a region.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ _ORDER = [1, 2, 0]
 
 
 def chi2_p_value(chi2: float, degrees_of_freedom: int) -> float | None:
-    """Chance of a chi2 at least this large if the model holds; None without degrees of freedom.
+    """Return the chance of a chi2 at least this large if the model holds; None without degrees of freedom.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def fit_position(
 
 @numeric_context()
 def band_average(positions: Sequence[Astrometry]) -> SkyPosition:
-    """Mean of the positions measured in several bands, weighted with their covariances.
+    """Return the mean of the positions measured in several bands, weighted with their covariances.
 
     Parameters
     ----------
@@ -286,13 +286,13 @@ def band_average(positions: Sequence[Astrometry]) -> SkyPosition:
 
 
 def _to_sky(roll_deg: float, parity: int) -> FloatArray:
-    """Matrix from detector offsets (x, y) to (east, north): the transpose of what `sky_to_detector` does."""
+    """Return the matrix from detector offsets (x, y) to (east, north): the transpose of what `sky_to_detector` does."""
     x, y = sky_to_detector(np.ones(2), np.array([90.0, 0.0]), roll_deg=roll_deg, parity=parity)
     return np.column_stack([x, y])
 
 
 def _described(offset: FloatArray, covariance: FloatArray, chi2: float, degrees_of_freedom: int) -> SkyPosition:
-    """Separation and position angle of an offset (east, north); on the sky itself east is +x of parity +1."""
+    """Return the separation and position angle of an offset (east, north); on the sky itself east is +x (parity +1)."""
     separation, pa = (float(part) for part in detector_to_sky(offset[0], offset[1], parity=1))
     radial = offset / separation if separation > 0 else np.array([0.0, 1.0])
     tangential = np.array([radial[1], -radial[0]])

@@ -99,7 +99,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
 def positions_of(
     visits: VisitPair, realisation: Realisation, blind: BlindSearch, planet: PlanetTemplate
 ) -> Astrometry | None:
-    """Fitted position of a planet that the search found; None where it did not.
+    """Return the fitted position of a planet that the search found; None where it did not.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def positions_of(
 
 
 def _search_record(blind: BlindSearch, visits: VisitPair, planets: tuple[PlanetTemplate, ...]) -> SearchRecord:
-    """A blind search for the record; the candidate nearest to a planet, within reach, bears its name."""
+    """Return a blind search for the record; the candidate nearest to a planet, within reach, bears its name."""
     reach_arcsec = MATCH_LAMBDA_D * visits.geometry.lambda_d_arcsec
     roll_deg, parity = visits.plan.science["roll_deg"], visits.instrument.detector.parity
     names = [""] * len(blind.candidates)
@@ -156,7 +156,7 @@ def _search_record(blind: BlindSearch, visits: VisitPair, planets: tuple[PlanetT
 def _drawn(
     task: ConfirmTask, modelling: Modelling, sums: VisitPair | None
 ) -> Iterator[tuple[VisitPair, Realisation, FrameStatistics | None]]:
-    """Every realisation from sums of frames; without them frame by frame, one in memory at a time."""
+    """Yield every realisation from sums of frames; without them frame by frame, one in memory at a time."""
     if sums is not None:
         yield from ((sums, sums.draw(number), None) for number in range(task.realisations))
         return
@@ -168,7 +168,7 @@ def _drawn(
 def _audits(
     task: ConfirmTask, modelling: Modelling, planets: tuple[PlanetTemplate, ...], star: StarFlux
 ) -> list[AuditRecord | None]:
-    """One realisation with every effect on, measured as the others are."""
+    """Return one realisation with every effect on, measured as the others are."""
     visits = visit_pair(task, full=True, realisation=AUDIT_REALISATION, modelling=modelling)
     realisation, statistics = realise_frames(visits)
     measured, blind = measure_planets(visits, realisation, planets, star)
@@ -179,7 +179,7 @@ def _audits(
 
 
 def _false(blind: BlindSearch, visits: VisitPair) -> int:
-    """Detections where the scene has no planet and no star."""
+    """Return the detections where the scene has no planet and no star."""
     reach = MATCH_LAMBDA_D * visits.geometry.lambda_d_arcsec
     sources = visits.science.truth.sources[1:]
     return sum(
@@ -189,7 +189,7 @@ def _false(blind: BlindSearch, visits: VisitPair) -> int:
 
 
 def _star(visits: VisitPair) -> tuple[StarFlux, bool]:
-    """Rate of the star from a series off the mask; where even its shortest exposure saturates, that of the scene."""
+    """Return the star's rate from a series off the mask; the scene's if even its shortest exposure saturates."""
     scene, task, knobs = visits.plan.science_scene, visits.task, visits.modelling.knobs
     series = observe_off_mask(scene, task.band, instrument=visits.instrument, seed=task.seed, fidelity=knobs)
     if series.value is not None:
@@ -200,13 +200,13 @@ def _star(visits: VisitPair) -> tuple[StarFlux, bool]:
 
 
 def encode_arrays(arrays: dict[str, NDArray[Any]]) -> str:
-    """Arrays as base64 text of a compressed npz."""
+    """Return the arrays as base64 text of a compressed npz."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
 def decode_arrays(text: str) -> dict[str, NDArray[Any]]:
-    """Inverse of `encode_arrays`."""
+    """Return the inverse of `encode_arrays`."""
     with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as stored:
         return {name: stored[name] for name in stored.files}

@@ -67,7 +67,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class BlindSearch:
-    """What a search found.
+    """The findings of a search.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class BlindSearch:
         return tuple(candidate for candidate in self.candidates if candidate.detected)
 
     def near(self, x_arcsec: float, y_arcsec: float, reach_arcsec: float) -> list[Candidate]:
-        """Candidates within reach of a place.
+        """Return the candidates within reach of a place.
 
         Parameters
         ----------

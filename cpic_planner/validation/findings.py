@@ -1,7 +1,4 @@
-"""How predictions and measurements compare: in one band, over all of a target, over a plan.
-
-What several bands of a scene say together: positions and albedos of its planets.
-"""
+"""Comparison of predictions and measurements over bands, targets and plans; positions and albedos of planets."""
 
 import math
 from collections.abc import Sequence
@@ -61,7 +58,7 @@ class Calibration:
 
 
 def optimism(ratio: float, error: float) -> tuple[float, float]:
-    """Predicted over recovered from recovered over predicted, with its error.
+    """Return the predicted over recovered from recovered over predicted, with its error.
 
     Parameters
     ----------
@@ -74,7 +71,7 @@ def optimism(ratio: float, error: float) -> tuple[float, float]:
 
 
 def standing(ratio: float, error: float) -> str:
-    """``optimistic``, ``pessimistic`` or ``agrees``, from recovered over predicted SNR and its standard error.
+    """Return ``optimistic``, ``pessimistic`` or ``agrees``, from recovered over predicted SNR and its error.
 
     Parameters
     ----------
@@ -89,7 +86,7 @@ def standing(ratio: float, error: float) -> str:
 
 
 def snr_scatter(snr: float, significance: float, n_apertures: int | None) -> float:
-    """Standard deviation of an SNR measured once.
+    """Return the standard deviation of an SNR measured once.
 
     Parameters
     ----------
@@ -112,7 +109,7 @@ def snr_scatter(snr: float, significance: float, n_apertures: int | None) -> flo
 
 
 def mean_snr(flux: ArrayLike, error: ArrayLike, *, significance: float, n_apertures: int) -> tuple[float, float]:
-    """SNR of one observation from many realisations of it, and the error of that.
+    """Return the SNR of one observation from many realisations of it, and the error of that.
 
     Parameters
     ----------
@@ -139,7 +136,7 @@ def mean_snr(flux: ArrayLike, error: ArrayLike, *, significance: float, n_apertu
 
 
 def calibrate(bands: Sequence[BandConfirmation]) -> Calibration:
-    """Calibration factor over bands: the mean of recovered / predicted, weighted by the inverse variance of each.
+    """Return the calibration factor over bands: the mean of recovered / predicted by inverse variance.
 
     Parameters
     ----------
@@ -167,7 +164,7 @@ def calibrate(bands: Sequence[BandConfirmation]) -> Calibration:
 
 
 def position_records(scene: Scene, bands: Sequence[BandConfirmation]) -> list[PositionRecord]:
-    """Positions of planets, mean of the bands that show them, weighted by their errors along and across.
+    """Return the positions of planets, mean of the bands that show them, weighted by their errors along and across.
 
     Parameters
     ----------
@@ -199,7 +196,7 @@ def position_records(scene: Scene, bands: Sequence[BandConfirmation]) -> list[Po
 
 
 def _mean(values: Sequence[tuple[Any, Any]]) -> tuple[float, float]:
-    """Mean weighted by inverse variance."""
+    """Return the mean weighted by inverse variance."""
     value, error = (np.array([pair[i] for pair in values], float) for i in (0, 1))
     weight = error**-2.0
     return float(weight @ value / weight.sum()), float(weight.sum() ** -0.5)
@@ -223,7 +220,7 @@ class FittedAlbedo:
 
 
 def albedo_fits(scene: Scene, instrument: Instrument, bands: Sequence[BandConfirmation]) -> list[FittedAlbedo]:
-    """Fits of metallicity and clouds to the mean contrasts, with the errors of one observation a band.
+    """Return the fits of metallicity and clouds to the mean contrasts, with the errors of one observation a band.
 
     Parameters
     ----------
@@ -250,7 +247,7 @@ def albedo_fits(scene: Scene, instrument: Instrument, bands: Sequence[BandConfir
 
 
 def albedo_records(fitted: Sequence[FittedAlbedo]) -> list[AlbedoRecord]:
-    """Fits of metallicity and clouds for the record."""
+    """Return the fits of metallicity and clouds for the record."""
     return [
         AlbedoRecord.of(
             item.fit,

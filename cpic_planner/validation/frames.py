@@ -74,7 +74,7 @@ class CalibratedFrames:
         return _gaussian_e(self.detector, self.em_gain)
 
     def variance_e2(self, light_e: ArrayLike) -> FloatArray:
-        """Variance of ``electrons`` of one frame where its mean is ``light_e`` (y, x); see `pixel_variance_e2`."""
+        """Return the variance of ``electrons`` of one frame of mean ``light_e`` (y, x); see `pixel_variance_e2`."""
         counts = np.maximum(np.asarray(light_e, dtype=np.float64), 0.0) * self.response + self.pedestal_e
         return pixel_variance_e2(counts, 0.0, self.em_gain, self.detector) / self.response**2
 
@@ -152,7 +152,7 @@ def calibrated_frames(
 
 
 def transferred(image_e: ArrayLike, detector: Detector, first_pixel: tuple[int, int] | None) -> FloatArray:
-    """Mean image after the transfers to the output, as calibrated frames show it.
+    """Return the mean image after the transfers to the output, as calibrated frames show it.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ class _Steps:
         self.beyond_e = 0.0 if beyond_e_s is None or not smeared else detector.transfer.line_shift_s * beyond_e_s
 
     def light_e(self, adu: NDArray[np.uint16], usable: BoolArray) -> FloatArray:
-        """Electrons of light in one frame, 0 in bad pixels; without a level nothing in the frame stays usable."""
+        """Return the electrons of light in one frame, 0 in bad pixels; without a level no pixel stays usable."""
         image = adu - self.bias_adu
         if self.level is not None:
             level = self.level.of(image, usable)
@@ -244,7 +244,7 @@ def _gaussian_e(detector: Detector, em_gain: float) -> float:
 
 
 def _at_limit(electrons: FloatArray, usable: BoolArray, pedestal: FloatArray, observation: Observation) -> BoolArray:
-    """Pixels that reach a limit with their own light: their usable frames are those that came out low."""
+    """Return the pixels that reach a limit with their own light: their usable frames are those that came out low."""
     detector, gain = observation.instrument.detector, observation.em_gain
     room = (detector.adc_max_adu - bias_level_adu(detector)) * detector.gain_e_adu
     limit = min(detector.full_well_e, detector.register_full_well_e / gain, room / gain)
@@ -254,7 +254,7 @@ def _at_limit(electrons: FloatArray, usable: BoolArray, pedestal: FloatArray, ob
 
 
 def _stamp(observation: Observation) -> tuple[slice, slice]:
-    """The stamp of the PSF in the frame."""
+    """Return the stamp of the PSF in the frame."""
     side = observation.psf.on_axis.shape[0]
     rows, columns, _ = observation.area.stamp(side)
     if (rows.stop - rows.start, columns.stop - columns.start) != (side, side):

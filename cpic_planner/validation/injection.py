@@ -52,7 +52,7 @@ def inject(
 
 
 def recovered(found: BlindSearch, x_arcsec: float, y_arcsec: float, lambda_d_arcsec: float) -> Candidate | None:
-    """Most significant candidate within lambda/D of a place, detected or not.
+    """Return the most significant candidate within lambda/D of a place, detected or not.
 
     Parameters
     ----------

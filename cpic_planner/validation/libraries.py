@@ -65,7 +65,7 @@ class LibraryPlan:
 def library_plan(
     strategy: Strategy, scene: Scene, n_frames: int, *, visits: int = 1, roll_deg: float = 0.0
 ) -> LibraryPlan:
-    """What to simulate for the library that a strategy names (`cpic_planner.registry.libraries`).
+    """Return what to simulate for the library that a strategy names (`cpic_planner.registry.libraries`).
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def library_plan(
 
 @numeric_context()
 def scale_library(reference_e: ArrayLike, scale: float, *, pedestal_e: ArrayLike = 0.0) -> FloatArray:
-    """Frames of a reference star as bright as those of the science star.
+    """Return the frames of a reference star as bright as those of the science star.
 
     Parameters
     ----------

@@ -202,7 +202,7 @@ def forced_photometry(
     filter_name: FluxFilter = "aperture",
     model: SpeckleModel | None = None,
 ) -> Photometry:
-    """Flux of a planet at its place, over the fraction that the subtraction leaves; of two rolls the mean.
+    """Return the flux of a planet at its place, over the fraction that the subtraction leaves; of two rolls the mean.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the images of a task take, before any is made.
+"""Estimate the cost of the images of a task before any is made.
 
 How the images of a task are made: sums or frames, hole or whole frames, which knobs, what is left out.
 """
@@ -51,7 +51,7 @@ class TaskCost:
 
 
 def task_cost(task: ConfirmTask) -> TaskCost:
-    """Expected cost of the images of a task and of measuring them.
+    """Return the expected cost of the images of a task and of measuring them.
 
     Notes
     -----
@@ -85,7 +85,7 @@ def _frames_s(how: "Modelling", region: str, task: ConfirmTask, frames: int, sta
 
 
 def _stamp_s(knobs: Knobs) -> float:
-    """Of one propagation of the star onto a stamp: two matrix products a wavelength."""
+    """Return the seconds of one propagation of the star onto a stamp: two matrix products a wavelength."""
     nodes, pupil = knobs.stamp_pixels * knobs.pixel_nodes, knobs.pupil_samples
     products = knobs.wavelength_nodes * (nodes * pupil**2 + nodes**2 * pupil)
     return _STAMP_S + _STAMP_S_PER_PRODUCT * products
@@ -118,14 +118,14 @@ class Modelling(Choice):
     dial: Dial
 
     def instrument(self, instrument: Instrument) -> Instrument:
-        """The camera with what is modelled of it."""
+        """Return the camera with what is modelled of it."""
         seen = self.drifting(instrument)
         if self.draw == "sums":
             return images_of(seen)
         return seen.switched(self.switches) if self.switches else seen
 
     def scene(self, scene: Scene) -> Scene:
-        """The sources that are modelled."""
+        """Return the sources that are modelled."""
         kept = {
             kind: tuple(body for body in getattr(scene, kind) if body.name not in self.left_out)
             for kind in ("planets", "stars", "extended")
@@ -133,16 +133,16 @@ class Modelling(Choice):
         return scene.model_copy(update=kept) if self.left_out else scene
 
     def whole(self) -> "Modelling":
-        """Every frame with every effect, by the same knobs."""
+        """Return every frame with every effect, by the same knobs."""
         epochs = max(self.epochs, MAX_EPOCHS)
         return dataclasses.replace(self, draw="frames", epochs=epochs, switches={}, left_out=(), still=())
 
     def runs_by_frames(self, realisations: int) -> int:
-        """How many realisations are made where each is drawn frame by frame: all of them for the reference alone."""
+        """Return how many realisations are drawn frame by frame: all of them for the reference alone."""
         return realisations if self.dial.fidelity == "reference" else min(realisations, MAX_RUNS_OF_FRAMES)
 
     def record(self) -> ModellingRecord:
-        """For the results."""
+        """Return the cost for the results."""
         return modelling_record(self, fidelity=self.dial.fidelity, tolerance=self.dial.tolerance)
 
 
@@ -209,7 +209,7 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
 
 
 def _with_planet(scene: Scene, instrument: Instrument, band: str) -> tuple[Scene, tuple[str, ...]]:
-    """A scene with the planet that a search is judged by, and its name."""
+    """Return a scene with the planet that a search is judged by, and its name."""
     middle = psf_metrics(instrument, band).zone.middle
     separation, pa_deg = detector_to_sky(*middle, parity=instrument.detector.parity)
     planet = Planet(

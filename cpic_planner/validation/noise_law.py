@@ -27,7 +27,7 @@ _MOST_ROUNDS, _CLOSE = 80, 1e-11
 
 
 def log_tail(snr: ArrayLike, laplace: ArrayLike, dof: ArrayLike = np.inf, visits: ArrayLike = 1.0) -> FloatArray:
-    """Logarithm of the probability that noise alone reaches a level.
+    """Return the logarithm of the probability that noise alone reaches a level.
 
     Parameters
     ----------
@@ -59,13 +59,13 @@ def log_tail(snr: ArrayLike, laplace: ArrayLike, dof: ArrayLike = np.inf, visits
 
 
 def _mixed_tail(level: FloatArray, share: FloatArray, free: FloatArray, number: FloatArray) -> FloatArray:
-    """`log_tail` for shares above 0, shape (n,)."""
+    """Return the same as `log_tail`, for shares above 0, shape (n,)."""
     from scipy.special import gammaln, wrightomega
 
     few, squared = np.minimum(free, 1e9), level**2
 
     def exponent(log_ratio: FloatArray) -> FloatArray:
-        """Logarithm of the integrand but for factors that vary slowly."""
+        """Return the logarithm of the integrand but for factors that vary slowly."""
         ratio = np.exp(log_ratio)
         variance = np.maximum(1.0 - share + share * ratio, 1e-300)
         return np.asarray(number * (log_ratio - ratio) - 0.5 * (few + 1.0) * np.log1p(squared / (few * variance)))
@@ -102,7 +102,7 @@ def _mixed_tail(level: FloatArray, share: FloatArray, free: FloatArray, number: 
 
 
 def _scaled_tail(level: FloatArray, free: FloatArray) -> FloatArray:
-    """Logarithm of the tail of Student's law, of the normal law for many degrees of freedom."""
+    """Return the logarithm of the tail of Student's law, of the normal law for many degrees of freedom."""
     from scipy.special import betaln, hyp2f1, log_ndtr, stdtr
 
     free = np.broadcast_to(free, level.shape)
@@ -122,7 +122,7 @@ def _scaled_tail(level: FloatArray, free: FloatArray) -> FloatArray:
 
 
 def _log_sum(logs: FloatArray) -> FloatArray:
-    """Logarithm of the sum of exponentials over the first axis."""
+    """Return the logarithm of the sum of exponentials over the first axis."""
     top = logs.max(axis=0)
     # Rows in memory are added alike, one or many: a sum over the first axis takes another order for a single column.
     terms = np.ascontiguousarray(np.exp(logs - top).T)
@@ -163,7 +163,7 @@ def snr_at(sigma: float, laplace: ArrayLike, dof: ArrayLike = np.inf, visits: Ar
     asked = float(log_ndtr(-sigma))
 
     def excess(logs: FloatArray) -> FloatArray:
-        """Of the square root of the tail's logarithm, which is nearly straight."""
+        """Return the error of the square root of the tail's logarithm, which is nearly straight."""
         return np.sqrt(-log_tail(np.exp(logs), *parts)) - math.sqrt(-asked)
 
     # Tails are heavier than Gaussian ones: the level is not below.
@@ -219,7 +219,7 @@ class PixelLaw:
     false_alarm: float
 
     def limit_of_mean(self, mean_e: ArrayLike) -> FloatArray:
-        """Level that a pixel of known mean exceeds with at most the chance that is allowed.
+        """Return the level that a pixel of known mean exceeds with at most the chance that is allowed.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class PixelLaw:
         return _lowest_line(mean, growth / slopes, offset)
 
     def limit_beside_others(self, total_e: ArrayLike, n_frames: int, drift: float = 0.0) -> FloatArray:
-        """Level that one of several frames of a pixel exceeds at most so often, whatever the pixel's mean.
+        """Return the level that one of several frames of a pixel exceeds at most so often, whatever the pixel's mean.
 
         Parameters
         ----------
@@ -272,7 +272,7 @@ class PixelLaw:
 
 @functools.lru_cache(maxsize=16)
 def _growth(em_gain: float, stages: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Slopes ``s``, ``m(s)`` at them, and ``-m(-u)`` at the depths ``u``."""
+    """Return the slopes ``s``, ``m(s)`` at them, and ``-m(-u)`` at the depths ``u``."""
     p = float(stage_probability(em_gain, stages))
 
     def m(s: FloatArray) -> FloatArray:
@@ -288,7 +288,7 @@ def _growth(em_gain: float, stages: int) -> tuple[FloatArray, FloatArray, FloatA
 
 
 def _lowest_line(x: FloatArray, slope: FloatArray, offset: FloatArray) -> FloatArray:
-    """Minimum over lines ``slope x + offset``, to second order: each x takes the best line of a place near it."""
+    """Return the minimum over lines ``slope x + offset``, to second order: the best line of a near place each."""
     if x.size == 0:
         return np.zeros(x.shape)
     places = np.unique(np.quantile(x, np.linspace(0.0, 1.0, min(_PLACES, x.size))))

@@ -80,7 +80,7 @@ class Photometry:
     def contrast(
         self, core: float, star_rate_e_s: float, time_s: float, *, star_rate_error_e_s: float = 0.0
     ) -> Contrast:
-        """Contrast of this source; see the function `contrast`.
+        """Return the contrast of this source; see the function `contrast`.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ def contrast(
     error: float = 0.0,
     star_rate_error_e_s: float = 0.0,
 ) -> Contrast:
-    """Planet-to-star ratio from an aperture flux.
+    """Return the planet-to-star ratio from an aperture flux.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def aperture_photometry(
     kernel: ArrayLike | None = None,
     left: ArrayLike | None = None,
 ) -> Photometry:
-    """Flux of a source at a given position, with empirical errors.
+    """Return the flux of a source at a given position, with empirical errors.
 
     Parameters
     ----------
@@ -351,7 +351,7 @@ def _without_sources(hole: BoolArray, positions: Sequence[tuple[float, float]], 
 
 
 def ratio(signal: float, noise: float) -> float:
-    """Signal over noise; infinite for a signal without noise, 0 for nothing."""
+    """Return the signal over noise; infinite for a signal without noise, 0 for nothing."""
     if noise > 0:
         return signal / noise
     return math.copysign(math.inf, signal) if signal else 0.0

@@ -37,7 +37,7 @@ LEAST_DEGREES = 4.0
 
 @dataclass(frozen=True, eq=False)
 class PositionFit:
-    """Where the search ended.
+    """The end of a search for a position.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class PositionFitter:
         return np.fft.rfft2(self.psf.off_axis, s=(size, size)), rows, columns
 
     def shifted(self, shift: FloatArray) -> FloatArray:
-        """The PSF's stamp moved by a fraction of a pixel (x, y), and its derivatives; shape (3, m, m)."""
+        """Return the PSF's stamp moved by a fraction of a pixel (x, y), and its derivatives; shape (3, m, m)."""
         spectrum, rows, columns = self._spectrum
         moved = spectrum * np.exp(-1j * (rows * shift[1] + columns * shift[0]))
         parts = np.stack([moved, -1j * columns * moved, -1j * rows * moved])
@@ -174,7 +174,7 @@ class PositionFitter:
         return np.fft.irfft2(parts, s=(size, size))[:, :side, :side]
 
     def images(self, place: FloatArray) -> FloatArray:
-        """Unit planet before the subtraction and its derivatives, shape (3, n, n)."""
+        """Return the unit planet before the subtraction and its derivatives, shape (3, n, n)."""
         whole = np.rint(place).astype(int)
         stamps = self.shifted(place - whole)
         n, side = len(self.usable), stamps.shape[-1]
@@ -189,12 +189,12 @@ class PositionFitter:
         return result
 
     def coverage(self, place: FloatArray) -> float:
-        """Share of a planet's squared light within the window that lies on usable pixels."""
+        """Return the share of a planet's squared light within the window that lies on usable pixels."""
         stamp = self.images(place)[0] ** 2 * _disc(self.usable.shape, place, self.window_pixel)
         return float(stamp[self.usable].sum() / stamp.sum())
 
     def climb(self, start: FloatArray) -> PositionFit:
-        """Gauss-Newton from a starting place; the window is laid around the start, then around what it finds."""
+        """Fit by Gauss-Newton from a starting place; the window is laid around the start, then around what it finds."""
         background = self._background(start)
         image = self._levelled(self.stack.image_e, background)
         place = start
@@ -231,7 +231,7 @@ class PositionFitter:
         return PositionFit(place, flux, converged and near, window, design, inverse, raw[0], models[0])
 
     def speckles(self, fit: PositionFit) -> SpeckleScatter:
-        """What the same fit finds at other places of this separation, beyond white noise.
+        """Return what the same fit finds at other places of this separation, beyond white noise.
 
         Raises
         ------
@@ -268,7 +268,7 @@ class PositionFitter:
     def _fits(
         self, residual: FloatArray, place: FloatArray, y: NDArray[np.intp], x: NDArray[np.intp]
     ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-        """Fits at whole-pixel distances from a place: parameters, white covariance and halo form, radial first.
+        """Return the fits at whole-pixel distances from a place: parameters, white covariance, halo form, radial first.
 
         The kernel is the unprojected planet; what the projection takes of it (modes over pixels of the region) is a
         per cent.
@@ -301,7 +301,7 @@ class PositionFitter:
         return np.einsum("pkl,pl->pk", turn, theta), white, turn @ (inverse @ forms @ inverse) @ back
 
     def covariance(self, fit: PositionFit, speckles: SpeckleScatter) -> FloatArray:
-        """Covariance of flux, flux x shift in x and in y: white noise, the planet's photons and speckles.
+        """Return the covariance of flux, flux x shift in x and in y: white noise, the planet's photons and speckles.
 
         Parameters
         ----------
@@ -316,7 +316,7 @@ class PositionFitter:
         return np.asarray(pixels + turn.T @ (speckles.scaled * np.outer(size, size)) @ turn)
 
     def chi2(self, fit: PositionFit) -> tuple[float, int]:
-        """Squared residuals over white variance and planet photons (0 without white noise), and number of pixels."""
+        """Return the squared residuals over white variance and planet photons (0 without white noise), and pixels."""
         pixels = int(fit.window.sum())
         if self.quiet:
             return 0.0, pixels
@@ -325,13 +325,13 @@ class PositionFitter:
         return float(np.sum(residual**2 / self._variance(fit))), pixels
 
     def _variance(self, fit: PositionFit) -> FloatArray:
-        """White noise and the planet's photons in the fitted pixels; 0 where the stack has no white noise."""
+        """Return white noise and the planet's photons in the fitted pixels; 0 where the stack has no white noise."""
         factor2 = 0.0 if self.quiet else float(excess_noise_factor2(self.stack.em_gain, self.stack.stages))
         own = np.maximum(fit.flux * fit.planet[fit.window], 0.0)
         return np.asarray(self.stack.white_variance_e2[fit.window] + factor2 * own)
 
     def _background(self, place: FloatArray) -> BoolArray:
-        """Pixels of the annulus away from the planet; of the whole region where there are none."""
+        """Return the pixels of the annulus away from the planet; of the whole region where there are none."""
         shape, separation, star = self.usable.shape, float(np.hypot(*place)), np.zeros(2)
         away = self.usable & ~_disc(shape, place, self._excluded_pixel)
         annulus = away & _disc(shape, star, separation + self.annulus_pixel)
@@ -339,19 +339,19 @@ class PositionFitter:
         return annulus if annulus.any() else away
 
     def _levelled(self, images: FloatArray, background: BoolArray) -> FloatArray:
-        """Images minus their mean over the background, inside the region."""
+        """Return the images minus their mean over the background, inside the region."""
         level = images[..., background].mean(axis=-1)
         return np.asarray(np.where(self.stack.region, images - np.asarray(level)[..., None, None], 0.0))
 
 
 def _disc(shape: tuple[int, ...], place: FloatArray, radius: float) -> BoolArray:
-    """Pixels whose centres lie within a radius of a place (x, y)."""
+    """Return the pixels whose centres lie within a radius of a place (x, y)."""
     offset = np.arange(shape[0]) - shape[0] // 2
     return np.asarray((offset[:, None] - place[1]) ** 2 + (offset - place[0]) ** 2 <= radius**2)
 
 
 def _to_radial(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Matrices, shape (p, 3, 3), that turn shifts in x and y into shifts away from the star and around it."""
+    """Return the matrices (p, 3, 3) that turn shifts in x and y into shifts away from the star and around it."""
     angle = np.arctan2(y, x)
     turn = np.zeros((len(angle), 3, 3))
     turn[:, 0, 0] = 1.0

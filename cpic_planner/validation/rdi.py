@@ -1,7 +1,4 @@
-"""Principal modes of a few long rows: orthonormal, exact down to the numerical rank, and fast.
-
-Reference-star differential imaging: projection of the science frames off the leading reference modes.
-"""
+"""Reference-star differential imaging: projection of the science frames off the leading reference modes."""
 
 import math
 from dataclasses import dataclass, field
@@ -23,7 +20,7 @@ _SAFE = (1e-100, 1e100)
 
 
 def leading_modes(rows: FloatArray, count: int, floor: float = 0.0) -> tuple[FloatArray, FloatArray]:
-    """Leading right singular vectors of a matrix with few rows.
+    """Return the leading right singular vectors of a matrix with few rows.
 
     Parameters
     ----------
@@ -64,12 +61,12 @@ def leading_modes(rows: FloatArray, count: int, floor: float = 0.0) -> tuple[Flo
 
 
 def _kept(singular: FloatArray, count: int, floor: float) -> int:
-    """Number of modes that are wanted and exist."""
+    """Return the number of modes that are wanted and exist."""
     return min(count, int(np.count_nonzero(singular > max(floor, math.sqrt(EIGENVALUE_CUT) * singular[0]))))
 
 
 def _by_gram(rows: FloatArray, count: int, floor: float) -> tuple[FloatArray, FloatArray] | None:
-    """Modes from the Gram matrix; None where they would not be accurate."""
+    """Return the modes from the Gram matrix; None where they would not be accurate."""
     values, vectors = np.linalg.eigh(rows @ rows.T)
     values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
     used = _kept(np.sqrt(values), count, floor)
@@ -98,7 +95,7 @@ def _by_qr(rows: FloatArray, count: int, floor: float) -> tuple[FloatArray, Floa
 
 
 def row_norm(rows: FloatArray) -> float:
-    """Root of the sum of squares, whatever the scale."""
+    """Return the root of the sum of squares, whatever the scale."""
     peak = max(float(rows.max()), -float(rows.min()))
     if _SAFE[0] < peak < _SAFE[1]:
         return math.sqrt(float(np.vdot(rows, rows)))
@@ -143,7 +140,7 @@ class RdiResult:
     eigenvalues: FloatArray = field(repr=False)
 
     def project(self, template: ArrayLike) -> FloatArray:
-        """What the subtraction leaves of a planet.
+        """Return what the subtraction leaves of a planet.
 
         The subtraction is linear in the science frame (plus, for temporal centring, a constant that no planet
         enters), so this image is the forward model of a planet absent from the references.
@@ -167,7 +164,7 @@ class RdiResult:
         return as_images(_remove(rows, self.modes), self.region, images.shape)
 
     def throughput(self, template: ArrayLike, aperture: ArrayLike, *, background: ArrayLike | None = None) -> float:
-        """Fraction of a planet's aperture flux that survives the subtraction.
+        """Return the fraction of a planet's aperture flux that survives the subtraction.
 
         Parameters
         ----------
@@ -200,7 +197,7 @@ class RdiResult:
 def surviving_fraction(
     key: str, template: FloatArray, left: FloatArray, aperture: FloatArray, background: ArrayLike | None
 ) -> float:
-    """Aperture sum of what a subtraction leaves of a planet, over that of its image.
+    """Return the aperture sum of what a subtraction leaves of a planet, over that of its image.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ class Realisation:
 
 @dataclass(frozen=True)
 class FrameStatistics:
-    """What happened to frames one by one.
+    """The losses of single frames.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class FrameStatistics:
 
     @classmethod
     def of(cls, parts: "Sequence[FrameStatistics]") -> "FrameStatistics":
-        """The same of several sequences of frames together."""
+        """Return the same of several sequences of frames together."""
         return cls(
             lost_in=sum(part.lost_in for part in parts),
             lost_outside=sum(part.lost_outside for part in parts),
@@ -132,13 +132,13 @@ class VisitPair:
         return self._seen(role, number)
 
     def with_light(self, extra_e_s: FloatArray) -> "VisitPair":
-        """The same with more light in the science visit (an injected planet), electrons per second and pixel."""
+        """Return the same with more light in the science visit (an injected planet), electrons per second and pixel."""
         assert self._stacks is not None  # as stackable says
         science, reference = self._stacks
         return dataclasses.replace(self, _stacks=(science.with_light(extra_e_s), reference))
 
     def draw(self, realisation: int) -> Realisation:
-        """One realisation from sums of frames; only where ``stackable`` is ok."""
+        """Return one realisation from sums of frames; only where ``stackable`` is ok."""
         assert self._stacks is not None  # as stackable says
         science, reference = self._stacks
         # The search learns from how science visits scatter; of references without modes only the mean counts. Rolls are
@@ -150,7 +150,7 @@ class VisitPair:
         return self.reduced(images, library, counts, frames, science.region)
 
     def _expected(self, realisation: int, visit: int) -> FloatArray:
-        """Expected sums of frames of a reference visit, (epochs, n, n)."""
+        """Return the expected sums of frames of a reference visit, (epochs, n, n)."""
         assert self._stacks is not None
         reference = self._stacks[1]
         dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
@@ -271,7 +271,7 @@ def visit_pair(
 def _visits(
     draw: Callable[[int, int], FloatArray], stacks: HoleStacks, realisation: int, visits: int, *, summed: bool = False
 ) -> tuple[FloatArray, Any]:
-    """Sums of frames and their numbers: the epochs of a single visit; of many one sum a visit, or that of all."""
+    """Return the sums of frames and their numbers: a single visit's epochs; of many one a visit, or one in all."""
     if visits == 1:
         return draw(realisation, 0), stacks.frames
     sums = (draw(realisation, visit).sum(axis=0) for visit in range(visits))
@@ -282,7 +282,7 @@ def _visits(
 
 
 def _epochs(task: ConfirmTask, how: Modelling, drift: Drift) -> int:
-    """Draws of a visit of a programme: no more than tell its mean wavefront.
+    """Return the draws of a visit of a programme: no more than tell its mean wavefront.
 
     The middles of E equal parts have a mean of the walk whose variance is too large by ``1 / (2 E^2)`` of it.
     """

@@ -1,10 +1,8 @@
-"""Level and electrical pick-up of single frames, measured on pixels that no light reaches.
+"""Reduce one observation to a stack: level and pick-up of its frames taken off, residual, and what was used.
 
 The bias drifts from frame to frame, and a sine of known period and unknown phase is picked up during readout. Both are
 fitted behind the upright bar of the cross mask: no light of star or planet gets there, nor does charge that transfers
 leave behind along a column, so that the fit cannot touch a source.
-
-One observation reduced: science frames minus what the references explain, with its noise and forward model.
 """
 
 import math
@@ -57,7 +55,7 @@ class FrameLevel:
     wave: FloatArray
 
     def of(self, image_adu: FloatArray, usable: BoolArray) -> FloatArray | None:
-        """Level of a frame, (y, x), bias taken off before; None where too few pixels are usable.
+        """Return the level of a frame, (y, x), bias taken off before; None where too few pixels are usable.
 
         Parameters
         ----------
@@ -80,7 +78,7 @@ class FrameLevel:
 
 
 def dark_bar(observation: Observation) -> BoolArray:
-    """Pixels behind the upright bar of the cross mask, a margin inside its edges; (y, x)."""
+    """Return the pixels behind the upright bar of the cross mask, a margin inside its edges; (y, x)."""
     area, geometry = observation.area, observation.psf.geometry
     half, pixel = geometry.mask_half_width_arcsec, geometry.pixel_scale_arcsec
     inside = (area.columns > -half + _TRAIL_PIXELS * pixel) & (area.columns < half - pixel)
@@ -93,7 +91,7 @@ def dark_bar(observation: Observation) -> BoolArray:
 def frame_level(
     observation: Observation, level_pixels: ArrayLike | None, *, flaws: NDArray[np.uint8], mean_e: FloatArray
 ) -> FrameLevel | None:
-    """Fit of the level for frames of an observation.
+    """Return the fit of the level for frames of an observation.
 
     Parameters
     ----------
@@ -151,7 +149,7 @@ SMOOTHING_PIXELS = 1.5
 
 
 class Inputs(NamedTuple):
-    """What a stack was reduced from.
+    """The inputs from which a stack was reduced.
 
     Attributes
     ----------
@@ -173,7 +171,7 @@ class Inputs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReducedStack:
-    """What a reduction leaves of one observation; images are star-centred stamps (y, x).
+    """The result of the reduction of one observation; images are star-centred stamps (y, x).
 
     Attributes
     ----------
@@ -236,7 +234,7 @@ class ReducedStack:
 
 
 def _summed(cut: RdiResult, frames: FloatArray, other_star: bool) -> FloatArray:
-    """Sum of the residuals of images of so many frames; the sky of another star leaves an even level, taken off."""
+    """Return the sum of residuals of images of so many frames; another star's sky, an even level, is taken off."""
     image = np.tensordot(frames, cut.residuals, axes=1)
     if other_star:
         image[cut.region] -= image[cut.region].mean()

@@ -24,7 +24,7 @@ _MOST_PASSES = 20
 
 @dataclass(frozen=True, eq=False)
 class Rejection:
-    """What was taken out of a sequence.
+    """The pixels that were taken out of a sequence.
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ def rejected_in(frames: CalibratedFrames, read_noise_e: float) -> Rejection:
 
 @numeric_context()
 def combine(electrons: ArrayLike, usable: ArrayLike) -> Combined:
-    """Sum of frames with holes: the mean of each pixel's usable frames times the number of frames.
+    """Return the sum of frames with holes: the mean of each pixel's usable frames times the number of frames.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def combine(electrons: ArrayLike, usable: ArrayLike) -> Combined:
 
 
 def filled(electrons: ArrayLike, usable: ArrayLike) -> tuple[FloatArray, BoolArray]:
-    """Frames without holes, for reductions that need whole rows.
+    """Return the frames without holes, for reductions that need whole rows.
 
     Parameters
     ----------
@@ -254,14 +254,14 @@ def filled(electrons: ArrayLike, usable: ArrayLike) -> tuple[FloatArray, BoolArr
 
 
 def _means(data: FloatArray, good: BoolArray) -> tuple[FloatArray, IntArray]:
-    """Mean over usable frames, 0 without any, and their number."""
+    """Return the mean over usable frames, 0 without any, and their number."""
     count = np.count_nonzero(good, axis=0)
     total = np.einsum("nyx,nyx->yx", data, good)
     return total / np.maximum(count, 1), np.asarray(count, dtype=np.int64)
 
 
 def _grown(hit: BoolArray) -> BoolArray:
-    """Each hit with its eight neighbours in the same frame."""
+    """Mark each hit with its eight neighbours in the same frame."""
     across = hit.copy()
     across[:, :, 1:] |= hit[:, :, :-1]
     across[:, :, :-1] |= hit[:, :, 1:]

@@ -50,7 +50,7 @@ class RollResult:
         return np.tensordot(first, self.first.residuals, 1), np.tensordot(second, self.second.residuals, 1)
 
     def project(self, first_template: ArrayLike, second_template: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """What the subtraction leaves of a planet, per frame.
+        """Return what the subtraction leaves of a planet, per frame.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class RollResult:
         *,
         background: ArrayLike | None = None,
     ) -> tuple[float, float]:
-        """Fraction of the planet's aperture flux that survives in each roll.
+        """Return the fraction of the planet's aperture flux that survives in each roll.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class _Response:
         self.shares = every.modes @ total / self.singular
 
     def left(self, own: FloatArray, other: FloatArray) -> FloatArray:
-        """Row that a planet ``own`` in the science frames and ``other`` in the references leaves."""
+        """Return the row that a planet ``own`` in the science frames and ``other`` in the references leaves."""
         kept = self.modes[: self.used]
         if self.centering == "temporal":
             own = own - other
@@ -243,7 +243,7 @@ def roll_photometry(
     stages: int = 604,
     kernels: tuple[FloatArray, FloatArray] | None = None,
 ) -> Photometry:
-    """Flux of a planet from both of its places.
+    """Return the flux of a planet from both of its places.
 
     Parameters
     ----------
@@ -312,7 +312,7 @@ def roll_photometry(
 
 
 def _mean_of(first: Photometry, second: Photometry, throughput: float, overlap: float) -> Photometry:
-    """Photometry of the mean of two aperture sums whose noise has the correlation ``-overlap``."""
+    """Return the photometry of the mean of two aperture sums whose noise has the correlation ``-overlap``."""
     raw = (first.raw_flux + second.raw_flux) / 2.0
     one, two = first.sigma_background, second.sigma_background
     sigma = math.sqrt(max(one**2 + two**2 - 2.0 * overlap * one * two, 0.0)) / 2.0

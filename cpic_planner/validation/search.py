@@ -77,7 +77,7 @@ def searched_region(region: BoolArray, lambda_d_pixels: float) -> SearchedRegion
 
 
 def false_alarms(threshold: ArrayLike, region: SearchedRegion, roughness: float, dof: float = math.inf) -> FloatArray:
-    """Expected number of noise peaks of a search at or above a level.
+    """Return the expected number of noise peaks of a search at or above a level.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def false_alarms(threshold: ArrayLike, region: SearchedRegion, roughness: float,
 
 
 def _mean_scale(dof: float) -> float:
-    """Mean of ``s`` where ``dof s^2`` is a chi-square: ``(2/dof)^(1/2) G((dof+1)/2) / G(dof/2)``, to 1e-14.
+    """Return the mean of ``s`` where ``dof s^2`` is a chi-square: ``(2/dof)^(1/2) G((dof+1)/2) / G(dof/2)``, to 1e-14.
 
     Logarithms of the two functions agree in more and more digits as they grow; there the logarithm of their ratio is a
     series in odd powers of ``1/dof`` (Tricomi & Erdelyi 1951, Pacific J. Math. 1, 133), below 1e-16 after five terms.
@@ -144,7 +144,7 @@ def _mean_scale(dof: float) -> float:
 def search_threshold(
     region: SearchedRegion, roughness: float, *, sigma: float = 5.0, dof: float = math.inf, per_search: bool = False
 ) -> Outcome[float]:
-    """Level that noise alone reaches as rarely as asked anywhere in a searched region.
+    """Return the level that noise alone reaches as rarely as asked anywhere in a searched region.
 
     Parameters
     ----------
@@ -240,13 +240,13 @@ class NoiseTerms:
         return parts if self.shared is None else [*parts, self.shared]
 
     def _parts(self, logs: FloatArray) -> list[FloatArray]:
-        """Terms at the logarithms of the numbers."""
+        """Return the terms at the logarithms of the numbers."""
         level, drift = np.exp(logs[:2])
         parts = [level * self.white, drift * self.linear, drift**2 * self.square]
         return parts if self.shared is None else [*parts, drift * math.exp(logs[2]) * self.shared]
 
     def variance(self, logs: FloatArray) -> FloatArray:
-        """Sum of the terms at the logarithms of ``level``, ``drift`` and ``common``."""
+        """Return the sum of the terms at the logarithms of ``level``, ``drift`` and ``common``."""
         return np.asarray(sum(self._parts(logs)))
 
     def slopes(self, logs: FloatArray, variance: FloatArray) -> FloatArray:
@@ -275,7 +275,7 @@ class NoiseFit:
 def fit_noise(
     ratio: FloatArray, before: FloatArray, terms: NoiseTerms, weight: FloatArray, start: FloatArray
 ) -> NoiseFit:
-    """Most probable level, drift and common part, given squared significances.
+    """Return the most probable level, drift and common part, given squared significances.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ class FilteredState:
 
 @functools.lru_cache(maxsize=32)
 def _sigma_table(visits: float) -> Any:
-    """`equivalent_sigma` of known noise on a grid of levels and shares, as a spline."""
+    """Return the same as `equivalent_sigma`, of known noise on a grid of levels and shares, as a spline."""
     from scipy.interpolate import RectBivariateSpline
 
     level, share = np.linspace(0.0, _TABLED_SNR, 50), np.linspace(0.0, 1.0, 21)
@@ -58,7 +58,7 @@ def _sigma_table(visits: float) -> Any:
 
 
 def _sigma_map(snr: FloatArray, laplace: FloatArray, visits: float) -> FloatArray:
-    """`equivalent_sigma` of many positions with known noise, to 1e-3; beyond the table it goes on in proportion."""
+    """Return `equivalent_sigma` of many positions with known noise, to 1e-3; in proportion beyond the table."""
     level = np.abs(snr)
     inside = np.minimum(level, _TABLED_SNR)
     sigma = _sigma_table(visits).ev(inside, np.minimum(laplace, 1.0))
@@ -176,13 +176,13 @@ class SearchField:
         return self.region.shape[0] // 2, self.region.shape[1] // 2
 
     def unfold(self, values: FloatArray) -> FloatArray:
-        """Values per position as an image, 0 elsewhere."""
+        """Return the values per position as an image, 0 elsewhere."""
         image = np.zeros(self.region.shape)
         image[self.region] = values
         return image
 
     def near(self, x_pixel: float, y_pixel: float) -> BoolArray:
-        """Positions within 1.22 lambda/D.
+        """Return the positions within 1.22 lambda/D.
 
         Parameters
         ----------
@@ -209,7 +209,7 @@ class SearchField:
         self._hidden |= disc
 
     def measure(self, image: FloatArray) -> FilteredState:
-        """Filter, and fit the noise; the second round filters with the noise that the first found."""
+        """Filter the stack and fit the noise; the second round filters with the noise that the first found."""
         logs = np.zeros(len(self.terms.believed))
         for _ in range(2):
             assumed = self.terms.variance(logs)
@@ -223,13 +223,13 @@ class SearchField:
         return FilteredState(normal, assumed, sigma_e, fit, self._roughness(gauss))
 
     def _filtered(self, images: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Matched sums over their standard deviation, with these inverse variances; and the sums of weights."""
+        """Return matched sums over their standard deviation, with these inverse variances; and the sums of weights."""
         inside, around = self.region[self._box], self.unfold(inverse)[self._box]
         spread = matched_sum(around, self._kernel**2)[inside]
         return matched_sum(images[..., *self._box] * around, self._kernel)[..., inside] / np.sqrt(spread), spread
 
     def _visit_scatter(self) -> tuple[FloatArray, FloatArray]:
-        """Mean square deviation of the filtered visits from their mean, times their number; and the variance assumed.
+        """Return the mean square deviation of filtered visits from their mean, times their number; and that assumed.
 
         Planets, and what all visits share, are not in it. Empty where there is a single visit.
         """
@@ -246,7 +246,7 @@ class SearchField:
         return sums.var(axis=0, ddof=1) * visits, assumed[self._thin]
 
     def _fit(self, ratio: FloatArray, before: FloatArray, weight: FloatArray, logs: FloatArray) -> NoiseFit:
-        """Level, drift and common part that explain the stack, and the scatter of its visits."""
+        """Return the level, drift and common part that explain the stack, and the scatter of its visits."""
         if not self._scatter.size:
             return fit_noise(ratio, before, self.terms, weight, logs)
         within = self._within.variance(logs)
@@ -259,14 +259,14 @@ class SearchField:
         return replace(fit, variance=fit.variance[: ratio.size])
 
     def weight(self, variance: FloatArray, logs: FloatArray, terms: NoiseTerms | None = None) -> FloatArray:
-        """Independent samples per position: speckles repeat at their mirror images."""
+        """Return the independent samples per position: speckles repeat at their mirror images."""
         return 1.0 / (self._shared * (1.0 + self._speckled(logs, variance, terms) ** 2))
 
     def _speckled(self, logs: FloatArray, variance: FloatArray, terms: NoiseTerms | None = None) -> FloatArray:
         return np.asarray(1.0 - math.exp(logs[0]) * (terms or self.terms).white / variance)
 
     def laplace(self, fit: NoiseFit) -> FloatArray:
-        """Share of Laplace variates, one for each pair of visits, with the kurtosis of the speckles."""
+        """Return the share of Laplace variates, one for each pair of visits, with the kurtosis of the speckles."""
         return self._heavy(self.terms, fit.logs, fit.variance)
 
     def _heavy(self, terms: NoiseTerms, logs: FloatArray, variance: FloatArray) -> FloatArray:
@@ -275,7 +275,7 @@ class SearchField:
         return np.sqrt(self._maps.tail_square * square**2 + 2.0 * self._maps.tail_cross * square * linear)
 
     def dof(self, fit: NoiseFit) -> FloatArray:
-        """Degrees of freedom of the variance at every position, from its relative error."""
+        """Return the degrees of freedom of the variance at every position, from its relative error."""
         slopes = self.terms.slopes(fit.logs, fit.variance)
         relative = np.sum(slopes * np.linalg.solve(fit.information, slopes), axis=0)
         if self._maps.n_visits:
@@ -284,7 +284,7 @@ class SearchField:
         return np.asarray(2.0 / relative)
 
     def _roughness(self, gauss: FloatArray) -> float:
-        """From the correlation of neighbours as that of a Gaussian curve, which a sampled gradient would flatten."""
+        """Return the width from neighbours' correlation as of a Gaussian, which a sampled gradient would flatten."""
         whole, inside = self.unfold(gauss)[self._box], self.unfold(self.free.astype(float))[self._box] > 0
         power = float(np.sum(gauss**2) / max(int(self.free.sum()), 1))
         found = []
@@ -296,7 +296,7 @@ class SearchField:
         return max(-2.0 * math.log(max(1.0 - 0.5 * float(np.mean(found)), 1e-3)), 1e-6)
 
     def peaks(self, state: FilteredState) -> list[Peak]:
-        """Local maxima, most significant first, each judged by the noise without it."""
+        """Return the local maxima, most significant first, each judged by the noise without it."""
         sep = load_quietly("sep")
         image = self.unfold(np.where(self._hidden, 0.0, state.snr))[self._box]
         # No filter: the image is filtered, with the noise of every pixel.
@@ -334,13 +334,13 @@ class SearchField:
         return self._peak(x_pixel, y_pixel, height * ratio, height * float(state.sigma_e[place]), place, alone)
 
     def _peak(self, x_pixel: float, y_pixel: float, snr: float, flux_e: float, place: int, fit: NoiseFit) -> Peak:
-        """A maximum in the noise of a fit."""
+        """Return a maximum in the noise of a fit."""
         laplace, dof = (float(part[place]) for part in (self.laplace(fit), self.dof(fit)))
         sigma = float(equivalent_sigma(snr, laplace, dof, self._programme.pairs)[0])
         return Peak(x_pixel, y_pixel, snr, sigma, laplace, dof, flux_e)
 
     def with_final_noise(self, peak: Peak, state: FilteredState) -> Peak:
-        """The same source in the noise that is known once all sources are out.
+        """Return the same source in the noise that is known once all sources are out.
 
         Parameters
         ----------
@@ -352,11 +352,11 @@ class SearchField:
         return self._peak(peak.x_pixel, peak.y_pixel, snr, peak.flux_e, place, state.fit)
 
     def offset_arcsec(self, peak: Peak) -> tuple[float, float]:
-        """Place from the star on the detector, x and y."""
+        """Return the place from the star on the detector, x and y."""
         return (peak.x_pixel - self._centre[1]) * self._pixel, (peak.y_pixel - self._centre[0]) * self._pixel
 
     def source(self, peak: Peak) -> FloatArray:
-        """What a source leaves in the residual."""
+        """Return what a source leaves in the residual."""
         from scipy.ndimage import shift
 
         move = (peak.y_pixel - self._centre[0], peak.x_pixel - self._centre[1])
@@ -365,7 +365,7 @@ class SearchField:
 
 
 def smooth_white(measured: FloatArray, patterns: FloatArray) -> FloatArray:
-    """Variance without the noise of its own measurement: least squares on smooth patterns.
+    """Return the variance without the noise of its own measurement: least squares on smooth patterns.
 
     Parameters
     ----------

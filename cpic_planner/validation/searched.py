@@ -49,7 +49,7 @@ class SearchTask:
         return f"{self.images['name']} {self.images['band']} {self.first}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain dict."""
+        """Return the plain dict."""
         return asdict(self)
 
 
@@ -109,7 +109,7 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
 def _noise_at(
     visits: VisitPair, drawn: Realisation, place: PlanetTemplate, rate_e_s: float, model: SpeckleModel | None
 ) -> list[float | None]:
-    """Contrast of 1 sigma at a place without a planet, and what the subtraction leaves of one."""
+    """Return the contrast of 1 sigma at a place without a planet, and what the subtraction leaves of one."""
     if obstacle(place, visits.geometry) is not None:
         return [None, None]
     near = reduced_around(drawn, place, visits)
@@ -131,7 +131,7 @@ def _found(
     contrasts: list[float],
     offsets_arcsec: list[float],
 ) -> dict[str, Any]:
-    """What a search finds of a planet of several contrasts at one place of an image."""
+    """Return what a search finds of a planet of several contrasts at one place of an image."""
     task, stack = visits.task, drawn.reduced
     rng = stream(task.seed, "injection", task.name, task.band, number, index)
     place = (offsets_arcsec[0], offsets_arcsec[1]) if offsets_arcsec else None

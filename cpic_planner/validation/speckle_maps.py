@@ -1,4 +1,4 @@
-"""Where residual speckles are strong and how heavy their tails are: maps of the optics, per unit of star light."""
+"""Maps of where residual speckles are strong and how heavy their tails are, per unit of star light."""
 
 import functools
 import hashlib
@@ -57,7 +57,7 @@ class SpeckleMaps:
 
 
 def filter_kernel(psf: AnyPsf, name: FilterName = "matched") -> FloatArray:
-    """Weights of a filter, odd shape, centred.
+    """Return the weights of a filter, odd shape, centred.
 
     ``matched`` is the image of a unit source, cut to a disc of 1.5 lambda/D. ``aperture`` is the photometric aperture,
     for comparison: its sharp edge leaves more peaks of noise than the thresholds of a smooth field foresee.
@@ -82,7 +82,7 @@ def filter_kernel(psf: AnyPsf, name: FilterName = "matched") -> FloatArray:
 
 
 def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Sum of image times kernel around every pixel; nothing beyond the edge. Shape (..., y, x).
+    """Return the sum of image times kernel around every pixel; nothing beyond the edge. Shape (..., y, x).
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
 
 
 def speckle_maps(psf: AnyPsf, drift: Drift, *, kernel: FilterName = "matched", n_visits: int = N_VISITS) -> SpeckleMaps:
-    """Maps by Monte Carlo over visits: a few seconds a band, once; they are kept in the cache of the program.
+    """Return the maps by Monte Carlo over visits: a few seconds a band, once; they are kept in the cache.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, kernel: FilterName = "matched", n
 
 
 def _key(psf: Psf, slope: float, n_visits: int, name: FilterName) -> str:
-    """Everything that decides the maps."""
+    """Return everything that decides the maps."""
     spectrum = None
     if psf.spectrum is not None:
         arrays = (psf.spectrum.wavelength_nm, psf.spectrum.photlam)
@@ -167,7 +167,7 @@ class _KeyedPsf:
 
 @functools.lru_cache(maxsize=16)
 def _unit_maps(keyed: _KeyedPsf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
-    """Maps of an offset of 1 nm, from the cache or measured."""
+    """Return the maps of an offset of 1 nm, from the cache or measured."""
 
     def maps_of(found: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         return {item: found[item] for item in ("linear", "square", "nominal", "stray", "tails")}
@@ -217,7 +217,7 @@ def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[s
 
 
 def whole_kernels(region: BoolArray, kernel: FloatArray) -> BoolArray:
-    """Centres of the kernels that lie wholly in a region.
+    """Return the centres of the kernels that lie wholly in a region.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def whole_kernels(region: BoolArray, kernel: FloatArray) -> BoolArray:
 
 
 def mirror_share(image: FloatArray, kernel: FloatArray, region: BoolArray) -> float:
-    """Part of the residual at the opposite place that is best subtracted: least squares over sums in a region.
+    """Return the part of the residual at the opposite place that is best subtracted: least squares in a region.
 
     Parameters
     ----------

@@ -67,14 +67,14 @@ class StarFlux:
 
     @classmethod
     def known(cls, rate_e_s: float) -> "StarFlux":
-        """A rate that is known without a measurement, as the scene's own."""
+        """Return a rate that is known without a measurement, as the scene's own."""
         return cls(rate_e_s, 0.0, "off_mask", rate_e_s, 1.0, 1.0)
 
 
 def off_mask_exposure_s(
     rate_e_s: float, peak: float, detector: Detector, *, em_gain: float = 1.0, fill: float = _FILL
 ) -> Outcome[float]:
-    """Longest exposure at which a star off the mask fills its brightest pixel to a fraction of every limit.
+    """Return the longest exposure at which a star off the mask fills its brightest pixel to a fraction of every limit.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def observe_off_mask(
 
 
 def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
-    """Rate of the star from a series of frames beside the mask.
+    """Return the rate of the star from a series of frames beside the mask.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def field_star_ratio(
     instrument: Instrument | Mapping[str, Any] | str | None = None,
     magnitude_error: float = 0.0,
 ) -> tuple[float, float]:
-    """Rate of the central star over that of a star in its field, from their known magnitudes and spectra.
+    """Return the rate of the central star over that of a star in its field, from their known magnitudes and spectra.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def field_star_ratio(
 def star_flux_of_field_star(
     measured: Photometry, core: float, time_s: float, rate_ratio: float, *, ratio_relative_error: float = 0.0
 ) -> StarFlux:
-    """Rate of the star from a star of known magnitude in the same images, measured with the same aperture.
+    """Return the rate of the star from a star of known magnitude in the same images, measured with the same aperture.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def star_flux_of_field_star(
 def _weights(
     observation: Observation, shape: tuple[int, int], corner: tuple[int, int], seen: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Aperture, and aperture less its background, on the stamp; 0 where no frame is usable."""
+    """Return the aperture, and aperture less its background, on the stamp; 0 where no frame is usable."""
     geometry, area = observation.psf.geometry, observation.area
     pixel = geometry.pixel_scale_arcsec
     x = area.centre[1] - corner[1] + observation.star_offset_arcsec[0] / pixel
@@ -332,14 +332,14 @@ def _weights(
 
 
 def _open_core(psf: AnyPsf) -> float:
-    """Core throughput of a source centred on a pixel, without the mask."""
+    """Return the core throughput of a source centred on a pixel, without the mask."""
     geometry, middle = psf.geometry, len(psf.off_axis) // 2
     radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
     return float(np.sum(psf.off_axis * aperture_weights(psf.off_axis.shape, middle, middle, radius)))
 
 
 def _limit(observation: Observation, template: FloatArray) -> Reason:
-    """The limit that the brightest pixel exceeds furthest."""
+    """Return the limit that the brightest pixel exceeds furthest."""
     peak = observation.truth.sources[0].rate_e_s * float(template.max()) * observation.exposure_s
     answer = pixel_saturated(peak, observation.em_gain, observation.instrument.detector, _MARGIN_SIGMA)
     return Reason.PIXEL_FULL_WELL if answer.status is Status.OK else answer.reason

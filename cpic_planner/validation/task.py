@@ -1,4 +1,4 @@
-"""What is to be confirmed: a scene, its frames, and what was predicted of them, as plain data for any process."""
+"""The task of a confirmation: a scene, its frames, and their predictions, as plain data for any process."""
 
 import math
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ class Frames(NamedTuple):
 
 
 class ImageSettings(TypedDict, total=False):
-    """How images are drawn.
+    """The settings by which images are drawn.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class ConfirmTask:
         return f"{self.name} {self.band}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain dict."""
+        """Return the plain dict."""
         return asdict(self)
 
 
@@ -144,7 +144,7 @@ def target_scene(
     *,
     exozodi_zodis: float = 0.0,
 ) -> Scene:
-    """Scene of one star with its reference planet; see `star_scene`.
+    """Return the scene of one star with its reference planet; see `star_scene`.
 
     The default position angle is that of the example of Zhu et al. 2025, on a diagonal of the hole.
 
@@ -174,7 +174,7 @@ def target_scene(
 
 
 def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", exozodi_zodis: float = 0.0) -> Scene:
-    """Scene of one star with planets, and its nearest known companion if that is near and located.
+    """Return the scene of one star with planets, and its nearest known companion if that is near and located.
 
     Images of it are at roll 0: the companion stands where the target's roll puts it, as the planets have to.
     ``name`` is that of the scene, the star's by default; ``exozodi_zodis`` adds a face-on disc of dust
@@ -219,7 +219,7 @@ def _known(value: float) -> float | None:
 def expected_of(
     model: etc.EtcModel, target: Targets, band: str, place_arcsec: tuple[Any, Any], contrast: float, frames: Frames
 ) -> dict[str, Any]:
-    """What the ETC expects of a planet in given frames.
+    """Return what the ETC expects of a planet in given frames.
 
     Parameters
     ----------
@@ -358,7 +358,7 @@ def task_of(
     overrides: SimulatorOverrides | None = None,
     **settings: Unpack[ImageSettings],
 ) -> ConfirmTask:
-    """The work itself; what is overridden changes the images and nothing else. All planets unless some are named."""
+    """Return the work itself; what is overridden changes the images alone. All planets unless some are named."""
     altered = overrides or SimulatorOverrides()
     return ConfirmTask(
         name=scene.name,
@@ -379,5 +379,5 @@ def task_of(
 
 
 def images_of(instrument: Instrument) -> Instrument:
-    """The instrument as sums of frames see it: without what only a full reduction can take out."""
+    """Return the instrument as sums of frames see it: without what only a full reduction can take out."""
     return instrument.switched(dict.fromkeys(NOT_IN_SUMS, False))

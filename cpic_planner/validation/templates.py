@@ -60,7 +60,7 @@ class PlanetTemplate:
         return float(np.mean(self.cores))
 
     def kernels(self, geometry: BandGeometry, filter_name: FluxFilter) -> tuple[FloatArray, ...]:
-        """Weights of the sum that measures it around its pixel in every roll.
+        """Return the weights of the sum that measures it around its pixel in every roll.
 
         Those of the matched filter are scaled so that they find as much of its light as the aperture.
 
@@ -84,7 +84,7 @@ class PlanetTemplate:
 
 
 def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
-    """The planets that the task measures, in its order, with what the measurement of each needs."""
+    """Return the planets that the task measures, in its order, with what the measurement of each needs."""
     geometry, task = visits.geometry, visits.task
     edge_arcsec = geometry.stamp_pixels // 2 * geometry.pixel_scale_arcsec
     shown = (visits.plan.science, visits.plan.reference)[: 2 if visits.plan.shows_planet else 1]
@@ -141,13 +141,13 @@ def template_at(
 
 
 def pixels_of(geometry: BandGeometry, place_arcsec: tuple[float, float]) -> tuple[float, float]:
-    """Column and row of a place on the stamp."""
+    """Return the column and row of a place on the stamp."""
     middle, pixel = geometry.stamp_pixels // 2, geometry.pixel_scale_arcsec
     return middle + place_arcsec[0] / pixel, middle + place_arcsec[1] / pixel
 
 
 def obstacle(planet: PlanetTemplate, geometry: BandGeometry) -> tuple[Reason, str] | None:
-    """Why a planet cannot be measured whatever the frames hold, in a word and a sentence; None where it can.
+    """Return why a planet cannot be measured whatever the frames hold, in a word and a sentence; None where it can.
 
     Parameters
     ----------
@@ -165,11 +165,11 @@ def obstacle(planet: PlanetTemplate, geometry: BandGeometry) -> tuple[Reason, st
 
 
 def is_covered(region: BoolArray, weights: FloatArray) -> bool:
-    """Whether enough of an aperture lies in a region."""
+    """Return whether enough of an aperture lies in a region."""
     return float(np.sum(weights * region) / np.sum(weights)) >= LEAST_COVERED
 
 
 def tells_noise(region: BoolArray, planet: PlanetTemplate) -> bool:
-    """Whether enough of the annulus that tells the noise lies in a region."""
+    """Return whether enough of the annulus that tells the noise lies in a region."""
     whole = np.count_nonzero(planet.background)
     return bool(np.count_nonzero(planet.background & region) >= 0.5 * whole > 0)

@@ -1,4 +1,4 @@
-"""From realisations to an answer: what was recovered, whether the planet is confirmed, and how the ETC stands."""
+"""Make an answer from realisations: what was recovered, whether the planet is confirmed, and the ETC's standing."""
 
 import math
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ _ADVICE = {
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the images of a task say of all its planets together.
+    """The evidence in the images of a task about all its planets together.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ def confirmation_of(
     position: Astrometry | None = None,
     audit: AuditRecord | None = None,
 ) -> BandConfirmation:
-    """Answer for planet ``number`` of a task.
+    """Return the answer for planet ``number`` of a task.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def confirmation_of(
 
 
 def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
-    """What was observed, and what was expected of it."""
+    """Return what was observed, and what was expected of it."""
     expected = task.predictions[number]
     return {
         "band": task.band,
@@ -157,13 +157,13 @@ def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
 
 
 def contrasts_of(measured: Sequence[Measurement]) -> FloatArray:
-    """Contrasts, their errors and their errors without the planet's noise, one a realisation; shape (3, n)."""
+    """Return the contrasts, their errors and those without the planet's noise, one a realisation; (3, n)."""
     rows = [(item.contrast, item.contrast_error, item.contrast_sigma) for item in measured]
     return np.ascontiguousarray(np.array(rows).T)
 
 
 def cut_off(seen: Evidence, number: int) -> BandConfirmation:
-    """Answer where limits left nothing of a planet's aperture, or of the background around it.
+    """Return the answer where limits left nothing of a planet's aperture, or of the background around it.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def cut_off(seen: Evidence, number: int) -> BandConfirmation:
 
 
 def not_shown(seen: Evidence, number: int, reason: Reason, message: str) -> BandConfirmation:
-    """Answer where a planet cannot be measured whatever the frames hold.
+    """Return the answer where a planet cannot be measured whatever the frames hold.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def not_shown(seen: Evidence, number: int, reason: Reason, message: str) -> Band
 
 
 def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
-    """Answers of a task whose tier is not good enough for its scene, one a planet; empty where it is."""
+    """Return the answers of a task whose tier is not good enough for its scene, one a planet; empty where it is."""
     modelling = modelling_of(task)
     refused = modelling.outcome
     if refused.value is not None:
@@ -229,7 +229,7 @@ def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
 
 
 def _predicted(task: ConfirmTask, expected: dict[str, Any]) -> tuple[bool, str]:
-    """Whether a detection was predicted, in the way in which the images decide, and what was predicted in words."""
+    """Return whether the images' way of deciding predicted a detection, and what was predicted in words."""
     strategy = validate(Strategy, task.strategy, where="strategy")
     # Two rolls show every planet twice: the threshold at the known place decides there.
     at_place = strategy.search == "known_place" or len(strategy.rolls_deg) > 1
@@ -261,7 +261,7 @@ def _etc(ratio: float, error: float) -> str:
 
 
 def _optimism(ratio: float, error: float) -> tuple[float, float] | tuple[None, None]:
-    """Predicted over recovered SNR with its error; None where too little is recovered to tell."""
+    """Return the predicted over recovered SNR with its error; None where too little is recovered to tell."""
     return findings.optimism(ratio, error) if ratio > findings.MIN_SNR * error else (None, None)
 
 
@@ -273,7 +273,7 @@ def _mean(values: Sequence[float | None]) -> float | None:
 def audit_of(
     task: ConfirmTask, number: int, measured: Measurement, statistics: FrameStatistics, false_detections: int
 ) -> AuditRecord:
-    """Record of the realisation that ran frame by frame with every effect on."""
+    """Return the record of the realisation that ran frame by frame with every effect on."""
     expected = task.predictions[number]
     return AuditRecord.of(
         task,
@@ -291,12 +291,12 @@ def audit_of(
 
 
 def significant_at_place(band: BandConfirmation) -> bool:
-    """Whether at least half of the realisations are significant at the known place, limits aside."""
+    """Return whether at least half of the realisations are significant at the known place, limits aside."""
     return band.status == "ok" and 2 * (band.n_significant or 0) >= (band.realisations or 1)
 
 
 def target_verdict(bands: Sequence[BandConfirmation]) -> tuple[str, float | None, float | None]:
-    """A target's bands in words, with the mean factor of the ETC and its error."""
+    """Return a target's bands in words, with the mean factor of the ETC and its error."""
     seen = [band for band in bands if band.detected]
     tried = [band for band in bands if band.recovered_snr is not None]
     if not tried:

@@ -198,7 +198,7 @@ class WhitenedFilter:
 def _probes(
     template: FloatArray, place: tuple[float, float], region: BoolArray, background: BoolArray, radius: float
 ) -> tuple[FloatArray, int]:
-    """The source moved by whole pixels to where apertures lie in the background, and how many do side by side."""
+    """Return the source moved by whole pixels to where apertures lie in the background, and how many fit."""
     row, column, half = round(place[1]), round(place[0]), math.ceil(radius + 0.5)
     side = 2 * half + 1
     kernel = aperture_weights((side, side), half + place[0] - column, half + place[1] - row, radius)

@@ -43,7 +43,7 @@ DEFAULT_ROWS, MOST_ROWS = 50, 1500
 
 
 class Problem(BaseModel):
-    """What is wrong with a question, for programs."""
+    """An error in a question, for programs."""
 
     schema_version: Literal[1] = 1
     kind: Literal["error"] = "error"
@@ -142,7 +142,7 @@ def _kept_ranking(pairs: Pairs) -> RankResult:
 
 
 def _whole_ranking(pairs: Pairs) -> RankResult:
-    """The ranking of all stars; who asks while it is worked out waits for it."""
+    """Return the ranking of all stars; who asks while it is worked out waits for it."""
     with _RANKER:
         return _kept_ranking(pairs)
 

@@ -45,7 +45,7 @@ _CHANGE = re.compile(rf"([\w.*]+)=(?:[x*×]?\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*{_
 
 @dataclass(frozen=True, eq=False)
 class Asking(Generic[Q]):
-    """How a question is asked by an address.
+    """The way in which an address asks a question.
 
     Attributes
     ----------
@@ -217,14 +217,14 @@ def _last(option: Option) -> str:
 
 
 def _split(option: Option, text: str) -> list[str]:
-    """Several numbers may stand between commas."""
+    """Split a text in which several numbers may stand between commas."""
     if not option.several or option.kind is not float:
         return [text]
     return [part for part in re.split(r"[,;\s]+", text) if part]
 
 
 def _value(name: str, text: str, option: Option) -> Any:
-    """A text as the value that the command line makes of it."""
+    """Return a text as the value that the command line makes of it."""
     kind = option.kind
     if option.path[-1] == "changes":
         return _change(name, text)
@@ -247,7 +247,7 @@ def _value(name: str, text: str, option: Option) -> Any:
 
 
 def _change(name: str, text: str) -> str:
-    """A change of the instrument, whose value is no word that could name a file, and which is answered at once."""
+    """Return a change of the instrument, whose value is no word that could name a file, answered at once."""
     found = _CHANGE.fullmatch(text)
     if found is None or "file" in found[1] or "*" in found[1].rpartition(".")[2]:
         allowed = "KEY=VALUE with a number, a number with a unit, a factor as x0.7, on or off"
@@ -326,7 +326,7 @@ def python_lines(question: EtcQuestion, pairs: Pairs) -> str:
 
 
 def _parts(asking: Asking[Any], pairs: Pairs) -> dict[tuple[str, ...], tuple[str, str, dict[str, Any]]]:
-    """Values that are made of several options: module and name of their model, and the options, by their place."""
+    """Return the values that several options make: module and name of the model, and options, by place."""
     made: dict[tuple[str, ...], tuple[str, str, dict[str, Any]]] = {}
     given = asking.given(pairs)
     for option, value in ((option, given[option.name]) for option in asking.options):
@@ -337,7 +337,7 @@ def _parts(asking: Asking[Any], pairs: Pairs) -> dict[tuple[str, ...], tuple[str
 
 
 def _literal(value: Any, path: tuple[str, ...], made: dict[tuple[str, ...], tuple[str, str, dict[str, Any]]]) -> str:
-    """A value as Python writes it; what is made of options as that."""
+    """Return a value as Python writes it, also where it is made of options."""
     if path in made:
         _, kind, given = made[path]
         return f"{kind}({', '.join(f'{name}={item!r}' for name, item in given.items())}).made(None)"

@@ -1,4 +1,4 @@
-"""What is printed on a console, as blocks of a page."""
+"""Blocks of a page made from what is printed on a console."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Blocks(report.Sheet):
 
 
 def _cell(column: report.Cells, entry: Any) -> Any:
-    """Text of a cell; a ranked star leads to its page."""
+    """Return the text of a cell; a ranked star leads to its page."""
     text = str(column.text(entry)).strip()
     if isinstance(entry, RankedTarget) and column.fields == ("name",):
         name = f"HIP {entry.hip}" if entry.hip else entry.name

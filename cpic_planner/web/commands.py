@@ -1,4 +1,4 @@
-"""What is not run for visitors: the commands of long runs, and what they are expected to cost."""
+"""Pages of the commands that are not run for visitors, with their expected cost."""
 
 from __future__ import annotations
 

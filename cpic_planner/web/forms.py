@@ -271,7 +271,7 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
 
 
 def _check_of(option: Option) -> tuple[tuple[str, str], ...]:
-    """What a number of the question has to be."""
+    """Return what a number of the question has to be."""
     if option.kind not in (int, float):
         return ()
     kind = "whole" if option.kind is int else "several" if option.several else "number"

@@ -1,4 +1,4 @@
-"""What stands before every request: hosts, methods, lengths, bodies; headers of every answer.
+"""Check every request before it is answered (hosts, methods, lengths, bodies), and set headers of answers.
 
 What is refused is refused in one line.
 """
@@ -168,7 +168,7 @@ def host_name(given: str) -> str:
 
 
 def _missing(given: Any) -> list[tuple[bytes, bytes]]:
-    """Headers that an answer does not have yet."""
+    """Return the headers that an answer does not have yet."""
     there = {name.decode("latin-1").lower() for name, _ in given}
     rest: Mapping[str, str] = {name: value for name, value in HEADERS.items() if name.lower() not in there}
     return [(name.lower().encode(), value.encode()) for name, value in rest.items()]

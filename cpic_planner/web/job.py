@@ -1,4 +1,4 @@
-"""What the process of one job runs: ``python -m cpic_planner.web.job PARENT FOLDER``."""
+"""The process of one job: ``python -m cpic_planner.web.job PARENT FOLDER``."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ _SAID: Mapping[State, str] = {
 
 
 class JobAnswer(BaseModel):
-    """How far a job is, for programs."""
+    """The progress of a job, for programs."""
 
     schema_version: Literal[1] = 1
     kind: Literal["job"] = "job"
@@ -204,7 +204,7 @@ async def _form(request: Request) -> Response:
 
 
 async def _fields(request: Request) -> list[tuple[str, str]]:
-    """Fields of a posted form."""
+    """Return the fields of a posted form."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind != "application/x-www-form-urlencoded":
         raise InputError("content-type", kind[:60], allowed="application/x-www-form-urlencoded")
@@ -218,7 +218,7 @@ async def _fields(request: Request) -> list[tuple[str, str]]:
 
 
 def _drawing(image: str) -> str:
-    """Name of images of a band as a drawing that follows dark mode."""
+    """Return the name of images of a band as a drawing that follows dark mode."""
     return image.removesuffix(".png") + ".svg"
 
 
@@ -245,7 +245,7 @@ def _page(text: str, status: int = 200) -> Response:
 
 
 def _progress_page(title: str, standing: Standing, token: str) -> str:
-    """The page of a job without a result: while that may come it asks again by itself."""
+    """Return the page of a job without a result: while that may come it asks again by itself."""
     going = standing.state in ("waiting", "running")
     blocks: list[report.Block] = [report.Paragraph(_SAID[standing.state], "lead")]
     facts: list[tuple[Any, Any]] = [("Question", ", ".join(f"{name} {text}" for name, text in standing.pairs))]

@@ -54,12 +54,12 @@ _MOST_BYTES = 1_000_000
 
 
 class FullError(Exception):
-    """As many jobs wait as may."""
+    """The queue is full: as many jobs wait as may."""
 
 
 @dataclass(frozen=True)
 class Standing:
-    """How far a job is.
+    """The progress of a job.
 
     Attributes
     ----------

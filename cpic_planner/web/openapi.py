@@ -82,7 +82,7 @@ _SENT = {"description": "Names of the files with the sha256 of their content.", 
 
 
 def _views(of: dict[str, Any]) -> dict[str, Any]:
-    """Addresses of pages that are no question of a command."""
+    """Return the addresses of pages that are no question of a command."""
     calculator = [_parameter(ETC, option) | {"required": False} for option in _offered(ETC)]
     names = {item["name"] for item in calculator}
     paths: dict[str, Any] = {}
@@ -104,13 +104,13 @@ def _views(of: dict[str, Any]) -> dict[str, Any]:
 
 
 def _field(field: Field) -> dict[str, Any]:
-    """A field of a form as a parameter of an address."""
+    """Return a field of a form as a parameter of an address."""
     schema: dict[str, Any] = {"type": "string"} | ({"enum": list(field.choices)} if field.choices else {})
     return _plain(field.name, field.hint or field.label, schema)
 
 
 def _with_files(asked: dict[str, Any]) -> dict[str, Any]:
-    """The same question with files: the parameters are parts of a form, some of which may be files."""
+    """Return the same question with files: the parameters are parts of a form, some of which may be files."""
     fields: dict[str, Any] = {}
     for item in asked["parameters"]:
         fields[item["name"]] = item["schema"] | {"description": item["description"]}
@@ -136,12 +136,12 @@ _FORMS = _plain("format", "Form of the answer; a page without.", {"type": "strin
 
 
 def _is_required(option: Option) -> bool:
-    """Whether every question has it: what a part of a question needs is asked for with that part alone."""
+    """Return whether every question has it: what a part of a question needs is asked for with that part alone."""
     return option.required and len(option.path) == 1
 
 
 def _parameter(asking: Asking[Any], option: Option) -> dict[str, Any]:
-    """A parameter of an address, which may be repeated where the field takes several values."""
+    """Return a parameter of an address, which may be repeated where the field takes several values."""
     made = _plain(parameter(option), spelled(option.text), _schema(asking, option)) | {"required": _is_required(option)}
     return made | {"style": "form", "explode": True} if option.several else made
 
@@ -156,7 +156,7 @@ def _schema(asking: Asking[Any], option: Option) -> dict[str, Any]:
 
 
 def _limits(model: type[Question], path: Sequence[str]) -> dict[str, Any]:
-    """Range of a number of a question; nothing for what is made of several options."""
+    """Return the range of a number of a question; nothing for what is made of several options."""
     whole = model.model_json_schema()
     node: Any = whole
     for name in path:
@@ -167,7 +167,7 @@ def _limits(model: type[Question], path: Sequence[str]) -> dict[str, Any]:
 
 
 def _parts(whole: dict[str, Any], node: dict[str, Any]) -> list[dict[str, Any]]:
-    """A schema, or those that it stands for."""
+    """Return a schema, or those that it stands for."""
     if "$ref" in node:
         return _parts(whole, whole["$defs"][node["$ref"].rpartition("/")[2]])
     return [part for one in node["anyOf"] for part in _parts(whole, one)] if "anyOf" in node else [node]
@@ -193,7 +193,7 @@ def _refusals(bad: dict[str, Any]) -> dict[str, Any]:
 
 
 def _runs(of: dict[str, Any]) -> dict[str, Any]:
-    """Addresses of runs, and of commands that are not run for visitors."""
+    """Return the addresses of runs, and of commands that are not run for visitors."""
     cost = {"type": "object", "additionalProperties": {"type": "number"}}
     costs = {"type": "object", "additionalProperties": cost}
     told = {"/runs": ("Runs of the folder.", of["runs"]), "/runs/{id}": ("One run and its files.", of["run"])}
@@ -216,7 +216,7 @@ def _named(name: str, pattern: str) -> dict[str, Any]:
 
 
 def _jobs(of: dict[str, Any]) -> dict[str, Any]:
-    """Addresses of jobs."""
+    """Return the addresses of jobs."""
     job = {"application/json": {"schema": of["job"]}, "text/html": _TEXT}
     offered = _offered(IMAGES)
     fields = {parameter(option): _schema(IMAGES, option) | {"description": spelled(option.text)} for option in offered}

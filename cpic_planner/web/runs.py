@@ -141,7 +141,7 @@ def runs_of(folder: Path) -> list[Run]:
 
 
 def _folders(folder: Path) -> Iterator[Path]:
-    """The folder and those beneath it; what a run made inside its own is left out."""
+    """Yield the folder and those beneath it; what a run made inside its own is left out."""
     left, seen = [(folder, 0)], 0
     while left and seen < MOST_FOLDERS:
         place, depth = left.pop(0)
@@ -156,7 +156,7 @@ def _folders(folder: Path) -> Iterator[Path]:
 
 
 def _run_of(place: Path) -> Run | None:
-    """The run of a folder; None for one of another kind, or a damaged list."""
+    """Return the run of a folder; None for one of another kind, or a damaged list."""
     try:
         lines = _text(place / written_files.LIST_NAME).splitlines()
         head = parse_json(lines[0])
@@ -176,7 +176,7 @@ def _run_of(place: Path) -> Run | None:
 
 
 def _ranking_of(path: Path) -> Run | None:
-    """The ranking of a file that ``cpic rank --out`` wrote; None for any other file."""
+    """Return the ranking of a file that ``cpic rank --out`` wrote; None for any other file."""
     try:
         beginning = "" if path.is_symlink() else _beginning(path)
         date_utc = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
@@ -207,7 +207,7 @@ def _date(path: Path) -> str:
 
 
 def _is_held(place: Path) -> bool:
-    """Whether a living process says that it works there."""
+    """Return whether a living process says that it works there."""
     try:
         pid = int(_text(place / "run.lock").removeprefix("in use by pid ").partition(",")[0])
         os.kill(pid, 0)
@@ -241,7 +241,7 @@ class RunPages:
         ]
 
     async def _runs(self) -> list[Run]:
-        """The runs, looked for again after `FRESH_S`."""
+        """Return the runs, looked for again after `FRESH_S`."""
         if self._folder is not None and time.monotonic() > self._until_s:
             self._found = await run_in_threadpool(runs_of, self._folder)
             self._until_s = time.monotonic() + FRESH_S

@@ -84,7 +84,7 @@ def read_sent(content_type: str, body: bytes) -> Sent:
 
 
 def _parts(body: bytes, boundary: bytes) -> list[tuple[bytes, bytes]]:
-    """Head and content of each part of a body."""
+    """Return the head and content of each part of a body."""
     first, *pieces = (b"\r\n" + body).split(b"\r\n--" + boundary)
     if first or not pieces or pieces[-1] not in (b"--", b"--\r\n") or len(pieces) > MOST_PARTS:
         raise InputError(

@@ -113,7 +113,7 @@ class Site:
             return line(str(error), 400)
 
     async def _asked(self, asking: Asking[Any], request: Request) -> Response:
-        """Answer a question as a page or as data; without parameters the page of the calculator is its form."""
+        """Answer a question as a page or as data; without parameters the calculator's page is its form."""
         given = _parameters(request)
         form, rest = _own(given, "format"), [(name, text) for name, text in given if name not in _OWN]
         limit = _own(given, "limit") if asking is RANK else ""
@@ -192,7 +192,7 @@ async def _drawing(
 
 
 def _form_of_view(given: Sequence[tuple[str, str]]) -> tuple[str, list[tuple[str, str]]]:
-    """Form of an answer, empty for a page, and the other parameters."""
+    """Return the form of an answer, empty for a page, and the other parameters."""
     asked = [text for name, text in given if name == "format" and text not in ("", "html")]
     if asked not in ([], ["json"]):
         raise InputError("format", asked[0][:40], allowed="html or json, once")
@@ -244,7 +244,7 @@ async def _own_view(view: View, request: Request) -> Response:
 
 
 def _of_sent(sent: Sent) -> dict[str, str]:
-    """Headers of an answer with files."""
+    """Return the headers of an answer with files."""
     told = ", ".join(f"{name}: sha256 {own}" for name, own in sent.hashes)
     return {"Cache-Control": "no-store", "Cpic-Files": told}
 
@@ -295,7 +295,7 @@ def _answer(asking: Asking[Any], pairs: Pairs, rows: int, form: str, shown: dict
 
 
 def _answer_sent(asking: Asking[Any], pairs: Pairs, rows: int, form: str, sent: Sent) -> Response:
-    """Answer with files that were sent; this runs in a thread of its own."""
+    """Return the answer with files that were sent; this runs in a thread of its own."""
     with only_sent_files(sent.files):
         headers = _of_sent(sent)
         if form in ("", "html"):

@@ -105,7 +105,7 @@ def star_pairs(given: Sequence[tuple[str, str]]) -> Pairs:
 
 @dataclass(frozen=True, eq=False)
 class StarAnswer:
-    """What is known of a star.
+    """The facts about a star.
 
     Attributes
     ----------
@@ -268,7 +268,7 @@ def _priority(answer: StarAnswer) -> Iterator[report.Block]:
 
 
 def _velocities(name: str, row: RankedTarget) -> Iterator[report.Block]:
-    """What radial velocities say."""
+    """Yield what radial velocities say."""
     limit = velocity_limit(name)
     if limit is None:
         yield report.Paragraph("No published search by radial velocities excludes planets of this star.")

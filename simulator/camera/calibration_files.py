@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class _Kind(NamedTuple):
-    """What a map holds: its unit, range, and fill."""
+    """The contents of a map: its unit, range, and fill."""
 
     unit: str
     high: float
@@ -40,7 +40,7 @@ FLAT_MEAN_RANGE = (0.5, 2.0)
 
 
 def file_print(kind: str, path: str) -> tuple[int, ...]:
-    """Size, time and number of a file on disk: what changes when it is written anew.
+    """Return the size, time and number of a file on disk: what changes when it is written anew.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def _checked_values(rule: _Kind, key: str, path: str, data: NDArray[Any], factor
 
 
 def _check_flat(key: str, path: str, active: FloatArray) -> None:
-    """A flat in counts, or scaled otherwise, would change the throughput of the instrument."""
+    """Refuse a flat in counts, or scaled otherwise: it would change the throughput of the instrument."""
     lit = active[active > 0]
     mean = float(lit.mean()) if lit.size else 0.0
     low, high = FLAT_MEAN_RANGE

@@ -27,7 +27,7 @@ LEAST_RESPONSE = 0.01
 
 
 def response_map(shape: tuple[int, int], rms: float, rng: np.random.Generator) -> FloatArray:
-    """Relative response: Gaussian about 1, at least 0.01 before its mean is made exactly 1."""
+    """Return the relative response: Gaussian about 1, at least 0.01 before its mean is made exactly 1."""
     if rms == 0.0:
         return np.ones(shape)
     response = rng.standard_normal(shape)
@@ -39,7 +39,7 @@ def response_map(shape: tuple[int, int], rms: float, rng: np.random.Generator) -
 
 
 def scatter_map(shape: tuple[int, int], rms: float, rng: np.random.Generator) -> FloatArray:
-    """Log-normal factors above 0 of mean 1 and relative standard deviation ``rms``."""
+    """Return log-normal factors above 0 of mean 1 and relative standard deviation ``rms``."""
     if rms == 0.0:
         return np.ones(shape)
     variance = math.log1p(rms * rms)
@@ -51,7 +51,7 @@ def scatter_map(shape: tuple[int, int], rms: float, rng: np.random.Generator) ->
 
 
 def chosen_places(shape: tuple[int, int], fraction: float, rng: np.random.Generator) -> BoolArray:
-    """``fraction`` of the pixels, rounded to a whole number, at random places."""
+    """Return the ``fraction`` of the pixels, rounded to a whole number, at random places."""
     chosen = np.zeros(shape, dtype=np.bool_)
     number = round(fraction * chosen.size)
     if number:
@@ -60,19 +60,19 @@ def chosen_places(shape: tuple[int, int], fraction: float, rng: np.random.Genera
 
 
 def excess_map(hot: BoolArray, factor: float, rng: np.random.Generator) -> FloatArray:
-    """What hot pixels have in excess, in units of the mean dark current: exponential of mean ``factor - 1``."""
+    """Return what hot pixels have in excess, in units of the mean dark current: exponential of mean ``factor - 1``."""
     excess = np.zeros(hot.shape)
     excess[hot] = (factor - 1.0) * rng.standard_exponential(int(np.count_nonzero(hot)))
     return excess
 
 
 def warm_from_e_s(dark_e_s: FloatArray, pixels: tuple[slice, slice]) -> float:
-    """Dark current from which on a pixel is warm: 10 times the median of ``pixels``."""
+    """Return the dark current from which on a pixel is warm: 10 times the median of ``pixels``."""
     return WARM_FACTOR * max(float(np.median(dark_e_s[pixels])), LEAST_MEDIAN_E_S)
 
 
 def flaw_mask(bad: BoolArray, dark_e_s: FloatArray, pixels: tuple[slice, slice]) -> NDArray[np.uint8]:
-    """`MaskBit` of the flaws: bad as given; hot or warm by the dark current against the median of ``pixels``."""
+    """Return the `MaskBit` of the flaws: bad as given; hot or warm by dark current against the median of ``pixels``."""
     warm = warm_from_e_s(dark_e_s, pixels)
     mask = np.where(bad, np.uint8(MaskBit.BAD), np.uint8(MaskBit.GOOD))
     hot = dark_e_s >= HOT_FACTOR / WARM_FACTOR * warm
@@ -144,7 +144,7 @@ class CalibrationSet:
         return rows, columns
 
     def window(self, rows: slice, columns: slice) -> "CalibrationSet":
-        """The set of a window, without copying.
+        """Return the set of a window, without copying.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class CalibrationSet:
         return replace(self, **cut)
 
     def response_of(self, switches: Switches) -> FloatArray:
-        """Response with the flaws that are switched on (``flat``, ``bad_pixels``, ``bad_columns``)."""
+        """Return the response with the flaws that are switched on (``flat``, ``bad_pixels``, ``bad_columns``)."""
         columns = _columns_on(switches)
         if switches.flat and switches.bad_pixels and columns:
             return self.response
@@ -179,7 +179,7 @@ class CalibrationSet:
         return response
 
     def dark_of(self, switches: Switches) -> FloatArray:
-        """Dark current with the flaws that are switched on.
+        """Return the dark current with the flaws that are switched on.
 
         ``dark_structure`` is the scatter from pixel to pixel, ``bad_pixels`` holds hot pixels, ``bad_columns`` theirs,
         ``dark`` everything.
@@ -197,7 +197,7 @@ class CalibrationSet:
         return dark
 
     def mask_of(self, switches: Switches) -> NDArray[np.uint8]:
-        """Mask with the flaws that are switched on."""
+        """Return the mask with the flaws that are switched on."""
         columns = _columns_on(switches)
         if switches.dark and switches.dark_structure and switches.bad_pixels and columns:
             return self.mask
@@ -211,12 +211,12 @@ class CalibrationSet:
 
 
 def _columns_on(switches: Switches) -> bool:
-    """Bad columns belong to the visible camera alone."""
+    """Return whether there are bad columns: they belong to the visible camera alone."""
     return bool(getattr(switches, "bad_columns", True))
 
 
 def load_calibration_set(detector: AnyDetector) -> CalibrationSet:
-    """Calibration set of the visible camera, over its whole frame.
+    """Return the calibration set of the visible camera, over its whole frame.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def load_calibration_set(detector: AnyDetector) -> CalibrationSet:
 
 
 def bias_level_adu(detector: AnyDetector) -> float:
-    """Level of the bias: the median of its map where a file is named, else that of the configuration."""
+    """Return the level of the bias: the median of its map where a file is named, else that of the configuration."""
     return load_calibration_set(detector).bias_level_adu if "bias" in detector.maps else detector.bias_adu
 
 
@@ -300,7 +300,7 @@ def _bad_columns(detector: AnyDetector) -> BoolArray:
 
 
 def _sensitivity(detector: AnyDetector, flat: FloatArray | None) -> tuple[FloatArray, BoolArray]:
-    """Response before dead pixels and bad columns, and the dead pixels."""
+    """Return the response before dead pixels and bad columns, and the dead pixels."""
     shape, active = detector.shape, detector.sections["active"]
     sensitivity, dead = np.zeros(shape), np.zeros(shape, dtype=np.bool_)
     if flat is not None:
@@ -316,7 +316,7 @@ Darks = tuple[FloatArray, FloatArray, FloatArray, BoolArray]
 
 
 def _dark(detector: AnyDetector, given: FloatArray | None, bad_column: BoolArray) -> Darks:
-    """Dark current: uniform, with scatter, with all flaws; and the hot pixels."""
+    """Return the dark current: uniform, with scatter, with all flaws; and the hot pixels."""
     image, active, flaws = detector.sections["image"], detector.sections["active"], detector.flaws
     uniform, smooth, dark = (np.zeros(detector.shape) for _ in range(3))
     level = detector.dark_rate_e_s if given is None else float(np.median(given[active]))
@@ -334,7 +334,7 @@ def _dark(detector: AnyDetector, given: FloatArray | None, bad_column: BoolArray
 
 
 def _clock_charge(detector: AnyDetector, given: FloatArray | None) -> tuple[FloatArray, bool]:
-    """Clock-induced charge of all rows of the image's columns, and whether it varies."""
+    """Return the clock-induced charge of all rows of the image's columns, and whether it varies."""
     cic, section = np.zeros(detector.shape), (slice(0, detector.n_rows), detector.sections["image"][1])
     if given is not None:
         cic[section] = given[section]

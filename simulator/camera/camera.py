@@ -1,4 +1,4 @@
-"""What the frames before a frame of a sequence leave in it, without drawing them.
+"""The base of both cameras: a chain of effects on one detector, prepared once and exposed many times.
 
 What both cameras are: a chain of effects on one detector, prepared once and exposed many times.
 """
@@ -112,7 +112,7 @@ class Camera:
         return self.particles or effect.switch != "cosmic_rays"
 
     def _tracks(self, detector: AnyDetector, exposure_s: float) -> Any:
-        """What draws the particles of one frame."""
+        """Return what draws the particles of one frame."""
         if self._rays is None or not self.particles:
             return None
         rate = self._rate

@@ -1,7 +1,4 @@
-"""Gain of the multiplication register from clock voltage and temperature, and back.
-
-One-call forms of the visible camera: a noiseless map, a noisy frame, and back to electrons.
-"""
+"""One-call functions of the visible camera (noiseless map, noisy frame, electrons) and of its gain and voltage."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -50,22 +47,22 @@ class GainSetting:
     beyond_gain: BoolArray
 
     def flags(self, index: tuple[int, ...] | int = ()) -> tuple[str, ...]:
-        """Caveats of one element."""
+        """Return the caveats of one element."""
         names = "clamped", "extrapolated_temperature", "extrapolated_gain"
         where = self.clipped, self.beyond_temperature, self.beyond_gain
         return tuple(name for name, flagged in zip(names, where, strict=True) if flagged[index])
 
     def gain(self, index: tuple[int, ...] | int = ()) -> Outcome[float]:
-        """Gain of one element as a typed answer."""
+        """Return the gain of one element as a typed answer."""
         return Outcome.ok(float(self.em_gain[index]), flags=self.flags(index))
 
     def voltage(self, index: tuple[int, ...] | int = ()) -> Outcome[float]:
-        """Voltage of one element as a typed answer."""
+        """Return the voltage of one element as a typed answer."""
         return Outcome.ok(float(self.voltage_v[index]), unit="V", flags=self.flags(index))
 
 
 def em_gain_of(voltage_v: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
-    """Gain of the register at a clock voltage and temperature.
+    """Return the gain of the register at a clock voltage and temperature.
 
     Parameters
     ----------
@@ -94,7 +91,7 @@ def em_gain_of(voltage_v: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
 
 
 def em_voltage_of(em_gain: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
-    """Clock voltage that gives a gain at a temperature: the inverse of `em_gain_of`.
+    """Return the clock voltage that gives a gain at a temperature: the inverse of `em_gain_of`.
 
     Parameters
     ----------
@@ -169,7 +166,7 @@ _MOST_ADU = 1e100
 
 
 def expected_adu_map(rate_e_s_map: ArrayLike, exposure_s: float, em_gain: float, detector: Detector) -> FloatArray:
-    """Mean ADU of every pixel, without noise and without rounding.
+    """Return the mean ADU of every pixel, without noise and without rounding.
 
     Parameters
     ----------
@@ -205,7 +202,7 @@ def expose_frame(
     seed: int,
     path: Sequence[PathPart],
 ) -> Frame:
-    """One noisy frame, without cosmic rays.
+    """Return one noisy frame, without cosmic rays.
 
     Parameters
     ----------
@@ -233,7 +230,7 @@ def expose_frame(
 
 
 def to_electrons(adu: ArrayLike, detector: Detector, em_gain: float) -> FloatArray:
-    """Electrons at the register input: ``(adu - bias) gain_e_adu / em_gain``; dark and clock charge included.
+    """Return electrons at the register input: ``(adu - bias) gain_e_adu / em_gain``; dark and clock charge included.
 
     Raises
     ------

@@ -1,7 +1,4 @@
-"""Input checks shared by the camera: refuse by name, with the offending pixel.
-
-One raw frame with its truth: what every camera gives back.
-"""
+"""A raw frame with its truth, as every camera returns it, and the checks of input that cameras share."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,7 +14,7 @@ MOST_E_S = 1e100
 
 
 def checked_rates(rate_map_e_s: ArrayLike) -> tuple[FloatArray, int]:
-    """Rates of a 2-D map with rounding-error negatives set to 0 (and those above 1e100 to that), and their number.
+    """Return the rates of a 2-D map with rounding-error negatives set to 0 (those above 1e100 too), and their number.
 
     Raises
     ------

@@ -1,6 +1,4 @@
-"""From charge to reads, and from reads to one number per pixel: single read, double sampling, fit of a ramp.
-
-The near-infrared camera: from photon rate to the numbers of a frame, read once, twice, or up the ramp.
+"""The near-infrared camera: from photon rate to the numbers of a frame, read once, twice, or up the ramp.
 
 Light goes through the response of the pixels and dark current is added (`InfraredCamera.prepare`, noise-free, once for
 a sequence). Each frame then collects photons, dark current, persistence and cosmic rays, and is read without
@@ -23,7 +21,7 @@ from simulator.config import CosmicRayConfig, InfraredDetector, ReadoutMode
 
 
 def read_times(mode: ReadoutMode, n_reads: int) -> FloatArray:
-    """Times of the reads as fractions of the exposure: the last is at its end."""
+    """Return the times of the reads as fractions of the exposure: the last is at its end."""
     if mode == "single":
         return np.ones(1)
     return np.linspace(0.0, 1.0, n_reads)
@@ -81,7 +79,7 @@ class ReadStack:
             self._sums[row] += np.where(good, np.asarray(term), 0.0)
 
     def result(self) -> tuple[FloatArray, BoolArray, BoolArray]:
-        """ADU before rounding, pixels that say nothing about their light, and pixels beyond the converter's range.
+        """Return ADU before rounding, pixels that say nothing about their light, and pixels beyond the converter.
 
         A pixel is beyond it if a read or the number made from the reads was cut off, or if it saturated before there
         was a slope and was put at the top.
@@ -110,7 +108,7 @@ class _GivenHits(NamedTuple):
     n_events: int
 
     def image(self) -> FloatArray:
-        """Electrons per pixel."""
+        """Return the electrons per pixel."""
         return self.map_e
 
 
@@ -182,7 +180,7 @@ class InfraredCamera(Camera):
     def prepare(
         self, rate_map_e_s: ArrayLike, exposure_s: float, *, first_pixel: tuple[int, int] | None = None
     ) -> InfraredExposure:
-        """Noise-free part of a frame.
+        """Return the noise-free part of a frame.
 
         Parameters
         ----------
@@ -237,7 +235,7 @@ class InfraredCamera(Camera):
         return dataclasses.replace(exposure, expected_adu=stack.result()[0])
 
     def expected_adu(self, exposure: InfraredExposure) -> FloatArray:
-        """Mean ADU of every pixel; see `InfraredExposure`."""
+        """Return the mean ADU of every pixel; see `InfraredExposure`."""
         return exposure.expected_adu
 
     def expose(
@@ -249,7 +247,7 @@ class InfraredCamera(Camera):
         cosmic_rays: detectors.Hits | None = None,
         past: Sequence[detectors.PastExposure] = (),
     ) -> Frame:
-        """One noisy frame.
+        """Return one noisy frame.
 
         Parameters
         ----------
@@ -305,7 +303,7 @@ class InfraredCamera(Camera):
         return Frame(whole, mask, work.charge, n_clipped, **work.counts)
 
     def to_electrons(self, adu: ArrayLike) -> FloatArray:
-        """Electrons collected, as far as ADU tell: ``(adu - bias) gain_e_adu``, dark current included."""
+        """Return the electrons collected, as far as ADU tell: ``(adu - bias) gain_e_adu``, dark current included."""
         return (np.asarray(adu, dtype=np.float64) - self.detector.bias_adu) * self.detector.gain_e_adu
 
     def _stack(self, shape: tuple[int, ...]) -> ReadStack:
@@ -316,7 +314,7 @@ class InfraredCamera(Camera):
 
     @staticmethod
     def _struck(work: detectors.Work, fraction: float) -> FloatArray | float:
-        """Charge of particles at a read."""
+        """Return the charge of particles at a read."""
         if detectors.HITS not in work.held or fraction == 0.0:
             return 0.0
         hits, arrival = work.held[detectors.HITS], work.held.get(detectors.ARRIVAL)
@@ -325,7 +323,7 @@ class InfraredCamera(Camera):
     def _collect(
         self, total: FloatArray, exposure: InfraredExposure, rng: np.random.Generator
     ) -> Iterator[tuple[float, FloatArray]]:
-        """Charge at each read: electrons arrive at independent, uniform times."""
+        """Yield the charge at each read: electrons arrive at independent, uniform times."""
         fractions = read_times(self.detector.readout_mode, exposure.n_reads)
         if not self.detector.switches.photon_noise:
             yield from ((float(fraction), fraction * total) for fraction in fractions)

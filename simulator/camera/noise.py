@@ -1,7 +1,4 @@
-"""Noise of a pixel in one frame of a camera, as far as its numbers are certain.
-
-Tracks of cosmic rays that touch an aperture: what they cost in frames.
-"""
+"""The noise of a pixel in one frame, and the frames that tracks of cosmic rays through an aperture cost."""
 
 import math
 from collections.abc import Mapping
@@ -173,7 +170,7 @@ def aperture_loss_per_s(
     aperture_radius_pixel: float | None = None,
     start_utc: str | float | None = None,
 ) -> float:
-    """Rate at which tracks of cosmic rays touch an aperture.
+    """Return the rate at which tracks of cosmic rays touch an aperture.
 
     Parameters
     ----------
@@ -223,7 +220,7 @@ def aperture_loss_per_s(
 
 
 def mean_projection_um(depth_um: float, max_length_um: float) -> float:
-    """Mean length on the detector of the chords of a layer.
+    """Return the mean length on the detector of the chords of a layer.
 
     Parameters
     ----------
@@ -247,7 +244,7 @@ def mean_projection_um(depth_um: float, max_length_um: float) -> float:
 
 
 def _less_sine(angle: float) -> float:
-    """``angle - sin(angle)``, by its series where the two cancel."""
+    """Return the ``angle - sin(angle)``, by its series where the two cancel."""
     if angle > 1.0:
         return angle - math.sin(angle)
     total, square = 1.0, angle * angle
@@ -257,7 +254,7 @@ def _less_sine(angle: float) -> float:
 
 
 def _mean_shape_um(rays: CosmicRayConfig) -> tuple[float, float, float]:
-    """Mean area and perimeter of the convex hull of a track (um^2, um), and how far its charge reaches beyond (um)."""
+    """Return the mean area and perimeter of a track's convex hull (um^2, um), and its charge's reach beyond (um)."""
     tracks, streaks = rays.physical, rays.paper
     if rays.model == "paper":
         length, sigma = mean_projection_um(streaks.depth_um, streaks.max_length_um), streaks.width_um
@@ -277,7 +274,7 @@ def _mean_shape_um(rays: CosmicRayConfig) -> tuple[float, float, float]:
 
 
 def _mean_hull_um(templates: TemplateSet) -> tuple[float, float, float]:
-    """Mean hull of the samples of a set; a sample reaches half its side."""
+    """Return the mean hull of the samples of a set; a sample reaches half its side."""
     angle = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     areas, perimeters = [], []
     for first, last in zip(templates.start[:-1], templates.start[1:], strict=True):

@@ -1,10 +1,8 @@
-"""The sum of many frames as one draw, where nothing saturates.
+"""The visible camera: the effects of an EMCCD in their order, on a whole frame, a window, or a sum of frames.
 
 Poisson counts, transfer losses and the multiplication register act on every electron for itself, so the sum of ``n``
 frames has the law of one frame of ``n`` times the mean. Limits and curves do not add up: where they matter, frames are
 drawn one by one.
-
-The visible camera: the effects of an EMCCD in their order, on a whole frame or on a window of it.
 
 Light goes through the response of the pixels, smear and dark current are added (`prepare`, noise-free, once for a
 sequence). Each frame then runs through photon noise, cosmic rays, non-linearity, full well and blooming, parallel
@@ -44,7 +42,7 @@ MAX_FRAMES = 1_000_000
 
 
 def stackable(camera: "VisibleCamera", exposure: Exposure) -> Outcome[float]:
-    """Whether frames of an exposure add up to one draw.
+    """Return whether frames of an exposure add up to one draw.
 
     Parameters
     ----------
@@ -91,7 +89,7 @@ def stackable(camera: "VisibleCamera", exposure: Exposure) -> Outcome[float]:
 def stack_electrons(
     camera: "VisibleCamera", exposure: Exposure, n_frames: int, *, seed: int, path: Sequence[PathPart]
 ) -> FloatArray:
-    """Sum of ``n_frames`` frames in electrons at the register input, the fixed bias taken off: one draw.
+    """Return the sum of ``n_frames`` frames in electrons at the register input, the fixed bias taken off: one draw.
 
     Parameters
     ----------
@@ -147,7 +145,7 @@ class VisibleCamera(Camera):
         first_pixel: tuple[int, int] | None = None,
         beyond_e_s: ArrayLike | None = None,
     ) -> Exposure:
-        """Noise-free part of a frame.
+        """Return the noise-free part of a frame.
 
         Parameters
         ----------
@@ -203,7 +201,7 @@ class VisibleCamera(Camera):
         )
 
     def _light(self, rates: FloatArray, flaws: CalibrationSet | None, place: Place) -> FloatArray:
-        """Rates as the pixels respond to them; borders see no light."""
+        """Return the rates as the pixels respond to them; borders see no light."""
         if flaws is not None:
             return rates * flaws.response_of(self.detector.switches)
         if not place.whole:
@@ -214,7 +212,7 @@ class VisibleCamera(Camera):
         return light
 
     def expected_adu(self, exposure: Exposure) -> FloatArray:
-        """Mean ADU of every pixel, without noise and without rounding.
+        """Return the mean ADU of every pixel, without noise and without rounding.
 
         Each step acts on the mean image. Where a limit cuts off only the upper tail of the counts (within a few sigma
         of a full well) the mean of noisy frames is lower. Cosmic rays are not in it; interference and drift of the
@@ -227,7 +225,7 @@ class VisibleCamera(Camera):
         return np.clip(image, 0.0, float(self.detector.adc_max_adu), out=image)
 
     def expose(self, exposure: Exposure, *, seed: int, path: Sequence[PathPart]) -> Frame:
-        """One noisy frame.
+        """Return one noisy frame.
 
         Parameters
         ----------

@@ -79,12 +79,12 @@ class SpelledModel(FrozenModel):
 
     @classmethod
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
-        """Values by the model's own keys."""
+        """Return the values by the model's own keys."""
         return tree
 
 
 def canonical_json(tree: Any) -> str:
-    """One text for one content: sorted keys, shortest round-trip floats, no NaN.
+    """Return one text for one content: sorted keys, shortest round-trip floats, no NaN.
 
     Integers and equal floats (``2`` and ``2.0``) give the same text.
     """
@@ -102,12 +102,12 @@ def _normal(item: Any) -> Any:
 
 
 def content_hash(tree: Any) -> str:
-    """First 16 hex digits of the SHA-256 of `canonical_json`."""
+    """Return the first 16 hex digits of the SHA-256 of `canonical_json`."""
     return hashlib.sha256(canonical_json(tree).encode("utf-8", "surrogatepass")).hexdigest()[:16]
 
 
 def deep_merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str, Any]:
-    """Copy of ``base`` with ``override`` laid over it; mappings merge, anything else replaces.
+    """Return a copy of ``base`` with ``override`` laid over it; mappings merge, anything else replaces.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def deep_merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str
 
 
 def flipped(switches: M, *, off: Iterable[str] = (), on: Iterable[str] = ()) -> M:
-    """Copy of a model of yes-or-no switches with some turned off, then some on; ``("all",)`` means every one.
+    """Return a copy of a model of yes-or-no switches with some turned off, then some on; ``("all",)`` means every one.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ _RANGE_KINDS = ("greater_than", "greater_than_equal", "less_than", "less_than_eq
 
 
 def _field(model: Any, loc: Iterable[int | str]) -> Any:
-    """What a place in a tree is annotated with; the class where it is a model. Keys of a dict are passed over."""
+    """Return what a place in a tree is annotated with: the class where it is a model. Keys of a dict are skipped."""
     found: Any = model
     for part in loc:
         info = getattr(found, "model_fields", {}).get(part)
@@ -220,7 +220,7 @@ def _field(model: Any, loc: Iterable[int | str]) -> Any:
 
 
 def _models(annotation: Any) -> Iterator[Any]:
-    """Classes of models inside an annotation such as ``tuple[Planet, ...]``."""
+    """Yield the classes of models inside an annotation such as ``tuple[Planet, ...]``."""
     if hasattr(annotation, "model_fields"):
         yield annotation
     for item in get_args(annotation):
@@ -242,7 +242,7 @@ def _annotation_of(field: FieldInfo) -> Any:
 
 
 def _bounds(annotation: Any) -> dict[str, float]:
-    """Range that an annotation states; what no number reaches is left out."""
+    """Return the range that an annotation states; what no number reaches is left out."""
     return {
         name: getattr(item, name)
         for item in _metadata(annotation)
@@ -252,7 +252,7 @@ def _bounds(annotation: Any) -> dict[str, float]:
 
 
 def _limits(annotation: Any) -> str:
-    """Range that an annotation states, in words, empty if it states none."""
+    """Return the range that an annotation states, in words, empty if it states none."""
     bounds = _bounds(annotation)
     said = {name: str(bound) if isinstance(bound, int) else f"{bound:g}" for name, bound in bounds.items()}
     if "ge" in said and "le" in said:
@@ -352,7 +352,7 @@ def at(path: str, error: InputError) -> InputError:
 
 @contextmanager
 def inside(path: str) -> Iterator[None]:
-    """Refusals under the path of the body or sequence that they concern.
+    """Yield the refusals under the path of the body or sequence that they concern.
 
     Parameters
     ----------
@@ -366,7 +366,7 @@ def inside(path: str) -> Iterator[None]:
 
 
 def other_names(**names: str) -> dict[str, str]:
-    """Keys by their other names.
+    """Return the keys by their other names.
 
     Parameters
     ----------

@@ -1,7 +1,4 @@
-"""Right ascension and declination as people write them, in degrees.
-
-Stars and planets of a scene as configuration.
-"""
+"""Stars and planets of a scene as configuration, with right ascension and declination as people write them."""
 
 import math
 import re
@@ -70,7 +67,7 @@ def _angle(key: str, value: Any, degrees_per_part: float, limits: tuple[float, f
 
 
 def _read(text: str, degrees_per_part: float) -> float | None:
-    """Degrees of an angle whose colons separate parts of that many degrees, None if it cannot be read."""
+    """Return the degrees of an angle whose colons separate parts of that many degrees, None if it cannot be read."""
     plain = text.strip().lower().translate(_SPELLINGS)
     found = _SEXAGESIMAL.fullmatch(plain)
     if found:
@@ -109,7 +106,7 @@ _PLANET_HINTS = {
 
 
 class Body(SpelledModel):
-    """What every source has: a name, a place, and perhaps a brightness and a spectrum of its own.
+    """The fields that every source has: a name, a place, and perhaps a brightness and a spectrum of its own.
 
     The place is either ``ra_deg`` and ``dec_deg`` (same epoch as the central star's) or ``separation_arcsec`` and
     ``pa_deg`` from the central star.
@@ -190,7 +187,7 @@ class SceneStar(Body):
             raise required("spectral_type", "an MK type such as K1V, or teff_k in K")
 
     def _needs_parameters(self) -> bool:
-        """Whether the spectrum is made from parameters: by a model or a tree of them, not by a file or table."""
+        """Return whether the spectrum is made from parameters: by a model or a tree of them, not by a file or table."""
         if isinstance(self.spectrum, SpectrumTable):
             return False
         return self.spectrum in STAR_MODELS or not is_file(self.spectrum)

@@ -94,7 +94,7 @@ def _check_map(name: str, column: str, values: FloatArray, side: int) -> None:
 
 
 def _numbers(name: str, path: str, file: MapFile) -> dict[str, float]:
-    """Scale, edges and constants of the file: arrays of one number, or cards of the header."""
+    """Return the scale, edges and constants of the file: arrays of one number, or cards of the header."""
     found: dict[str, float] = {}
     for key in (*_SCALES, *_EDGES, *CONSTANT):
         item = file.named(key)
@@ -121,7 +121,7 @@ def _number(name: str, key: str, data: NDArray[Any]) -> float:
 def _edges(
     numbers: Mapping[str, float], place: FloatArray, core: FloatArray, lambda_d_arcsec: float
 ) -> tuple[float, float]:
-    """Separations between which planets are looked for: where the core has half its most, and the edge of the map."""
+    """Return the separations of the search for planets: from half of the largest core to the edge of the map."""
     most = float(place[-1])
     first = float(place[int(np.argmax(core >= 0.5 * core.max()))])
     inner = numbers.get("inner_arcsec", numbers.get("inner_lambda_d", math.nan) * lambda_d_arcsec)
@@ -130,7 +130,7 @@ def _edges(
 
 
 def _means(values: FloatArray, ring: FloatArray, *, squares: bool) -> FloatArray:
-    """Means over rings one pixel wide, of rms values of their squares."""
+    """Return the means over rings one pixel wide, of rms values of their squares."""
     number = np.rint(ring).astype(int).ravel()
     weights = (values**2 if squares else values).ravel()
     mean = (np.bincount(number, weights) / np.bincount(number))[: len(values) // 2]

@@ -113,11 +113,11 @@ class CoronagraphTable:
     map_step_arcsec: float = 0.0
 
     def __contains__(self, name: str) -> bool:
-        """Whether the table has a column."""
+        """Return whether the table has a column."""
         return name in self.columns
 
     def at(self, name: str, separation_arcsec: ArrayLike) -> FloatArray:
-        """Value of a column at separations, between rows linear, contrasts and variances in their logarithms.
+        """Return a column's value at separations: linear between rows, contrasts and variances in their logarithms.
 
         Beyond the first and last row it is theirs.
 
@@ -133,7 +133,7 @@ class CoronagraphTable:
         return np.asarray(np.exp(np.interp(place, self.separation_arcsec, np.log(np.maximum(values, _TINY)))))
 
     def at_place(self, name: str, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Value of a column at places on the detector: of its map between the pixels, where there is one.
+        """Return the value of a column at places on the detector: of its map between the pixels, where there is one.
 
         Parameters
         ----------
@@ -154,11 +154,11 @@ class CoronagraphTable:
         return np.asarray(lower * (1.0 - p) + upper * p)
 
     def varies(self, name: str) -> bool:
-        """Whether a column has more than one value."""
+        """Return whether a column has more than one value."""
         return bool(np.ptp(self.maps.get(name, self.columns[name])) > 0.0)
 
     def constant(self, name: str) -> float | None:
-        """Value of a column that has one value for all separations; None where the table lacks it."""
+        """Return the value of a column that has one value for all separations; None where the table lacks it."""
         return float(self.columns[name][0]) if name in self.columns else None
 
     @property
@@ -174,7 +174,7 @@ class CoronagraphTable:
 
 
 def shipped_tables() -> tuple[str, ...]:
-    """Names of the tables that the package ships."""
+    """Return the names of the tables that the package ships."""
     return tuple(sorted(path.stem for path in _folder().glob("*.csv")))
 
 
@@ -264,7 +264,7 @@ def _say(note: str) -> None:
 
 
 def _is_fits_table(path: str) -> bool:
-    """Whether a file is FITS with a table and no image."""
+    """Return whether a file is FITS with a table and no image."""
     data = read_file(path, key=KEY, allowed="a readable file", max_bytes=MOST_BYTES_OF_MAPS)
     return data.startswith(b"SIMPLE  =") and b"XTENSION= 'BINTABLE'" in data and b"XTENSION= 'IMAGE" not in data
 
@@ -304,7 +304,7 @@ def _check(name: str, place: FloatArray, columns: Mapping[str, FloatArray]) -> N
 
 
 def _with_units(raw: RawTable) -> RawTable:
-    """Columns whose headings say lambda/D or a unit as a suffix, in the names and units of `COLUMNS`."""
+    """Return the columns whose headings say lambda/D or a unit as a suffix, in the names and units of `COLUMNS`."""
     return RawTable(raw.name, [_renamed(column) for column in raw.columns], raw.notes)
 
 
@@ -332,7 +332,7 @@ def _refuse_misspelt(raw: RawTable) -> None:
 
 
 def _near(heading: str) -> list[str]:
-    """Names that a heading differs from by a letter or two."""
+    """Return the names that a heading differs from by a letter or two."""
     import difflib
 
     return difflib.get_close_matches(heading.lower(), list(COLUMNS), n=3, cutoff=0.85)

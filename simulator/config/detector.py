@@ -65,7 +65,7 @@ class CalibrationFiles(FrozenModel):
 
 
 class _AnyDetector(FrozenModel):
-    """What every detector has. Charge in electrons, images in ADU.
+    """The fields that every detector has. Charge is in electrons, images are in ADU.
 
     ``sections`` are the row and column slices of the named parts of the frame: ``active`` (pixels that see light),
     ``image`` (active and shielded pixels), ``prescan`` and ``overscan_columns`` (every row), ``overscan_rows`` (columns

@@ -107,7 +107,7 @@ class Instrument(FrozenModel):
             self.table(band)
 
     def table(self, band: str) -> CoronagraphTable | None:
-        """Table of the coronagraph in a band; None where the optics are modelled.
+        """Return the table of the coronagraph in a band; None where the optics are modelled.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class Instrument(FrozenModel):
         return dict(self._provenance)
 
     def band(self, name: str) -> BandConfig:
-        """Configuration of one band.
+        """Return the configuration of one band.
 
         Raises
         ------
@@ -202,16 +202,16 @@ class Instrument(FrozenModel):
         return new
 
     def visible_bands(self) -> tuple[str, ...]:
-        """Names of the bands of the visible camera, by wavelength."""
+        """Return the names of the bands of the visible camera, by wavelength."""
         names = [name for name, band in self.bands.items() if band.camera == "VIS"]
         return tuple(sorted(names, key=lambda name: self.bands[name].center_nm))
 
     def lambda_d_arcsec(self, band: str) -> float:
-        """lambda/D at band centre."""
+        """Return the lambda/D at band centre."""
         return self.band(band).center_nm * 1e-9 / self.telescope.diameter_m * ARCSEC_PER_RAD
 
     def hole_inner_arcsec(self, band: str) -> float:
-        """Inner edge ``a`` of the square zone, per axis; inner radius of a ring."""
+        """Return the inner edge ``a`` of the square zone, per axis; inner radius of a ring."""
         if (table := self._ring_table(band)) is not None:
             # A planet may stand at every separation of the table: its aperture reaches beyond.
             return float(table.separation_arcsec[0]) - self.aperture_radius_arcsec(band)
@@ -221,13 +221,13 @@ class Instrument(FrozenModel):
         return corner / math.sqrt(2.0)
 
     def hole_outer_arcsec(self, band: str) -> float:
-        """Outer edge ``b`` of the square zone, per axis; outer radius of a ring."""
+        """Return the outer edge ``b`` of the square zone, per axis; outer radius of a ring."""
         if (table := self._ring_table(band)) is not None:
             return float(table.separation_arcsec[-1]) + self.aperture_radius_arcsec(band)
         return self.channel_of(band).optics.outer_half_side_arcsec
 
     def psf_file(self, band: str) -> str | None:
-        """File of the point-spread functions of a table's band; None where there is none."""
+        """Return the file of the point-spread functions of a table's band; None where there is none."""
         named = self.coronagraph.psf
         return named.get(band) if isinstance(named, dict) else named
 
@@ -235,26 +235,26 @@ class Instrument(FrozenModel):
         return self.table(band) if self.coronagraph.is_ring else None
 
     def mask_half_width_arcsec(self, band: str) -> float:
-        """Half width of the bars of the cross; 0 where a table has a ring."""
+        """Return half of the width of the bars of the cross; 0 where a table has a ring."""
         return 0.0 if self.coronagraph.is_ring else self.channel_of(band).optics.mask_half_width_arcsec
 
     def pixel_scale_arcsec(self, band: str) -> float:
-        """Pixel of the band's camera."""
+        """Return the pixel of the band's camera."""
         return self.channel_of(band).pixel_scale_arcsec
 
     def detector_of(self, band: str) -> AnyDetector:
-        """Detector of the band's camera."""
+        """Return the detector of the band's camera."""
         return self.channel_of(band).detector
 
     def aperture_radius_arcsec(self, band: str) -> float:
-        """Radius of the photometric aperture: that of the core of a table that has its area."""
+        """Return the radius of the photometric aperture: that of the core of a table that has its area."""
         table = self.table(band)
         if table is not None and table.core_radius_arcsec is not None:
             return table.core_radius_arcsec
         return self.coronagraph.aperture_radius_lambda_d * self.lambda_d_arcsec(band)
 
     def aperture_pixels(self, band: str) -> float:
-        """Area of the photometric aperture in pixels."""
+        """Return the area of the photometric aperture in pixels."""
         return math.pi * (self.aperture_radius_arcsec(band) / self.pixel_scale_arcsec(band)) ** 2
 
 
@@ -336,12 +336,12 @@ def _with_own_sky(own: dict[str, Any], base: Mapping[str, Any]) -> dict[str, Any
 
 @functools.lru_cache(maxsize=16)
 def _shipped(path: Path) -> Any:
-    """A preset as it is written, parsed once; nobody changes it (`paths_beside` copies)."""
+    """Return a preset as it is written, parsed once; nobody changes it (`paths_beside` copies)."""
     return load_yaml(path, shipped=True)
 
 
 def _within(tree: Any, key: str) -> bool:
-    """Whether a tree holds a value for a dotted key."""
+    """Return whether a tree holds a value for a dotted key."""
     for part in key.split("."):
         if not isinstance(tree, Mapping):
             return True
@@ -352,7 +352,7 @@ def _within(tree: Any, key: str) -> bool:
 
 
 def paths_beside(tree: Any, folder: Path, key: str = "") -> Any:
-    """Names of maps and curves that exist beside the instrument's file, made whole.
+    """Return the names of maps and curves that exist beside the instrument's file, made whole.
 
     Parameters
     ----------
@@ -371,7 +371,7 @@ def paths_beside(tree: Any, folder: Path, key: str = "") -> Any:
 
 
 def _shipped_bands() -> dict[str, Any]:
-    """The catalogue's bands as a sourced tree: the numbers live there and nowhere else."""
+    """Return the catalogue's bands as a sourced tree: the numbers live there and nowhere else."""
     provenance = band_provenance()
     tree: dict[str, Any] = {}
     for name, band in load_bands().items():

@@ -1,7 +1,4 @@
-"""Where the light of an object comes from, as configuration: a named model, a file, or a table of numbers.
-
-What reflects the star's light, as configuration: one of five kinds of geometric albedo.
-"""
+"""Light of an object as configuration: a spectrum or an albedo by a named model, a file, or a table of numbers."""
 
 import math
 import os
@@ -130,7 +127,7 @@ def spectrum_value(value: Any, models: tuple[str, ...]) -> str | SpectrumTable:
 
 
 def _columns_of(value: Any) -> tuple[list[float], list[float]] | None:
-    """Wavelengths (nm) and PHOTLAM of a spectrum object of this project or of synphot."""
+    """Return the wavelengths (nm) and PHOTLAM of a spectrum object of this project or of synphot."""
     if hasattr(value, "wavelength_nm") and hasattr(value, "photlam"):
         return np.asarray(value.wavelength_nm, float).tolist(), np.asarray(value.photlam, float).tolist()
     points = getattr(value, "waveset", None)
@@ -352,7 +349,7 @@ def albedo_spec(value: Any) -> AlbedoSpec:
 
 
 def names_file(text: str) -> bool:
-    """Whether a word in the place of an albedo is the path of a file: it has a slash or a point and is no number."""
+    """Return whether a word in the place of an albedo is a file's path: it has a slash or a point and is no number."""
     try:
         float(text)
     except ValueError:

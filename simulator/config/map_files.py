@@ -26,13 +26,13 @@ class FileMap(NamedTuple):
 
 
 class MapFile(NamedTuple):
-    """Whether a file is FITS, and its arrays in order; there is at least one."""
+    """The format of a file, FITS or not, and its arrays in order; there is at least one."""
 
     is_fits: bool
     maps: tuple[FileMap, ...]
 
     def named(self, *names: str) -> FileMap | None:
-        """First array with one of the names, whatever their capitals."""
+        """Return the first array with one of the names, whatever their capitals."""
         wanted = {name.upper() for name in names}
         return next((item for item in self.maps if item.name.upper() in wanted), None)
 
@@ -180,7 +180,7 @@ def header_number(key: str, path: str | Path, header: Mapping[str, Any], card: s
 
 
 def pixel_scale(key: str, path: str | Path, header: Mapping[str, Any]) -> float | None:
-    """Pixel of a FITS image in arcsec, None where the header does not tell.
+    """Return the pixel of a FITS image in arcsec, None where the header does not tell.
 
     ``PIXSCALE`` or ``PIXELSCL`` in arcsec; else the ``CD`` matrix or ``CDELT1/2`` in the unit of ``CUNIT`` (degrees if
     absent). All that are present must agree to 1e-3, and pixels must be square.

@@ -81,7 +81,7 @@ class Coronagraph(FrozenModel):
 
 
 class NearInfrared(FrozenModel):
-    """What differs in the near-infrared channel: pixel, cross, outer edge of the hole, and its camera."""
+    """The near-infrared channel where it differs: pixel, cross, outer edge of the hole, and its camera."""
 
     pixel_scale_arcsec: Annotated[float, Field(gt=0, le=1)]
     mask_half_width_arcsec: Annotated[float, Field(ge=0, le=4)]

@@ -14,7 +14,7 @@ def _folder(kind: str, package: str) -> Path:
 
 
 def preset_names(kind: str, *, package: str = "simulator") -> tuple[str, ...]:
-    """Names of the presets of one kind (``instrument``, ``scene``, ``plan``) that ship with a package.
+    """Return the names of the presets of one kind (``instrument``, ``scene``, ``plan``) that ship with a package.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def preset_names(kind: str, *, package: str = "simulator") -> tuple[str, ...]:
 
 
 def preset_path(kind: str, name: str, *, package: str = "simulator") -> Path | None:
-    """Path of a preset, ``None`` if there is none of that name.
+    """Return the path of a preset, ``None`` if there is none of that name.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def preset_path(kind: str, name: str, *, package: str = "simulator") -> Path | N
 
 
 def preset_or_file(kind: str, source: str | Path, *, package: str = "simulator") -> Path:
-    """Path of a preset, or of a file that exists.
+    """Return the path of a preset, or of a file that exists.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def preset_or_file(kind: str, source: str | Path, *, package: str = "simulator")
 def preset_tree(
     kind: str, source: Any, *, keys: Iterable[str], package: str = "simulator", kinds: tuple[str, ...] = ()
 ) -> tuple[dict[str, Any], Path | None]:
-    """What a source holds: a preset, a YAML file, or the mapping itself, without its ``kind``.
+    """Return what a source holds: a preset, a YAML file, or the mapping itself, without its ``kind``.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def preset_tree(
 def tree_over_preset(
     kind: str, source: Any, *, default: str, keys: Iterable[str], package: str = "simulator"
 ) -> tuple[dict[str, Any], Path | None, str | None]:
-    """What a source holds, and the preset that it is laid over.
+    """Return what a source holds, and the preset that it is laid over.
 
     Parameters
     ----------

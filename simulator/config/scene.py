@@ -1,7 +1,4 @@
-"""Where the bodies of a scene stand: offsets from the central star on the sky, and true distances from it.
-
-The scene as configuration: a central star, its planets, other stars, discs and images.
-"""
+"""A scene as configuration: the central star, its planets, other stars, discs and images, and where they stand."""
 
 import math
 from collections.abc import Mapping
@@ -30,7 +27,7 @@ class Place(NamedTuple):
 
 
 def place(host: SceneStar, body: Body) -> Place:
-    """Offset of a body from the central star, exact on the sphere.
+    """Return the offset of a body from the central star, exact on the sphere.
 
     Parameters
     ----------
@@ -59,7 +56,7 @@ def place(host: SceneStar, body: Body) -> Place:
 
 
 def true_distance_au(planet: Planet, separation: float, distance_pc: float | None) -> float | None:
-    """True distance of a planet from its star, au.
+    """Return the true distance of a planet from its star, au.
 
     The given one, or ``r = rho / sin(phase)`` with the projected distance ``rho = separation x distance_pc``
     (1 arcsec at 1 pc is 1 au). A given distance must agree with the projected one where both are known.
@@ -119,7 +116,7 @@ _MODELS = (*STAR_MODELS, *PLANET_MODELS, *ALBEDO_MODELS)
 
 
 class Scene(SpelledModel):
-    """What the telescope points at.
+    """A scene: the bodies and the sky that the telescope points at.
 
     Objects without a name get one: the scene's for the central star, ``planet 1``, ``star 1``, ``extended 1`` and so on
     for the others. ``companions`` says whether the ``stars`` are put on the image (``on``) or left out (``off``); those
@@ -177,11 +174,11 @@ class Scene(SpelledModel):
                 raise InputError(f"extended.{number}.v_mag", source.v_mag, unit="mag", allowed=allowed)
 
     def is_lit(self, star: SceneStar) -> bool:
-        """Whether one of its stars is put on the image."""
+        """Return whether one of its stars is put on the image."""
         return self.companions == "on" or not star.companion
 
     def without_planets(self) -> "Scene":
-        """The same scene, star only: what the reference library sees."""
+        """Return the same scene, star only: what the reference library sees."""
         return self.model_copy(update={"planets": ()})
 
 
@@ -244,7 +241,7 @@ def _named(body: Any, name: Any) -> Any:
 
 
 def paths_beside(tree: Any, folder: Path) -> Any:
-    """Paths of spectra and albedos that exist beside the scene's file, made whole.
+    """Return the paths of spectra and albedos that exist beside the scene's file, made whole.
 
     Parameters
     ----------

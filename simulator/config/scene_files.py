@@ -42,12 +42,12 @@ class StarColumns(Protocol):
 
 
 def is_table(thing: Any) -> TypeGuard[StarColumns]:
-    """Whether something has named columns as a table of pandas, astropy or `catalogs.stars` has."""
+    """Return whether something has named columns as a table of pandas, astropy or `catalogs.stars` has."""
     return hasattr(thing, "columns") and hasattr(thing, "__len__") and not isinstance(thing, Mapping)
 
 
 def scenes_from_table(table: StarColumns, *, planet: Planet | Mapping[str, Any] | None = None) -> tuple[Scene, ...]:
-    """One scene for each star of a table.
+    """Return one scene for each star of a table.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def companion_of(
     delta_v_mag: float | None = None,
     teff_k: float | None = None,
 ) -> tuple[dict[str, Any], ...]:
-    """Known companion of a star as another star of its scene; empty where it is too far or its light is not known.
+    """Return a star's known companion as another star of its scene; empty if it is too far or its light is unknown.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def companion_of(
 
 
 def _found(table: StarColumns, names: tuple[str, ...], wanted: Mapping[str, tuple[str, ...]]) -> dict[str, list[Any]]:
-    """Cells of the columns that there are, by key."""
+    """Return the cells of the columns that there are, by key."""
     chosen = {key: next((name for name in spellings if name in names), None) for key, spellings in wanted.items()}
     return {key: _cells(table, name, key) for key, name in chosen.items() if name is not None}
 
@@ -135,7 +135,7 @@ def _names(table: StarColumns) -> tuple[str, ...]:
 
 
 def _cells(table: Any, name: str, key: str) -> list[Any]:
-    """Cells of a column in the unit of the key, None where there is no value."""
+    """Return the cells of a column in the unit of the key, None where there is no value."""
     column = table.column(name) if hasattr(table, "column") else table[name]
     if hasattr(column, "isna"):
         column = column.astype(object).where(~column.isna(), None)
@@ -242,7 +242,7 @@ def _changed(item: SequenceConfig, key: str, value: Any) -> SequenceConfig:
 
 
 def _begun(sequences: tuple[SequenceConfig, ...], start_utc: Any) -> tuple[SequenceConfig, ...]:
-    """The sequences with the begin of the first."""
+    """Return the sequences with the begin of the first."""
     own = [item.start_utc for item in sequences if item.start_utc is not None]
     if own:
         allowed = "for sequences without a begin of their own"
@@ -251,7 +251,7 @@ def _begun(sequences: tuple[SequenceConfig, ...], start_utc: Any) -> tuple[Seque
 
 
 def _with_defaults(tree: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Mappings of the sequences with the defaults that each has a use for."""
+    """Return the mappings of the sequences with the defaults that each has a use for."""
     fields, aliases = SequenceConfig.model_fields, SequenceConfig.ALIASES
     defaults = tree.get("defaults") or {}
     if not isinstance(defaults, Mapping):
@@ -278,7 +278,7 @@ def _with_defaults(tree: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _loaded(item: Mapping[str, Any], base: Instrument, folder: Path | None, where: str) -> dict[str, Any]:
-    """A sequence's mapping with its scene and instrument loaded."""
+    """Return a sequence's mapping with its scene and instrument loaded."""
     result = dict(item)
     with inside(where):
         own = result.get("instrument")
@@ -307,7 +307,7 @@ def _instrument(source: Any, folder: Path | None) -> Instrument:
 
 
 def _beside(source: Any, folder: Path | None) -> Any:
-    """Path of a file that lies beside the simulation's, other sources as they are."""
+    """Return the path of a file that lies beside the simulation's, other sources as they are."""
     if folder is not None and isinstance(source, str) and is_file(folder / source):
         return folder / source
     return source

@@ -1,7 +1,4 @@
-"""A field full of stars, made from a seed: for frames of kind DSF.
-
-A simulation as configuration: sequences of frames to be taken one after another.
-"""
+"""A simulation as configuration: sequences of frames to be taken one after another, and fields full of stars."""
 
 import itertools
 import math
@@ -103,7 +100,7 @@ Whole = Annotated[int, Field(strict=True)]
 
 
 def meaningful_keys(kind: Any) -> tuple[str, ...]:
-    """Keys that a sequence of a kind has a use for.
+    """Return the keys that a sequence of a kind has a use for.
 
     Raises
     ------
@@ -305,7 +302,7 @@ class SequenceConfig(SpelledModel):
         return tuple(dict.fromkeys(self.camera_of(band) for band in self.band)) or (self.camera,)
 
     def camera_of(self, band: str) -> CameraName:
-        """Camera of a band, or that of the entry where the band is empty."""
+        """Return the camera of a band, or that of the entry where the band is empty."""
         return self.instrument.band(band).camera if band else self.camera
 
     @property
@@ -315,7 +312,7 @@ class SequenceConfig(SpelledModel):
         return ("all", *sorted(names))
 
     def switches_for(self, camera: str) -> dict[str, bool]:
-        """Switches of one camera by name."""
+        """Return the switches of one camera by name."""
         names = self.instrument.channel(camera).switches
         every = dict.fromkeys(names, self.switches["all"]) if "all" in self.switches else {}
         return every | {name: value for name, value in self.switches.items() if name in names}

@@ -1,4 +1,4 @@
-"""Cosmic rays and sky as configuration.
+"""Cosmic rays, the sky, and extended sources (discs, rings, images) as configuration.
 
 Light that is no point: discs, rings and images of scattered starlight, as configuration.
 """
@@ -114,7 +114,7 @@ class ExtraLight(FrozenModel):
             raise InputError(given[1], f"given with {given[0]}", allowed="one of the two")
 
     def map_of(self, band: str) -> str | None:
-        """Name of the map of a band, None if none is set.
+        """Return the name of the map of a band, None if none is set.
 
         Raises
         ------
@@ -213,7 +213,7 @@ _KIND_WORDS = {"disk": "disc", "exozodi": "disc"}
 
 
 class _Scattered(FrozenModel):
-    """What every extended source has.
+    """The fields that every extended source has.
 
     The light is that of the star, scattered without colour.
 
@@ -245,7 +245,7 @@ class _Scattered(FrozenModel):
             raise InputError("contrast", "given with v_mag", allowed="one of the two")
 
     def contrast_to(self, star_v_mag: float) -> float:
-        """Total light over that of a star of the given V magnitude, in every band."""
+        """Return the total light over that of a star of the given V magnitude, in every band."""
         if self.contrast is not None:
             return self.contrast
         assert self.v_mag is not None

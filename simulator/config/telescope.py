@@ -1,6 +1,4 @@
-"""The mission as configuration: when observations begin, where the telescope is, and how products are labelled.
-
-What shapes the wavefront as configuration: static wavefront, mirror, dark hole, drift.
+"""Mission, wavefront and channels as configuration: dates, orbit, labels, mirror, dark hole, drift and cameras.
 
 One camera of the instrument with what is in front of it: what differs between the channels, said once.
 """
@@ -67,7 +65,7 @@ def _is_day(year: int, month: int, day: int) -> bool:
 
 
 def _ends_in_leap_second(year: int, month: int, day: int) -> bool:
-    """Whether a leap second was put behind a day: the table names the months that begin behind one."""
+    """Return whether a leap second was put behind a day: the table names the months that begin behind one."""
     if (month, day) not in ((6, 30), (12, 31)):
         return False
     behind = (year, 7) if month == 6 else (year + 1, 1)
@@ -139,7 +137,7 @@ class MirrorConfig(FrozenModel):
 
 
 class DarkHoleConfig(FrozenModel):
-    """How the mirror is set.
+    """The settings of the mirror.
 
     ``control`` is ``conjugation`` (a new Jacobian at every step, with perfect knowledge of the field),
     ``single_jacobian`` (one Jacobian of the design: the less ideal state), ``surface`` (maps loaded from
@@ -226,7 +224,7 @@ class Drift(FrozenModel):
         return self.common_fraction * self.visit_nm
 
     def correlation(self, gap_s: float) -> float:
-        """Correlation of the offsets of two visits whose starts are so many seconds apart, 0 to 1."""
+        """Return the correlation of the offsets of two visits whose starts are so many seconds apart, 0 to 1."""
         hours = self.correlation_time_h
         return math.exp(-gap_s / (3600.0 * hours)) if hours > 0 else 0.0
 
@@ -237,7 +235,7 @@ ReferenceScheme = Literal["interleaved", "half", "swapped", "other_star"]
 
 @dataclass(frozen=True)
 class Timing:
-    """When the visits of a programme are: how far apart, and where in the orbit their light is taken.
+    """The dates of the visits of a programme: how far apart, and where in the orbit their light is taken.
 
     A star is seen for a window of every orbit. A visit begins with a window and goes on in those of the next orbits.
 
@@ -279,7 +277,7 @@ class Timing:
     def phasors(
         self, on_source_turns: ArrayLike, *, reference: bool = False, visit: int = 0, harmonic: int = 1
     ) -> ComplexArray:
-        """Mean of ``exp(2 pi i h t)`` between successive times on source, t in orbits after a window opens.
+        """Return the mean of ``exp(2 pi i h t)`` between successive times on source, t in orbits after a window opens.
 
         Parameters
         ----------

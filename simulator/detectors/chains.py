@@ -1,6 +1,4 @@
-"""Pixels that differ: response, dark current with its structure, hot and dead pixels, bad columns.
-
-The effects of both cameras in their order, and what the program derives from them.
+"""The effects of both cameras in their order, and those that make pixels differ (response, dark current, flaws).
 
 A new effect is one entry here, at its place in the chain.
 """

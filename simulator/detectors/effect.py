@@ -1,10 +1,10 @@
-"""What an effect of a detector is: all that the program knows about it stands in one class.
+"""The base class of the effects of a detector: all that the program knows about an effect stands in its class.
 
 A new effect is a subclass of `Effect` in a file of its own and one entry in `simulator.detectors.chains`. From there it
 has its switch and its numbers in the configuration of the camera, is drawn in frames, is part of the expected image,
 adds its variance to the noise of the exposure-time calculator and of the effect ledger, and has its words in both.
 
-Whole electrons: Poisson counts of means, drawn by the kernels.
+Whole electrons are Poisson counts of means; the kernels draw them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LIMIT_KERNELS = "simulator.detectors.limit_kernels"
 
 @dataclass(frozen=True)
 class Place:
-    """Where an array of pixels lies on the detector.
+    """The place of an array of pixels on the detector.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Setting:
-    """What decides whether an effect exists, for its row in the ledger.
+    """A setting that decides whether an effect exists, for its row in the ledger.
 
     Attributes
     ----------
@@ -224,11 +224,11 @@ class Effect:
         return self.term or self.switch
 
     def on(self, detector: Any) -> bool:
-        """Whether its switch is on, or it has none."""
+        """Return whether its switch is on, or it has none."""
         return self.fixed or bool(getattr(detector.switches, self.switch))
 
     def runs(self, detector: Any) -> bool:
-        """Whether it is part of the chain of a camera."""
+        """Return whether it is part of the chain of a camera."""
         return self.always or self.on(detector)
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:

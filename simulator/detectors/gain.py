@@ -63,7 +63,7 @@ class RegisterTable(NamedTuple):
 
 
 def generating_function(z: ComplexArray, probability: float, stages: int) -> ComplexArray:
-    """Mean of ``z`` to the power of the output of one electron, for ``|z|`` at most 1.
+    """Return the mean of ``z`` to the power of the output of one electron, for ``|z|`` at most 1.
 
     Parameters
     ----------
@@ -80,13 +80,13 @@ def generating_function(z: ComplexArray, probability: float, stages: int) -> Com
 
 
 def output_pmf(electrons: int, probability: float, stages: int, size: int) -> FloatArray:
-    """Probabilities of 0 to ``size - 1`` electrons at the output (``size`` a power of two; what lies above folds)."""
+    """Return the probabilities of 0 to ``size - 1`` electrons at the output (a power of two; the rest folds)."""
     return np.asarray(np.fft.irfft(_transform(probability, stages, size) ** electrons, size))
 
 
 @functools.lru_cache(maxsize=64)
 def output_cumulants(probability: float, stages: int) -> tuple[float, float, float, float, float]:
-    """First five cumulants of the output of one electron.
+    """Return the first five cumulants of the output of one electron.
 
     The cumulant function of a stage is ``h(t) = t + log(1 - p + p e^t)``; that of the register is its iteration, whose
     derivatives at 0 follow by the chain rule (Faa di Bruno) stage by stage.
@@ -114,7 +114,7 @@ def output_cumulants(probability: float, stages: int) -> tuple[float, float, flo
 
 @functools.lru_cache(maxsize=16)
 def register_table(gain: float, probability: float, stages: int) -> RegisterTable:
-    """Tables for one register, kept for the last 16 registers; 604 stages take 4 ms at gain 1.01 and 0.3 s at 1e4.
+    """Return the tables for one register; the last 16 are kept. 604 stages take 4 ms at gain 1.01 and 0.3 s at 1e4.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def _starts(parts: list[FloatArray] | list[NDArray[np.int32]]) -> IntArray:
 
 
 def _entries(electrons: int, gain: float) -> int:
-    """Outputs up to which the tail, that of a sum of exponentials, is below exp(-36)."""
+    """Return the outputs up to which the tail, that of a sum of exponentials, is below exp(-36)."""
     return int(gain * (electrons + math.sqrt(2.0 * electrons * _TAIL) + _TAIL)) + 32
 
 
@@ -171,7 +171,7 @@ _MAX_LOOKUPS = 3
 
 
 def stage_probability(gain: ArrayLike, stages: int = 604) -> FloatArray:
-    """Probability that one electron makes a second one in one stage.
+    """Return the probability that one electron makes a second one in one stage.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def stage_probability(gain: ArrayLike, stages: int = 604) -> FloatArray:
 
 
 def gain_variance(gain: ArrayLike, stages: int = 604) -> FloatArray:
-    """Variance of the output per electron at the input, ``g (g - 1) (1 - p) / (1 + p)``, in electrons^2.
+    """Return the variance of the output per electron at the input, ``g (g - 1) (1 - p) / (1 + p)``, in electrons^2.
 
     Parameters and errors as `stage_probability`. ``n`` electrons at the input give ``n`` times as much.
 
@@ -211,7 +211,7 @@ def gain_variance(gain: ArrayLike, stages: int = 604) -> FloatArray:
 
 
 def excess_noise_factor2(gain: ArrayLike, stages: int = 604) -> FloatArray:
-    """Squared excess noise factor for Poisson input.
+    """Return the squared excess noise factor for Poisson input.
 
     ``F^2 = Var(out) / (g^2 Var(in)) = 1 + (1 - 1/g) (1 - p) / (1 + p)``: 1 at gain 1, near 2 at high gain.
     Parameters and errors as `stage_probability`.
@@ -227,7 +227,7 @@ def excess_noise_factor2(gain: ArrayLike, stages: int = 604) -> FloatArray:
 
 
 def noise_factor2(gain: FloatArray, stages: int) -> FloatArray:
-    """`excess_noise_factor2` without checks.
+    """Return the same as `excess_noise_factor2`, without checks.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ def noise_factor2(gain: FloatArray, stages: int) -> FloatArray:
 
 
 def multiply(electrons: ArrayLike, gain: float, *, rng: np.random.Generator, stages: int = 604) -> IntArray:
-    """Electrons after the multiplication register.
+    """Return the electrons after the multiplication register.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def multiply(electrons: ArrayLike, gain: float, *, rng: np.random.Generator, sta
 
 
 def amplify(charge: FloatArray, gain: float, stages: int, rng: np.random.Generator) -> None:
-    """`multiply` without checks, in place: a flat array of whole electrons; fractions are rounded at random first."""
+    """Multiply without checks, in place: a flat array of whole electrons; fractions are rounded at random first."""
     kernels = load_kernels("simulator.detectors.kernels")
     if gain == 1.0:
         return
@@ -308,7 +308,7 @@ def amplify(charge: FloatArray, gain: float, stages: int, rng: np.random.Generat
 
 
 def added_shape(gain: float, probability: float) -> float:
-    """Shape of the negative binomial law with mean and variance of the electrons that the register adds to one.
+    """Return the shape of the negative binomial law with mean and variance of the electrons that one electron adds.
 
     Parameters
     ----------
@@ -322,7 +322,7 @@ def added_shape(gain: float, probability: float) -> float:
 
 
 def pixel_keys(rng: np.random.Generator) -> NDArray[np.uint64]:
-    """Two keys, from which kernels hash one uniform number per pixel and draw."""
+    """Return two keys, from which kernels hash one uniform number per pixel and draw."""
     return rng.integers(0, 2**64, size=2, dtype=np.uint64)
 
 
@@ -338,7 +338,7 @@ def _checked_gain(gain: ArrayLike, stages: int) -> FloatArray:
 
 
 def _checked_electrons(electrons: ArrayLike) -> IntArray:
-    """Copy as int64, refused by name and pixel unless whole numbers of an integer type from 0 to 1e12."""
+    """Return a copy as int64, refused by name and pixel unless whole numbers of an integer type from 0 to 1e12."""
     allowed = f"whole electrons (integers), 0 to {MAX_ELECTRONS:.0e}"
     try:
         given = np.asarray(electrons)

@@ -48,17 +48,17 @@ class PastExposure(NamedTuple):
 
 
 class LateCharge(Protocol):
-    """What earlier frames leave in a frame."""
+    """A law of the charge that earlier frames leave in a frame."""
 
     def __call__(self, past: Sequence[PastExposure], exposure_s: float) -> FloatArray:
-        """Mean electrons per second and pixel over an exposure (0 means at its start), finite and at least 0."""
+        """Return mean electrons per second and pixel over an exposure (0 means at its start), finite and at least 0."""
 
 
 class Coupling(Protocol):
-    """How the signal of a pixel appears in others."""
+    """A law by which the signal of a pixel appears in others."""
 
     def __call__(self, signal: FloatArray) -> FloatArray:
-        """Signal after coupling, of the same shape and sum."""
+        """Return the signal after coupling, of the same shape and sum."""
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,7 @@ class InterpixelCapacitance(Effect):
         image[...] = coupled
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Couple a read."""
+        """Couple the pixels of a read."""
         self.expect(work.image, exposure)
 
 

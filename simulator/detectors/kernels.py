@@ -33,7 +33,7 @@ _EDGE, _AREA = 3.6541528853610088, 0.00492867323399
 
 
 def _layers() -> FloatArray:
-    """Widths of the layers from the lowest, with the density at their upper ends: two rows of 257."""
+    """Return the widths of the layers from the lowest, with the density at their upper ends: two rows of 257."""
     width = np.zeros(257)
     width[0], width[1] = _AREA / math.exp(-0.5 * _EDGE**2), _EDGE
     for i in range(2, 256):
@@ -55,7 +55,7 @@ _CHUNK = 1024
 
 @njit(cache=True, inline="always")
 def _bits(keys: Keys, pixel: int, draw: int) -> int:
-    """64 random bits of a pixel's draw."""
+    """Return the 64 random bits of a pixel's draw."""
     z = keys[0] + (np.uint64(pixel) + (np.uint64(draw) << _DRAW)) * _STEP
     z = ((z ^ (z >> _S30)) * _FIRST) ^ keys[1]
     z = (z ^ (z >> _S27)) * _SECOND
@@ -65,26 +65,26 @@ def _bits(keys: Keys, pixel: int, draw: int) -> int:
 
 @njit(cache=True, inline="always")
 def _uniform(keys: Keys, pixel: int, draw: int) -> float:
-    """Uniform number in (0, 1) of a pixel's draw."""
+    """Return the uniform number in (0, 1) of a pixel's draw."""
     return (float(_bits(keys, pixel, draw) >> _S11) + 0.5) * 1.1102230246251565e-16
 
 
 @njit(cache=True)
 def _fill_bits(keys: Keys, first: int, draw: int, out: Keys) -> None:
-    """Bits of one draw of consecutive pixels: a loop without branches, which the compiler runs several at a time."""
+    """Fill in the bits of one draw of consecutive pixels: a loop without branches, of which several run at a time."""
     for i in range(out.size):
         out[i] = _bits(keys, first + i, draw)
 
 
 @njit(cache=True, inline="always")
 def _share(bits: int) -> float:
-    """Uniform number in (0, 1) of 64 bits."""
+    """Return the uniform number in (0, 1) of 64 bits."""
     return (float(bits >> _S11) + 0.5) * 1.1102230246251565e-16
 
 
 @njit(cache=True)
 def _normal(z: int, keys: Keys, pixel: int) -> float:
-    """Normal number from the bits ``z`` of a pixel's draw, in 1.2 % of all cases with help of its draws 16 on."""
+    """Return a normal number from the bits ``z`` of a pixel's draw, in 1.2 % of cases with help of draws 16 on."""
     draw = 16
     while True:
         layer = np.int64(z & _LAYER)
@@ -112,7 +112,7 @@ def _normal(z: int, keys: Keys, pixel: int) -> float:
 
 @njit(cache=True)
 def _expanded(z: float, mean: float, variance: float, third: float, fourth: float, fifth: float) -> float:
-    """Rounded Cornish-Fisher variate of a law of whole numbers with these cumulants; ``z`` is normal."""
+    """Return a rounded Cornish-Fisher variate of a law of whole numbers with these cumulants; ``z`` is normal."""
     v = variance - 1.0 / 12.0
     inverse = 1.0 / v
     s = math.sqrt(v)
@@ -129,7 +129,7 @@ def _expanded(z: float, mean: float, variance: float, third: float, fourth: floa
 
 @njit(cache=True)
 def _counted_up(u: float, mean: float, zero: float) -> float:
-    """Poisson count whose distribution function reaches ``u``; ``zero`` is exp(-mean)."""
+    """Return the Poisson count whose distribution function reaches ``u``; ``zero`` is exp(-mean)."""
     k = 0
     term = zero
     total = zero
@@ -142,7 +142,7 @@ def _counted_up(u: float, mean: float, zero: float) -> float:
 
 @njit(cache=True)
 def draw_poisson(mean: FloatArray, zero: FloatArray, keys: Keys, out: FloatArray) -> None:
-    """Poisson counts of flat arrays; ``zero`` is exp(-mean)."""
+    """Draw Poisson counts of flat arrays; ``zero`` is exp(-mean)."""
     bits = np.empty(_CHUNK, np.uint64)
     for first in range(0, mean.size, _CHUNK):
         _fill_bits(keys, first, 0, bits)
@@ -167,7 +167,7 @@ def round_stochastic(charge: FloatArray, keys: Keys) -> None:
 
 @njit(cache=True)
 def compress_counts(charge: FloatArray, b: float, full_well: float, keys: Keys) -> None:
-    """Counts ``x / (1 + b x)`` up to the full well, rounded at random to whole electrons; what spills is not lost.
+    """Draw counts ``x / (1 + b x)`` up to the full well, rounded at random to whole electrons; what spills is kept.
 
     Flat, in place.
     """
@@ -203,7 +203,7 @@ def _binomial_expanded(z: float, n: float, p: float) -> float:
 
 @njit(cache=True)
 def _binomial_counted_up(u: float, n: float, p: float, log_q: float) -> float:
-    """Binomial count whose distribution function reaches ``u``; ``log_q`` is log(1 - p)."""
+    """Return the binomial count whose distribution function reaches ``u``; ``log_q`` is log(1 - p)."""
     term = math.exp(n * log_q)
     total = term
     ratio = p / (1.0 - p)
@@ -271,7 +271,7 @@ def shift_back(
 
 @njit(cache=True)
 def _smooth(z: float, n: float, gain: float, variance: float, skew: float) -> float:
-    """Wilson-Hilferty variate of exact mean, variance and skewness, rounded (Sheppard's correction applied)."""
+    """Return a Wilson-Hilferty variate of exact mean, variance and skewness, rounded (with Sheppard's correction)."""
     sigma = math.sqrt(variance - 1.0 / 12.0)
     if abs(skew) < 1e-6:
         x = sigma * (z + skew * (z * z - 1.0) / 6.0)
@@ -286,7 +286,7 @@ def _smooth(z: float, n: float, gain: float, variance: float, skew: float) -> fl
 
 @njit(cache=True)
 def _added(u: float, mean: float, shape: float) -> float:
-    """Negative binomial count of few electrons whose distribution function reaches ``u``."""
+    """Return the negative binomial count of few electrons whose distribution function reaches ``u``."""
     odds = mean / shape
     term = math.exp(-shape * math.log1p(odds))
     total = term
@@ -313,7 +313,7 @@ def multiply_charge(
     n_direct: int,
     n_exact: float,
 ) -> None:
-    """Charge at the output of the register, flat, in place; ``cumulants`` are those of one electron's output.
+    """Draw charge at the output of the register, flat, in place; ``cumulants`` are those of one electron's output.
 
     Up to ``n_exact`` electrons as sums of draws from the tabulated exact laws of up to ``n_direct`` electrons. Above,
     from a smooth law of the same mean, variance and skewness where the output is wide, from the expansion in five

@@ -86,14 +86,14 @@ def serial_spill(charge: FloatArray, full_well: float, spilled: BoolArray) -> fl
 
 @njit(cache=True)
 def compress(level: FloatArray, b: float) -> None:
-    """``x / (1 + b x)``. Flat, in place."""
+    """Bend counts to ``x / (1 + b x)``. Flat, in place."""
     for i in range(level.size):
         level[i] /= 1.0 + b * level[i]
 
 
 @njit(cache=True)
 def digitise(level: FloatArray, highest: float, out: npt.NDArray[np.uint16], clipped: BoolArray) -> int:
-    """Round to whole ADU, cut off at 0 and ``highest``; flags and counts what was cut off. Flat arrays."""
+    """Round to whole ADU, cut off at 0 and ``highest``; flag and count what was cut off. Flat arrays."""
     count = 0
     for i in range(level.size):
         value = np.rint(level[i])

@@ -240,7 +240,7 @@ def chances_of_loss(transfers: IntArray, inefficiency: float) -> Chances:
 
 
 def _tail(term: FloatArray, k: int, n: FloatArray, chance: float) -> FloatArray:
-    """Sum of a binomial law from ``k`` on, whose first term is given, for a mean below 1."""
+    """Return the sum of a binomial law from ``k`` on, whose first term is given, for a mean below 1."""
     odds, total = chance / (1.0 - chance), term.copy()
     for j in range(k, k + _TERMS):
         term = term * np.maximum(n - j, 0.0) / (j + 1.0) * odds
@@ -249,7 +249,7 @@ def _tail(term: FloatArray, k: int, n: FloatArray, chance: float) -> FloatArray:
 
 
 def _expected_shift(image: FloatArray, chances: Chances) -> None:
-    """Mean of `kernels.shift_back` along the rows of ``image``, in place."""
+    """Average `kernels.shift_back` along the rows of ``image``, in place."""
     first, second, third = (chance[:, None] for chance in chances)
     once = image * first
     twice = once * second

@@ -41,7 +41,7 @@ def frame_variance_e2(charge_e: Any, factor2: Any, output_e2: Any, em_gain: Any)
 
 
 class FrameTerm(NamedTuple):
-    """What one origin adds to the variance of a sum of one frame.
+    """The variance that one origin adds to a sum of one frame.
 
     Attributes
     ----------

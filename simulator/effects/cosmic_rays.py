@@ -1,7 +1,4 @@
-"""How many cosmic rays: the rate over the solar cycle.
-
-Cosmic rays in one exposure: a Poisson number of tracks, their charge in whole electrons.
-"""
+"""Cosmic rays in one exposure: their rate over the solar cycle, and a Poisson number of tracks."""
 
 import itertools
 import math
@@ -19,7 +16,7 @@ from simulator.effects.tracks import REACH_SIGMA, PaperModel, PhysicalModel, Tra
 
 
 def cosmic_ray_rate(config: CosmicRayConfig, when: str | float) -> float:
-    """Rate of cosmic rays through the detector outside the South Atlantic Anomaly, where nothing is observed.
+    """Return the rate of cosmic rays through the detector outside the South Atlantic Anomaly (no observations there).
 
     Parameters
     ----------
@@ -60,7 +57,7 @@ _CM_PER_UM = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class CosmicRays:
-    """What cosmic rays leave in one exposure.
+    """The charge that cosmic rays leave in one exposure.
 
     Events are those that left charge in the array, in the order in which they were drawn. Their middles may lie
     outside it. Pixel centres lie at integers.

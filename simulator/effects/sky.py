@@ -1,4 +1,4 @@
-"""Dates as people write them, places on the ecliptic, and the light of the sky in front of the telescope.
+"""Light of the sky in front of the telescope at a date and place: zodiacal light, and how it is seen in each band.
 
 Zodiacal light is that of Leinert et al. 1998 (A&AS 127, 1): brightness by place, colour by wavelength.
 
@@ -87,7 +87,7 @@ _PRECESSION_DEG_PER_DAY = 1.396971 / 36525.0
 
 
 def sun_longitude_deg(when: datetime) -> float:
-    """Geocentric ecliptic longitude of the Sun, mean equinox J2000, 0 to 360 degrees.
+    """Return the geocentric ecliptic longitude of the Sun, mean equinox J2000, 0 to 360 degrees.
 
     The low-precision formulae of the Astronomical Almanac (section C), brought from the equinox of date to that of
     J2000: good to an arcminute from 1950 to 2100.
@@ -99,7 +99,7 @@ def sun_longitude_deg(when: datetime) -> float:
 
 
 def ecliptic_deg(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Ecliptic longitude (0 to 360) and latitude, equinox J2000, of ICRS positions, degrees.
+    """Return the ecliptic longitude (0 to 360) and latitude, equinox J2000, of ICRS positions, degrees.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def ecliptic_deg(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, Flo
 
 
 def elongation_deg(longitude_from_sun_deg: ArrayLike, latitude_deg: ArrayLike) -> FloatArray:
-    """Angle from the Sun of places on the sky, degrees.
+    """Return the angle from the Sun of places on the sky, degrees.
 
     The arc tangent keeps its digits next to the Sun and opposite it, where the arc cosine has none.
     """
@@ -138,7 +138,7 @@ class ZodiacalRadiance(NamedTuple):
 
 
 def zodiacal_radiance(longitude_from_sun_deg: ArrayLike, latitude_deg: ArrayLike) -> ZodiacalRadiance:
-    """Radiance of the zodiacal light at 500 nm.
+    """Return the radiance of the zodiacal light at 500 nm.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def zodiacal_radiance(longitude_from_sun_deg: ArrayLike, latitude_deg: ArrayLike
 
 @functools.cache
 def _filled() -> tuple[FloatArray, BoolArray]:
-    """Logarithm of the table, its empty cells filled with the next one away from the Sun; and which were empty."""
+    """Return the logarithm of the table, empty cells filled with the next away from the Sun; and which were empty."""
     radiance = load_zodi_table().radiance_500nm_w_m2_sr_um
     empty, filled = np.isnan(radiance), radiance.copy()
     for row in range(radiance.shape[0] - 2, -1, -1):
@@ -176,7 +176,7 @@ def _filled() -> tuple[FloatArray, BoolArray]:
 
 
 def colour_factor(wavelength_nm: ArrayLike, elongation: float) -> FloatArray:
-    """Reddening relative to the Sun, 1 at 500 nm (Leinert et al. 1998, eq. 22), 220 to 2500 nm.
+    """Return the reddening relative to the Sun, 1 at 500 nm (Leinert et al. 1998, eq. 22), 220 to 2500 nm.
 
     ``1 + s log10(wavelength / 500 nm)`` with s = 1.2 below and 0.8 above 500 nm at 30 degrees from the Sun, 0.9 and 0.6
     at 90 degrees; linear between, constant beyond.
@@ -188,7 +188,7 @@ def colour_factor(wavelength_nm: ArrayLike, elongation: float) -> FloatArray:
 
 
 def zodiacal_photlam_arcsec2(radiance_500nm_w_m2_sr_um: float, elongation: float) -> Spectrum:
-    """Spectrum of the zodiacal light, ph/s/cm2/A/arcsec2, 300-1750 nm.
+    """Return the spectrum of the zodiacal light, ph/s/cm2/A/arcsec2, 300-1750 nm.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def sky_rate_e_s_arcsec2(
     dec_deg: float | str | None = None,
     start_utc: str | None = None,
 ) -> SkyLevel:
-    """Detected rate of the sky in a band.
+    """Return the detected rate of the sky in a band.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def sky_rate_e_s_arcsec2(
 def sky_rates_e_s_arcsec2(
     instrument: Instrument, band: str, ra_deg: FloatArray, dec_deg: FloatArray, start_utc: str | None = None
 ) -> FloatArray:
-    """Detected rates of the sky at many places, as `sky_rate_e_s_arcsec2`.
+    """Return the detected rates of the sky at many places, as `sky_rate_e_s_arcsec2`.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def sky_place_unknown(instrument: Instrument, ra_deg: ArrayLike, dec_deg: ArrayL
 def _parts(
     instrument: Instrument, band: str, ra_deg: FloatArray, dec_deg: FloatArray, start_utc: str | None
 ) -> tuple[dict[str, FloatArray], BoolArray]:
-    """Rates by origin, ``(n,)`` each, and where the zodiacal light is a lower limit."""
+    """Return the rates by origin, ``(n,)`` each, and where the zodiacal light is a lower limit."""
     sky, passbands, area = instrument.sky, Passbands.from_instrument(instrument), instrument.telescope.area_cm2
     column, near_sun = passbands.index(band), np.zeros(len(ra_deg), bool)
     lights = extra_lights(instrument).items()
@@ -329,7 +329,7 @@ def _parts(
 
 
 def _zodiacal(passbands: Passbands, area_cm2: float, *from_sun_deg: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Rates of the zodiacal light, ``(..., band)``, and where they are lower limits; at longitude and latitude."""
+    """Return the rates of the zodiacal light, ``(..., band)``, and where they are lower limits, at given places."""
     radiance, avoided = zodiacal_radiance(*from_sun_deg)
     return _zodiacal_rates(passbands, area_cm2, radiance, elongation_deg(*from_sun_deg)), avoided
 
@@ -342,7 +342,7 @@ def _zodiacal_rates(passbands: Passbands, area_cm2: float, radiance: FloatArray,
 
 @functools.lru_cache(maxsize=16)
 def _rates_of_unit_radiance(passbands: Passbands, area_cm2: float) -> list[FloatArray]:
-    """Rates near the Sun and far from it, ``(band,)`` each.
+    """Return the rates near the Sun and far from it, ``(band,)`` each.
 
     The colour factor is linear in its slopes, and those in the angle from the Sun: two spectra serve every place.
     """
@@ -354,7 +354,7 @@ def _rates_of_unit_radiance(passbands: Passbands, area_cm2: float) -> list[Float
 def season_medians_e_s_arcsec2(
     passbands: Passbands, area_cm2: float, sun_limit_deg: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Median rates of the zodiacal light over a year, against ecliptic latitude.
+    """Return the median rates of the zodiacal light over a year, against ecliptic latitude.
 
     The Sun passes every longitude once a year, so that the median hangs on the latitude alone; its uneven speed, left
     out, would move it by 1.2 % at most.
@@ -382,14 +382,14 @@ def season_medians_e_s_arcsec2(
 
 @functools.cache
 def _year() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Latitudes, and the zodiacal light and elongation of each at every place of the Sun."""
+    """Return the latitudes, and the zodiacal light and elongation of each at every place of the Sun."""
     latitude = np.arange(91.0)
     places = np.broadcast_arrays(np.arange(180.0) + 0.5, latitude[:, None])
     return latitude, zodiacal_radiance(*places)[0], elongation_deg(*places)
 
 
 def _place(ra_deg: FloatArray, dec_deg: FloatArray, start_utc: str | None) -> tuple[FloatArray, FloatArray]:
-    """Ecliptic longitudes from the Sun and latitudes of targets at a date, degrees."""
+    """Return the ecliptic longitudes from the Sun and latitudes of targets at a date, degrees."""
     missing = {"ra_deg": np.isnan(ra_deg).any(), "dec_deg": np.isnan(dec_deg).any(), "start_utc": start_utc is None}
     for name, lacks in missing.items():
         if lacks:

@@ -1,7 +1,4 @@
-"""Units of maps in FITS files: one reading of ``BUNIT`` for calibration maps and for stray light.
-
-Light on the detector that no optics of this model made: earthshine and stray light as numbers or maps.
-"""
+"""Earthshine and stray light on the detector as numbers or maps, and the units of maps in FITS files."""
 
 import re
 import warnings
@@ -23,7 +20,7 @@ _CHARGE = re.compile(r"(?<![a-z])e(?:-(?!\d))?(?![a-z])")
 
 
 def unit_factor(key: str, path: str, header: Mapping[str, Any], unit: str, *, required: bool = True) -> float:
-    """Factor from the unit that a map's header states to the one wanted.
+    """Return the factor from the unit that a map's header states to the one wanted.
 
     Parameters
     ----------
@@ -71,7 +68,7 @@ def _per_pixel(unit: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text of a unit in the words of astropy, with one fraction line at most."""
+    """Return the text of a unit in the words of astropy, with one fraction line at most."""
     text = _PER_FRAME.sub("", text.strip().lower())
     text = _CHARGE.sub("electron", text)
     text = re.sub(r"[a-z]+", lambda word: _WORDS.get(word[0], word[0]), text)
@@ -85,7 +82,7 @@ _UNIT = "electron/s"
 
 
 def stray_light_map(instrument: Instrument, band: str, shape: tuple[int, int]) -> FloatArray | None:
-    """Electrons per second and pixel of earthshine and stray light that are given on the detector.
+    """Return the electrons per second and pixel of earthshine and stray light that are given on the detector.
 
     Parameters
     ----------
@@ -157,7 +154,7 @@ def _cut(whole: FloatArray, first_pixel: tuple[int, int], window: tuple[int, int
 
 
 def effect_files(instrument: Instrument, band: str) -> list[str]:
-    """Names of the files that cosmic rays, earthshine and stray light of a band read, for headers.
+    """Return the names of the files that cosmic rays, earthshine and stray light of a band read, for headers.
 
     Parameters
     ----------
@@ -171,7 +168,7 @@ def effect_files(instrument: Instrument, band: str) -> list[str]:
 
 
 def extra_lights(instrument: Instrument) -> dict[str, ExtraLight]:
-    """Light besides the sky, by the name of its section."""
+    """Return the light besides the sky, by the name of its section."""
     return {"earthshine": instrument.sky.earthshine, "stray_light": instrument.sky.stray_light}
 
 

@@ -1,6 +1,4 @@
-"""An image of whole electrons that tracks are added to.
-
-Tracks from templates: small images of events, from a file or generated, turned and placed at random.
+"""Tracks from templates: small images of events, from a file or generated, turned and placed at random.
 
 A file is a FITS image or npz file, never pickle:
 
@@ -126,7 +124,7 @@ class TemplateModel:
         return Tracks(extent, extent, sigma, self.set.radius_um[kind] / self.pixel_um, kind)
 
     def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
-        """Charge of every track.
+        """Return the charge of every track.
 
         Parameters
         ----------
@@ -137,11 +135,11 @@ class TemplateModel:
         return whole_electrons(paper_charges(tracks.kind.size, self.charge_law, rng))
 
     def point_counts(self, tracks: Tracks) -> IntArray:
-        """Samples of the template."""
+        """Return the samples of the template."""
         return np.diff(self.set.start)[tracks.kind]
 
     def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
-        """Samples of every template; nothing is random in them.
+        """Return the samples of every template; nothing is random in them.
 
         Parameters
         ----------
@@ -238,14 +236,14 @@ def _template_set(images: list[FloatArray], pixel_um: float) -> TemplateSet:
 
 
 def _generated(config: TemplateTracks, physical: PhysicalTracks) -> tuple[PhysicalModel, Tracks, np.random.Generator]:
-    """Model and shapes of the set, and the random numbers that go on with it."""
+    """Yield the model and shapes of the set, and the random numbers that go on with it."""
     model = PhysicalModel(physical, config.sample_um)
     rng = stream(config.generated_seed, "cosmic-ray templates")
     return model, model.tracks(config.generated_tracks, rng), rng
 
 
 def generated_projection_um(config: TemplateTracks, physical: PhysicalTracks) -> float:
-    """Mean length, projected on the detector, of the tracks that `generated_templates` draws.
+    """Return the mean length, projected on the detector, of the tracks that `generated_templates` draws.
 
     Parameters
     ----------

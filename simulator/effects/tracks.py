@@ -1,10 +1,8 @@
-"""Landau's law of energy loss, cut off so that it has a mean.
+"""The laws of tracks of cosmic rays: chord lengths, charge, width and texture.
 
 Landau's lambda is the stable law of index 1 and skewness 1; the form of Chambers, Mallows & Stuck (1976, JASA 71, 340)
 samples it exactly: with t uniform on (0, pi) and W exponential, ``lambda = -t cot t - ln(W sin t / t)``. Its tail
 falls as ``1 / lambda^2``, so that the mean is that of a cut.
-
-The laws of tracks: chord lengths, charge, width and texture of the two straight-line models.
 """
 
 import functools
@@ -39,7 +37,7 @@ def _landau(n: int, rng: np.random.Generator) -> FloatArray:
 
 @functools.lru_cache(maxsize=64)
 def cut_landau_mean(cut: float) -> float:
-    """Mean of Landau's lambda, given that it is at most ``cut`` (1 to 600).
+    """Return the mean of Landau's lambda, given that it is at most ``cut`` (1 to 600).
 
     Integrating the sampling form over W leaves smooth functions of t alone:
     ``cut - integral(E1(w)) / integral(exp(-w))`` over 0 to pi, with ``w = exp(-t cot t - cut) t / sin t``.
@@ -120,7 +118,7 @@ class TrackModel(Protocol):
         """
 
     def point_counts(self, tracks: Tracks) -> IntArray:
-        """Points that every track needs."""
+        """Return the points that every track needs."""
 
     def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
         """Draw the points of every track.
@@ -134,12 +132,12 @@ class TrackModel(Protocol):
 
 
 def whole_electrons(charge_e: FloatArray) -> IntArray:
-    """Nearest whole electrons, at least 1."""
+    """Return the nearest whole electrons, at least 1."""
     return np.maximum(np.rint(charge_e), 1.0).astype(np.int64)
 
 
 def _chords(n: int, depth_um: float, max_length_um: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Chords of an isotropic flux through a layer, and their projections on it.
+    """Return the chords of an isotropic flux through a layer, and their projections on it.
 
     The flux through a plane goes as the cosine mu of the angle of incidence, so mu^2 = (d / L)^2 is uniform; chords
     beyond the longest are left out, which makes it uniform from (d / longest)^2 to 1.
@@ -156,7 +154,7 @@ def _line_counts(tracks: Tracks, pixel_um: float) -> IntArray:
 
 
 def _line(tracks: Tracks, pixel_um: float) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """Starts, owners, fractions (-1/2 to 1/2) and offsets of points evenly along every track."""
+    """Return the starts, owners, fractions (-1/2 to 1/2) and offsets of points evenly along every track."""
     count = _line_counts(tracks, pixel_um)
     start = np.concatenate([[0], np.cumsum(count)])
     owner = np.repeat(np.arange(count.size), count)
@@ -182,13 +180,13 @@ class PhysicalModel:
         return (0.5 * longest + REACH_SIGMA * self.config.diffusion_um) / self.pixel_um
 
     def tracks(self, n: int, rng: np.random.Generator) -> Tracks:
-        """Chords with the diffusion of the layer."""
+        """Return the chords with the diffusion of the layer."""
         length, projected = _chords(n, self.config.depth_um, self.config.max_length_um, rng)
         sigma = np.full(n, self.config.diffusion_um / self.pixel_um)
         return Tracks(length, projected, sigma, 0.5 * projected / self.pixel_um, np.zeros(n, dtype=np.int64))
 
     def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
-        """Charge of every chord.
+        """Return the charge of every chord.
 
         Parameters
         ----------
@@ -204,11 +202,11 @@ class PhysicalModel:
         return config.mean_loss_e_um + config.loss_width_e_um * excess
 
     def point_counts(self, tracks: Tracks) -> IntArray:
-        """One point a sigma."""
+        """Return one point a sigma."""
         return _line_counts(tracks, self.pixel_um)
 
     def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
-        """Points along every track, each with its own energy loss.
+        """Return the points along every track, each with its own energy loss.
 
         Parameters
         ----------
@@ -237,7 +235,7 @@ class PaperModel:
         return (0.5 * longest + REACH_SIGMA * widest) / self.pixel_um
 
     def tracks(self, n: int, rng: np.random.Generator) -> Tracks:
-        """Chords, each with its own width: log-normal, cut off at three sigma."""
+        """Return the chords, each with its own width: log-normal, cut off at three sigma."""
         config = self.config
         length, projected = _chords(n, config.depth_um, config.max_length_um, rng)
         scatter = np.clip(rng.standard_normal(n), -_MAX_WIDTH_SIGMA, _MAX_WIDTH_SIGMA)
@@ -245,7 +243,7 @@ class PaperModel:
         return Tracks(length, projected, sigma, 0.5 * projected / self.pixel_um, np.zeros(n, dtype=np.int64))
 
     def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
-        """Charge of every streak, whatever its length.
+        """Return the charge of every streak, whatever its length.
 
         Parameters
         ----------
@@ -256,11 +254,11 @@ class PaperModel:
         return whole_electrons(paper_charges(tracks.length_um.size, self.config, rng))
 
     def point_counts(self, tracks: Tracks) -> IntArray:
-        """One point a sigma."""
+        """Return one point a sigma."""
         return _line_counts(tracks, self.pixel_um)
 
     def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
-        """Points along every streak, their weight varied by waves of random phase and never negative.
+        """Return the points along every streak, their weight varied by waves of random phase and never negative.
 
         Parameters
         ----------
@@ -281,7 +279,7 @@ class PaperModel:
 
 
 def paper_charges(n: int, config: PaperTracks, rng: np.random.Generator) -> FloatArray:
-    """Charges (e-) from an exponential that goes over into a power law, continuously, at ``tail_start`` e-foldings.
+    """Return charges (e-) from an exponential that becomes a power law, continuously, at ``tail_start`` e-foldings.
 
     The scale of the exponential follows from the mean in closed form.
     """

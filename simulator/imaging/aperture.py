@@ -18,7 +18,7 @@ CELLS_PER_PIXEL = 10
 
 
 def overlap_weights(radius_pixels: float, offset_y: float = 0.0, offset_x: float = 0.0) -> FloatArray:
-    """Fraction of each pixel inside a circle near the central pixel (total area good to 1e-4 above 1 px radius).
+    """Return each pixel's fraction inside a circle near the central pixel (area good to 1e-4 above 1 px radius).
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def overlap_weights(radius_pixels: float, offset_y: float = 0.0, offset_x: float
 
 
 def aperture_sums(image: FloatArray, weights: FloatArray) -> FloatArray:
-    """Sum of the image under the weights centred on every pixel; nothing beyond the edges.
+    """Return the sum of the image under the weights centred on every pixel; nothing beyond the edges.
 
     Parameters
     ----------
@@ -65,13 +65,13 @@ def aperture_sums(image: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def _triangle_cumulative(t: FloatArray) -> FloatArray:
-    """Integral of the unit triangle 1 - |t| from -1 to t."""
+    """Return the integral of the unit triangle 1 - |t| from -1 to t."""
     t = np.clip(t, -1.0, 1.0)
     return np.where(t < 0, 0.5 * (1 + t) ** 2, 1 - 0.5 * (1 - t) ** 2)
 
 
 def photon_weights(y_pixels: FloatArray, x_pixels: FloatArray, radius_pixels: float) -> FloatArray:
-    """Phase-averaged weight of a photon at (y, x) from the aperture centre: disc convolved with the triangle.
+    """Return the phase-averaged weight of a photon (y, x) from the aperture centre: disc convolved with triangle.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def photon_weights(y_pixels: FloatArray, x_pixels: FloatArray, radius_pixels: fl
 
 
 def cumulative_table(cells: FloatArray) -> FloatArray:
-    """Sums of all cells below and left of every cell corner; one larger than ``cells`` per axis."""
+    """Return the sums of all cells below and left of every cell corner; one larger than ``cells`` per axis."""
     table = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1))
     table[1:, 1:] = cells.cumsum(axis=0).cumsum(axis=1)
     return table
@@ -100,7 +100,7 @@ def cumulative_table(cells: FloatArray) -> FloatArray:
 def core_from_table(
     table: FloatArray, half_side_arcsec: float, bar_arcsec: float, x_arcsec: ArrayLike, y_arcsec: ArrayLike
 ) -> FloatArray:
-    """Energy in the aperture centred at (x, y) that the cross mask lets through.
+    """Return the energy in the aperture centred at (x, y) that the cross mask lets through.
 
     The mask opens four corners; the energy in each follows from the cumulative table of the aperture-weighted
     point-spread function by bilinear interpolation.
@@ -122,13 +122,13 @@ def core_from_table(
     right, top, cells = table[:, last], table[last], table.ravel()
 
     def at(offset: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Cell of an offset, and how far into it."""
+        """Return the cell of an offset, and how far into it."""
         place = np.clip((offset + half_side_arcsec) * scale, 0.0, last)
         cell = np.minimum(place.astype(np.int64), last - 1)
         return cell, place - cell
 
     def along(edge: FloatArray, place: tuple[IntArray, FloatArray]) -> FloatArray:
-        """Sums up to an edge of the table."""
+        """Return the sums up to an edge of the table."""
         i, p = place
         sums: FloatArray = edge[i] * (1 - p) + edge[i + 1] * p
         return sums
@@ -153,7 +153,7 @@ def core_from_table(
 
 
 def core_cells(pixel_arcsec: float, radius_arcsec: float) -> tuple[FloatArray, float]:
-    """Offsets of the cells in which the core is summed, pixels, and the side of a cell, arcsec.
+    """Return the offsets of the cells in which the core is summed, pixels, and the side of a cell, arcsec.
 
     Parameters
     ----------

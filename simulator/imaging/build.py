@@ -33,12 +33,12 @@ def refuse_table(instrument: Instrument) -> None:
 
 
 def configured_mirror(instrument: Instrument) -> DeformableMirror:
-    """The mirror of an instrument."""
+    """Return the mirror of an instrument."""
     return DeformableMirror(**dict(instrument.mirror))
 
 
 def aberrations_of(instrument: Instrument) -> Aberrations | None:
-    """Static aberrations of an instrument without its mirror, the star held on the mask; None if it has none."""
+    """Return an instrument's static aberrations without its mirror, the star held on the mask; None if it has none."""
     wavefront = instrument.wavefront
     if wavefront.perfect:
         return None
@@ -55,7 +55,7 @@ def aberrations_of(instrument: Instrument) -> Aberrations | None:
 def bare_imager(
     instrument: Instrument, band: str, fidelity: str | Knobs = "standard", *, spectrum: Spectrum | None = None
 ) -> Imager:
-    """Optical model without aberrations and mirror: apodizer, cross, pixels and jitter.
+    """Return the optical model without aberrations and mirror: apodizer, cross, pixels and jitter.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def bare_imager(
 def build_imager(
     instrument: Instrument, band: str, fidelity: str | Knobs = "standard", *, spectrum: Spectrum | None = None
 ) -> Imager:
-    """Optical model of one band of an instrument, aberrations and mirror included.
+    """Return the optical model of one band of an instrument, aberrations and mirror included.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def build_imager(
 
 
 def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
-    """Aberrations with the mirror as it stands in one band; None if both are flat.
+    """Return the aberrations with the mirror as it stands in one band; None if both are flat.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
 
 
 def dark_hole_of(instrument: Instrument, band: str) -> HoleResult:
-    """Dark hole of one band: shipped, cached or dug now; see `simulator.imaging.store.hole_state`.
+    """Return the dark hole of one band: shipped, cached or dug now; see `simulator.imaging.store.hole_state`.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def dark_hole_of(instrument: Instrument, band: str) -> HoleResult:
 
 
 def hole_state_of(instrument: Instrument, band: str, mean_contrast: float) -> HoleStatus:
-    """Whether the hole of the images is as dark as asked.
+    """Return whether the hole of the images is as dark as asked.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def hole_state_of(instrument: Instrument, band: str, mean_contrast: float) -> Ho
 
 
 def dig(instrument: Instrument, band: str) -> tuple[HoleResult, str]:
-    """Search for the hole of one band whatever is stored, and the key to store it under.
+    """Return the search for the hole of one band whatever is stored, and the key to store it under.
 
     Parameters
     ----------
@@ -207,14 +207,14 @@ def dig(instrument: Instrument, band: str) -> tuple[HoleResult, str]:
 
 
 def _bench(instrument: Instrument, band: str) -> tuple[Imager, Aberrations, DeformableMirror]:
-    """What the search for a hole works with: bare optics, aberrations on their grid, mirror."""
+    """Return what the search for a hole works with: bare optics, aberrations on their grid, mirror."""
     solver = bare_imager(instrument, band, Knobs(wavelength_nodes=5))
     aberrations = aberrations_of(instrument) or flat_aberrations(instrument.wavefront.samples)
     return solver, aberrations.upsampled(len(solver.transmission)), configured_mirror(instrument)
 
 
 def _extra_nodes(instrument: Instrument, band: str, knobs: Knobs) -> int:
-    """Wavelengths to add where a wide band moves the speckles at the rim of the hole by more than two lambda/D."""
+    """Return the wavelengths to add if a wide band moves the speckles at the hole's rim by over two lambda/D."""
     passbands = Passbands.from_instrument(instrument)
     low, high = passbands.bands[passbands.index(band)].support_nm
     rim = math.sqrt(2.0) * instrument.hole_outer_arcsec(band) / instrument.lambda_d_arcsec(band)
@@ -223,7 +223,7 @@ def _extra_nodes(instrument: Instrument, band: str, knobs: Knobs) -> int:
 
 
 def _surface(instrument: Instrument, band: str) -> FloatArray:
-    """The loaded surface of the mirror in one band, nm."""
+    """Return the loaded surface of the mirror in one band, nm."""
     path = instrument.dark_hole.surface_files.get(band)
     if path is None:
         raise InputError("dark_hole.surface_files", band, allowed="a surface for every band in use")
@@ -235,7 +235,7 @@ def _surface(instrument: Instrument, band: str) -> FloatArray:
 
 
 def _grid(steps: int, instrument: Instrument, band: str, knobs: Knobs) -> int:
-    """Samples across the pupil: a multiple of those of apodizer, static wavefront and loaded surface, as asked."""
+    """Return the samples across the pupil: a multiple of those of apodizer, static wavefront and loaded surface."""
     flat = instrument.wavefront.perfect and instrument.dark_hole.control == "off"
     common = steps if flat else math.lcm(steps, instrument.wavefront.samples)
     if instrument.dark_hole.control == "surface":

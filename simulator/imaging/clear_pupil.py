@@ -19,7 +19,7 @@ FIELD_ARCSEC = 17.2
 
 
 def airy(separation_lambda_d: ArrayLike, obstruction: float = 0.0, relative_width: float = 0.0) -> FloatArray:
-    """Brightness of the diffraction pattern of the pupil over a band.
+    """Return the brightness of the diffraction pattern of the pupil over a band.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def scattered_light(separation_lambda_d: ArrayLike, rms_nm: float, slope: float,
 
 @functools.lru_cache(maxsize=4)
 def _disc() -> tuple[FloatArray, FloatArray]:
-    """Points that fill a unit disc evenly, x and y."""
+    """Return the points that fill a unit disc evenly, x and y."""
     number = np.arange(_DISC_POINTS)
     radius, angle = np.sqrt((number + 0.5) / _DISC_POINTS), number * np.pi * (3.0 - np.sqrt(5.0))
     return radius * np.cos(angle), radius * np.sin(angle)
@@ -74,7 +74,7 @@ def _disc() -> tuple[FloatArray, FloatArray]:
 def disc_light(
     separation_lambda_d: FloatArray, radius_lambda_d: float, obstruction: float, relative_width: float
 ) -> FloatArray:
-    """Part of the collected light in discs of a radius whose middles are so far from the source, shape (n,).
+    """Return the part of the collected light in discs of a radius whose middles are so far from the source, shape (n,).
 
     Parameters
     ----------

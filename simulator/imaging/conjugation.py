@@ -41,7 +41,7 @@ HoleMethod = Literal["relinearised", "single_jacobian"]
 
 @dataclass(frozen=True)
 class ControlSettings:
-    """How the search runs.
+    """The settings of the search.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class ControlSettings:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What the search found.
+    """The result of the search.
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ class Conjugation:
         self._x = [imager.transform(x, wavelength) for wavelength in self.wavelengths_m]
 
     def pupil(self, commands_nm: FloatArray, index: int, aberrations: Aberrations | None = None) -> ComplexArray:
-        """Pupil field at one wavelength.
+        """Return the pupil field at one wavelength.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class Conjugation:
         return static.pupil(self.transmission, float(self.wavelengths_m[index]), opd_nm=opd_nm)
 
     def fields(self, commands_nm: FloatArray) -> ComplexArray:
-        """Field at the control points, shape (wavelengths, n_y, n_x).
+        """Return the field at the control points, shape (wavelengths, n_y, n_x).
 
         Scaled so that the sum of squares over wavelengths is the intensity relative to the flat-wavefront peak.
         """
@@ -199,14 +199,14 @@ class Conjugation:
         return np.stack(fields)
 
     def strehl(self, commands_nm: FloatArray) -> float:
-        """On-axis intensity relative to the flat wavefront, over the controlled wavelengths."""
+        """Return the on-axis intensity relative to the flat wavefront, over the controlled wavelengths."""
         total = 0.0
         for index, (factor, row) in enumerate(zip(self._factors, self._origin, strict=True)):
             total += float(abs(factor * (row @ self.pupil(commands_nm, index) @ row)) ** 2)
         return total
 
     def pointing_modes(self) -> FloatArray:
-        """Directions of the commands that tip and tilt the transmitted wavefront, orthonormal, shape (a * a, 2)."""
+        """Return the directions of commands that tip and tilt the transmitted wavefront, orthonormal, (a * a, 2)."""
         samples = len(self.transmission)
         position = (np.arange(samples) + 0.5) / samples - 0.5
         functions, modes = self._functions, []
@@ -216,7 +216,7 @@ class Conjugation:
         return basis
 
     def jacobian(self, commands_nm: FloatArray, index: int, aberrations: Aberrations | None = None) -> ComplexArray:
-        """Derivative of ``fields[index]`` by each command, per nm, shape (n_y * n_x, a * a).
+        """Return the derivative of ``fields[index]`` by each command, per nm, shape (n_y * n_x, a * a).
 
         Parameters
         ----------
@@ -261,7 +261,7 @@ class _NormalEquations:
         return parts
 
     def at(self, commands_nm: FloatArray, fields: ComplexArray) -> tuple[FloatArray, FloatArray]:
-        """Matrix and right-hand side at a state."""
+        """Return the matrix and right-hand side at a state."""
         matrix, side = np.zeros((self.alive.sum(),) * 2), np.zeros(self.alive.sum())
         for index in self._indices:
             if self.fixed is None:
@@ -295,7 +295,7 @@ def sensed(fields: ComplexArray, settings: ControlSettings, rng: np.random.Gener
 
 
 def _step(matrix: FloatArray, side: FloatArray, exponent: float) -> FloatArray:
-    """Tikhonov solution of the normal equations."""
+    """Return the Tikhonov solution of the normal equations."""
     from scipy.linalg import cho_factor, cho_solve
 
     damped = matrix.copy()
@@ -305,7 +305,7 @@ def _step(matrix: FloatArray, side: FloatArray, exponent: float) -> FloatArray:
 
 
 def conjugate(problem: Conjugation, settings: ControlSettings, start_nm: FloatArray | None = None) -> Search:
-    """Search for the darkest state.
+    """Return the search for the darkest state.
 
     Parameters
     ----------

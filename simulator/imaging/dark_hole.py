@@ -46,7 +46,7 @@ class HoleScore:
 
 @dataclass(frozen=True, eq=False)
 class HoleState:
-    """What is common to a hole that was reached and one that was not.
+    """The fields that a hole that was reached shares with one that was not.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ HoleResult: TypeAlias = DarkHole | UnreachedHole
 def default_settings(
     mode: HoleMode, method: HoleMethod = "relinearised", sensing_contrast: float = 0.0
 ) -> ControlSettings:
-    """Settings that reach the stated contrast in every visible band of the default instrument.
+    """Return the settings that reach the stated contrast in every visible band of the default instrument.
 
     The goals end a search where more depth would cost more Strehl ratio than it is worth: in ``4q`` at the floor of the
     apodizer (F520 converges above it), in ``2q`` at about half the asked contrast. The single Jacobian is damped as in
@@ -220,7 +220,7 @@ def score_hole(
     wavelengths_m: FloatArray | None = None,
     weights: FloatArray | None = None,
 ) -> HoleScore:
-    """Contrast of any state of the mirror over the zone, on a grid that the search does not use.
+    """Return the contrast of any state of the mirror over the zone, on a grid that the search does not use.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def score_hole(
 
 
 def _circle_energy(imager: Imager, pupil: NDArray[np.complex128], wavelength_m: float) -> float:
-    """Energy within the aperture radius of the axis: chords at Chebyshev nodes, whose weight is their length."""
+    """Return the energy within the aperture radius of the axis: chords at Chebyshev nodes, weighted by length."""
     angle = np.pi * np.arange(1, CHORDS + 1) / (CHORDS + 1)
     nodes, weights = np.polynomial.legendre.leggauss(CHORDS)
     radius = imager.aperture_radius_arcsec

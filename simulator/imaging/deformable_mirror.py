@@ -80,7 +80,7 @@ class DeformableMirror:
         return answer
 
     def influence(self, samples: int) -> FloatArray:
-        """Influence functions of one axis at the sample centres, shape (samples, a)."""
+        """Return the influence functions of one axis at the sample centres, shape (samples, a)."""
         pitch = self.span_diameters / self.n_actuators
         position = (np.arange(samples) + 0.5) / samples - 0.5
         actuator = (np.arange(self.n_actuators) + 0.5) * pitch - self.span_diameters / 2
@@ -88,7 +88,7 @@ class DeformableMirror:
         return np.asarray(self.coupling ** (distance**2), dtype=np.float64)
 
     def surface_nm(self, commands_nm: FloatArray, samples: int) -> FloatArray:
-        """Surface of commands ``[y, x]`` on a pupil grid, shape (samples, samples).
+        """Return the surface of commands ``[y, x]`` on a pupil grid, shape (samples, samples).
 
         Parameters
         ----------
@@ -101,7 +101,7 @@ class DeformableMirror:
         return np.asarray(functions @ self._checked(commands_nm) @ functions.T)
 
     def opd_nm(self, commands_nm: FloatArray, samples: int) -> FloatArray:
-        """Optical path difference on reflection: twice the surface.
+        """Return the optical path difference on reflection: twice the surface.
 
         Parameters
         ----------
@@ -113,11 +113,11 @@ class DeformableMirror:
         return 2.0 * self.surface_nm(commands_nm, samples)
 
     def within_stroke(self, commands_nm: FloatArray) -> bool:
-        """Whether every command is within reach."""
+        """Return whether every command is within reach."""
         return bool(np.abs(self._checked(commands_nm)).max() <= self.stroke_nm / 2)
 
     def realise(self, commands_nm: FloatArray, rng: np.random.Generator | None = None) -> FloatArray:
-        """What the mirror does when asked: clipped to the stroke, rounded to steps, noisy, dead actuators at zero.
+        """Return what the mirror does when asked: clipped to the stroke, rounded, noisy, dead actuators at zero.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class DeformableMirror:
 
 @numeric_context()
 def load_dm_surface(path: str | Path, samples: int | None = None, *, unit: str | None = None) -> FloatArray:
-    """Surface of a mirror from a file.
+    """Return the surface of a mirror from a file.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def load_dm_surface(path: str | Path, samples: int | None = None, *, unit: str |
 
 
 def _factor(name: str, found: str | None, asked: str | None) -> float:
-    """Nanometres in the unit that the file or the caller names."""
+    """Return the nanometres in the unit that the file or the caller names."""
     for unit in (found, asked):
         if unit is not None and _nm_per(unit) is None:
             raise InputError("dm_surface unit", unit, allowed=", ".join(UNITS_NM), hint=name)
@@ -213,5 +213,5 @@ def _factor(name: str, found: str | None, asked: str | None) -> float:
 
 
 def _nm_per(unit: str) -> float | None:
-    """Nanometres per unit of length, None for another unit. Only long names are free of capitals: Mm is not mm."""
+    """Return the nanometres per unit of length, None for another unit. Capitals matter in short names (Mm, mm)."""
     return UNITS_NM.get(unit, _LONG_NAMES.get(unit.lower()))

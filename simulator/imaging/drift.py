@@ -39,7 +39,7 @@ FLAT_BELOW_CYCLES = 1.0
 
 @functools.lru_cache(maxsize=8)
 def low_order_map(samples: int) -> FloatArray:
-    """Defocus, two astigmatisms, two comas and spherical aberration in equal parts, of unit rms over the disc together.
+    """Return defocus, two astigmatisms, two comas and spherical aberration in equal parts, of unit rms in all.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class ScreenModel:
     planes: FloatArray
 
     def draw(self, rng: np.random.Generator, rms_nm: float) -> FloatArray:
-        """One screen: optical path difference in nm, shape (n, n), expected rms ``rms_nm`` over the disc.
+        """Return one screen: optical path difference in nm, shape (n, n), expected rms ``rms_nm`` over the disc.
 
         Parameters
         ----------
@@ -108,7 +108,7 @@ class ScreenModel:
         return screen
 
     def variance(self, readings: FloatArray) -> FloatArray:
-        """Variance of linear readings of a screen of 1 nm, exact, shape (...).
+        """Return the variance of linear readings of a screen of 1 nm, exact, shape (...).
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class ScreenModel:
         return np.asarray((self.coefficients(readings) ** 2).sum(axis=(-2, -1)))
 
     def coefficients(self, readings: FloatArray) -> FloatArray:
-        """What linear readings see of each wave of a screen of 1 nm, shape (..., 128, 128).
+        """Return what linear readings see of each wave of a screen of 1 nm, shape (..., 128, 128).
 
         A reading of a random screen is the sum of these times independent standard normal numbers.
 
@@ -133,7 +133,7 @@ class ScreenModel:
         return np.asarray(rms * (waves @ readings @ waves.T))
 
     def screens(self, coefficients: FloatArray) -> FloatArray:
-        """Screens of 1 nm in which each wave has been drawn so, in nm, shape (..., n, n).
+        """Return the screens of 1 nm in which each wave has been drawn so, in nm, shape (..., n, n).
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class ScreenModel:
         return np.asarray(screens - np.einsum("...k,kyx->...yx", content, self.planes))
 
     def _real_waves(self) -> tuple[FloatArray, FloatArray]:
-        """Cosines, then sines at the samples of an axis, shape (128, n), and the rms of each product of two of them."""
+        """Return cosines, then sines at the samples of an axis, (128, n), and the rms of products of two of them."""
         lower = self.planes.shape[-1] - self.cosine.shape[1]
         waves = np.concatenate(
             [
@@ -160,7 +160,7 @@ class ScreenModel:
         return waves, np.tile(np.sqrt(several) * self.amplitude[:, LAST_INDEX:], (2, 2))
 
     def _series(self, real: FloatArray, imaginary: FloatArray) -> FloatArray:
-        """Real part of the Fourier series with the given coefficients, shape (n, n)."""
+        """Return the real part of the Fourier series with the given coefficients, shape (n, n)."""
         # Along x: sums of opposite frequencies bring cosines, differences of them sines and a factor of i.
         sums, steps = _opposite(np.stack([real, imaginary]))
         even, odd = sums @ self.cosine, steps @ self.sine
@@ -179,7 +179,7 @@ class ScreenModel:
 
 
 def _opposite(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Sum and difference of the coefficients of f_x and -f_x, shapes (2, 64, 64); those of zero once."""
+    """Return the sum and difference of the coefficients of f_x and -f_x, shapes (2, 64, 64); those of zero once."""
     upper, lower = values[..., LAST_INDEX:], values[..., LAST_INDEX::-1]
     sums, steps = upper + lower, upper - lower
     sums[..., 0] = upper[..., 0]
@@ -188,7 +188,7 @@ def _opposite(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @functools.lru_cache(maxsize=8)
 def screen_model(samples: int, psd_slope: float) -> ScreenModel:
-    """Screens with power spectrum ``f^-psd_slope`` on ``samples`` x ``samples`` pupil samples.
+    """Return the screens with power spectrum ``f^-psd_slope`` on ``samples`` x ``samples`` pupil samples.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def screen_model(samples: int, psd_slope: float) -> ScreenModel:
 
 @dataclass(frozen=True, eq=False)
 class SharedTerms:
-    """What the wavefront of a visit shares with the other visits of its programme; nothing by default.
+    """The wavefront that a visit shares with the other visits of its programme; nothing by default.
 
     Attributes
     ----------
@@ -249,7 +249,7 @@ class SharedTerms:
     visit: int = 0
 
     def frozen(self, screens: ScreenModel, drift: Drift, own: FloatArray) -> FloatArray:
-        """What does not change within the visit, nm; ``own`` is the screen drawn for this visit alone."""
+        """Return what does not change within the visit, nm; ``own`` is the screen drawn for this visit alone."""
         opd_nm = own
         if self.earlier:
             # A stationary chain: each offset remembers the one before, and all have the same rms.
@@ -266,7 +266,7 @@ class SharedTerms:
     def swing(
         self, screens: ScreenModel, drift: Drift, n_frames: int, cadence_s: float
     ) -> tuple[FloatArray, FloatArray] | None:
-        """Map that swings with the orbit, and how many nm of it each frame has in the mean; None without one.
+        """Return the map that swings with the orbit, and its mean nm in each frame; None without one.
 
         Parameters
         ----------
@@ -301,7 +301,7 @@ def iter_visit_frames(
     star_arcsec: tuple[float, float] = (0.0, 0.0),
     shared: SharedTerms = ALONE,
 ) -> Iterator[FloatArray]:
-    """Masked on-axis stamps of the frames of one visit, one at a time.
+    """Yield the masked on-axis stamps of the frames of one visit, one at a time.
 
     Parameters
     ----------
@@ -371,7 +371,7 @@ def visit_frames(
     star_arcsec: tuple[float, float] = (0.0, 0.0),
     shared: SharedTerms = ALONE,
 ) -> FloatArray:
-    """`iter_visit_frames` stacked, shape (n_frames, stamp, stamp).
+    """Return the frames of `iter_visit_frames` stacked, shape (n_frames, stamp, stamp).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How much the light of random wavefront errors in an aperture differs from visit to visit, exact.
+"""Variance from visit to visit of the light that random wavefront errors put into an aperture; it is exact.
 
 The field ``dE`` of an error is linear in its screen, so that the light ``|dE|^2`` in an aperture is a quadratic form of
 the waves' amplitudes, which are independent normal numbers a: ``Q = |R a|^2``, where each row of R is what one mode of
@@ -52,7 +52,7 @@ class ErrorLight:
         self.pupils = [float(scale) * imager.pupil(index) for index, scale in enumerate(per_nm)]
 
     def readings(self, row: int, column: int, weights: FloatArray) -> FloatArray:
-        """Maps of the pupil whose readings of a screen, squared and added, are the weighted light; shape (m, n, n).
+        """Return the pupil's maps whose readings of a screen, squared and added, are the weighted light; (m, n, n).
 
         Parameters
         ----------
@@ -79,7 +79,7 @@ class ErrorLight:
         return np.concatenate([maps.real, maps.imag])
 
     def light(self, screens: FloatArray, weights: FloatArray) -> FloatArray:
-        """Weighted light of screens, shape (k,).
+        """Return the weighted light of screens, shape (k,).
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class ErrorLight:
         return total
 
     def product(self, coefficients: FloatArray, weights: FloatArray) -> FloatArray:
-        """Product of the form of the weighted light with the waves of some screens, of the same shape.
+        """Return the product of the form of the weighted light with the waves of some screens, of the same shape.
 
         Parameters
         ----------
@@ -116,19 +116,19 @@ class ErrorLight:
 
 
 def _basis(waves: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """Factors of the waves at some nodes, (k, b) and (b, n): few that are orthonormal over the pupil."""
+    """Return the factors of the waves at some nodes, (k, b) and (b, n): few that are orthonormal over the pupil."""
     left, size, right = np.linalg.svd(waves, full_matrices=False)
     several = size > np.sqrt(FAINT) * 1e-2 * size[0]
     return left[:, several] * size[several], right[several]
 
 
 def _pairs(values: ComplexArray) -> ComplexArray:
-    """Products of the conjugate of each column with each, shape (k, b^2)."""
+    """Return the products of the conjugate of each column with each, shape (k, b^2)."""
     return (values.conj()[:, :, None] * values[:, None, :]).reshape(len(values), -1)
 
 
 def light_variance(fine: ErrorLight, coarse: ErrorLight, mean: FloatArray, apertures: Sequence[Aperture]) -> FloatArray:
-    """Variance of the light of screens of 1 nm, summed in apertures less the sum by ``mean``, one for each.
+    """Return the variance of the light of screens of 1 nm, summed in apertures less the sum by ``mean``, one for each.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def light_variance(fine: ErrorLight, coarse: ErrorLight, mean: FloatArray, apert
 
 
 def _mean_variance(light: ErrorLight, mean: FloatArray) -> float:
-    """Variance of the sum by ``mean``: exact in what random screens find, and estimated in the little that is left."""
+    """Return the variance of the sum by ``mean``: exact in what random screens find, estimated in what is left."""
     rng = stream(_SEED, "hole_mean")
     shape = tuple(light.screens.coefficients(light.grid.imager.transmission).shape)
 

@@ -105,7 +105,7 @@ def render_extended(
 
 
 def _axis(middle: float, extent: float, step: float, reach: float | None) -> FloatArray:
-    """Whole multiples of the step that enclose the source, none beyond the reach; at least two."""
+    """Return the whole multiples of the step that enclose the source, none beyond the reach; at least two."""
     low, high = math.floor((middle - extent) / step) - 1, math.ceil((middle + extent) / step) + 1
     if reach is not None:
         last = max(1, math.floor(reach / step * (1 + 1e-12)))
@@ -133,7 +133,7 @@ def _deal(flux: FloatArray, column: FloatArray, row: FloatArray, light: FloatArr
 
 
 def _sky(separation: float, pa_deg: float) -> tuple[float, float]:
-    """Offset toward east and toward north."""
+    """Return the offset toward east and toward north."""
     angle = math.radians(pa_deg)
     return separation * math.sin(angle), separation * math.cos(angle)
 
@@ -145,7 +145,7 @@ def _outer(source: DiscSource | RingSource) -> float:
 
 
 def _rings(source: DiscSource | RingSource, step: float) -> tuple[FloatArray, FloatArray]:
-    """Radii of thin rings, where their light is on average, and their light, which sums to 1."""
+    """Return the radii of thin rings, where their light is on average, and their light, which sums to 1."""
     outer = _outer(source)
     if isinstance(source, DiscSource):
         inner, width = source.inner_arcsec, step / PARCELS_PER_STEP
@@ -166,7 +166,7 @@ def _rings(source: DiscSource | RingSource, step: float) -> tuple[FloatArray, Fl
 
 
 def _power_integral(edges: FloatArray, power: float) -> FloatArray:
-    """Integral of ``r^power`` between neighbouring edges; the first edge may be 0 if the power is above -1."""
+    """Return the integral of ``r^power`` between neighbouring edges; the first edge may be 0 if the power is > -1."""
     above = power + 1.0
     low, high = edges[:-1], edges[1:]
     with np.errstate(divide="ignore"):
@@ -178,7 +178,7 @@ def _power_integral(edges: FloatArray, power: float) -> FloatArray:
 
 
 def _disc_parcels(source: DiscSource | RingSource, step: float, limit: float) -> Iterator[_Parcels]:
-    """Cells of rings, projected on the sky; rings that lie wholly beyond the limit are passed over."""
+    """Yield the cells of rings, projected on the sky; rings that lie wholly beyond the limit are passed over."""
     radii, light = _rings(source, step)
     tilt = math.cos(math.radians(source.inclination_deg)) if source.inclination_deg < 90 else 0.0
     major = _sky(1.0, source.pa_deg)
@@ -254,7 +254,7 @@ def _read(source: ImageSource) -> _Picture:
 
 
 def _image_parcels(picture: _Picture, pa_deg: float, step: float, limit: float) -> Iterator[_Parcels]:
-    """Equal parts of the pixels, small beside the step, on the sky; what is dark or beyond the limit is left out."""
+    """Yield equal parts of the pixels, small beside the step, on the sky, without what is dark or too far."""
     image, pixel, (middle_x, middle_y) = picture
     parts = max(1, math.ceil(pixel * PARCELS_PER_STEP / step - 1e-9))
     fine = (np.arange(parts) + 0.5) / parts - 0.5

@@ -25,7 +25,7 @@ SCALE_TOLERANCE = 1e-3
 
 
 class Stamps(Protocol):
-    """What can be written: the public attributes of any point-spread function."""
+    """The protocol of what can be written: the public attributes of any point-spread function."""
 
     @property
     def band(self) -> str:
@@ -130,7 +130,7 @@ class ExternalPsf:
         return open_pixels(len(self.off_axis), self.pixel_scale_arcsec, self.mask_half_width_arcsec)
 
     def passed(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Light of a source at (x, y) over that of `off_axis`: what the table of its coronagraph says, else all of it.
+        """Return the light of a source at (x, y) over that of `off_axis`, as its coronagraph's table says; else 1.
 
         The kernel is that of a source where the core throughput has its most.
         """
@@ -141,7 +141,7 @@ class ExternalPsf:
         return table.at_place("core_throughput", x_arcsec, y_arcsec) / float(most)
 
     def at(self, x_arcsec: float, y_arcsec: float) -> FloatArray:
-        """Image of a unit source at any sub-pixel position, behind the mask, on the star-centred stamp.
+        """Return the image of a unit source at any sub-pixel position, behind the mask, on the star-centred stamp.
 
         Whole pixels are moved as they are, the rest is a Fourier shift of the kernel, exact but for its cut edge. Light
         beyond the kernel's own stamp is not known and 0: a source outside the stamp leaves only what reaches in.
@@ -170,7 +170,7 @@ class ExternalPsf:
 
 
 def psf_of_table(instrument: Instrument, band: str) -> ExternalPsf | None:
-    """Point-spread functions that an instrument names beside the table of its coronagraph; None without.
+    """Return the point-spread functions that an instrument names beside its coronagraph's table; None without.
 
     Parameters
     ----------
@@ -327,7 +327,7 @@ def _band(path: str | Path, stated: str | None, asked: str | None, instrument: I
 
 
 def _pixel(path: str | Path, stated: float | None, instrument: Instrument, band: str) -> float:
-    """Pixel of the detector, that of the file having been compared with it."""
+    """Return the pixel of the detector, that of the file having been compared with it."""
     detector = instrument.pixel_scale_arcsec(band) if band else instrument.detector.pixel_scale_arcsec
     if stated is None:
         allowed = f"{detector:g}, the detector's"
@@ -371,7 +371,7 @@ def _check_centre(path: str | Path, image: FloatArray) -> None:
 
 
 def _scale(path: str | Path, total: float, energy: float | None, flags: list[str]) -> float:
-    """Factor on the images, 1 if they keep their own normalisation."""
+    """Return the factor on the images, 1 if they keep their own normalisation."""
     if energy is not None:
         if not (math.isfinite(energy) and 0 < energy <= 1):
             raise InputError("energy", energy, allowed="above 0, at most 1: the sum of off_axis")

@@ -57,7 +57,7 @@ class Window:
         return self.rows.size, self.columns.size
 
     def stamp(self, side: int) -> tuple[slice, slice, tuple[slice, slice]]:
-        """Where a stamp centred on the mask lies in the window, and the part of it that does."""
+        """Return where a stamp centred on the mask lies in the window, and the part of it that does."""
         spans, parts = [], []
         for middle, length in zip(self.centre, self.shape, strict=True):
             low, high = max(middle - side // 2, 0), min(middle + side // 2 + 1, length)
@@ -67,7 +67,7 @@ class Window:
 
 
 def window_of(psf: AnyPsf, instrument: Instrument, *, full: bool) -> Window:
-    """The whole detector, or the stamp of the PSF.
+    """Return the whole detector, or the stamp of the PSF.
 
     Parameters
     ----------
@@ -100,12 +100,12 @@ def sky_transmission(psf: AnyPsf, window: Window) -> FloatArray:
 
 
 def apodizer_energy(psf: AnyPsf) -> float:
-    """Energy behind the apodizer, relative to the clear disc."""
+    """Return the energy behind the apodizer, relative to the clear disc."""
     return psf.apodizer_energy if isinstance(psf, ExternalPsf) else psf.imager.apodizer_energy
 
 
 def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
-    """Masked star over the window with the stamp around the mask left out (the drifting frames fill it).
+    """Return the masked star over the window with the stamp around the mask left out (the drifting frames fill it).
 
     Kept in the disk cache: it takes a second and changes with the instrument only. The wings of a PSF from a file end
     with its stamp.
@@ -140,7 +140,7 @@ def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] 
 def star_column_light(
     psf: AnyPsf, window: Window, rows: NDArray[np.bool_], star_arcsec: tuple[float, float] = (0.0, 0.0)
 ) -> FloatArray:
-    """Light of the masked unit star in some rows of a window, summed over each column; none for a PSF from a file.
+    """Return the masked unit star's light in rows of a window, summed over columns; none for a PSF from a file.
 
     The light of `full_star_map`, kept in the disk cache as well.
 
@@ -190,7 +190,7 @@ def off_axis_light(
     star_arcsec: tuple[float, float] = (0.0, 0.0),
     model: SceneModel = "exact",
 ) -> FloatArray:
-    """Electrons per second and pixel of everything but the central star and the sky.
+    """Return the electrons per second and pixel of everything but the central star and the sky.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ class _Stars:
 
 @functools.lru_cache(maxsize=N_KEPT)
 def _starlight(stars: _Stars) -> FloatArray:
-    """Electrons per second and pixel of stars other than the central one; kept, as two visits see the same ones."""
+    """Return electrons per second and pixel of all stars but the central one; kept, as two visits see the same."""
     total = np.zeros(stars.window.shape)
     for count in np.unique(stars.nodes).tolist():
         part = stars.nodes == count
@@ -283,7 +283,7 @@ def _image(psf: AnyPsf, window: Window, nodes: int, points: PointSources, grids:
 
 
 def _wavelengths(psf: AnyPsf, source: Source, star_arcsec: tuple[float, float]) -> int:
-    """Wavelengths that the wings of a star need at the centre of the mask; 0 for those of the PSF.
+    """Return the wavelengths that the wings of a star need at the centre of the mask; 0 for those of the PSF.
 
     Over a band the wings of a source stretch by the bandwidth: at 8 arcsec by ten lambda/D, which four wavelengths
     turn into a pattern of their own. Only stars are bright enough there for it to matter.
@@ -305,7 +305,7 @@ def _transfer(psf: AnyPsf, wavelength_nodes: int = 0) -> Transfer:
 
 
 def _coarsest(psf: Psf, wavelength_nodes: int = 0) -> Imager:
-    """The optics on the coarsest grid that holds the steps of the pupil: the field is exact there."""
+    """Return the optics on the coarsest grid that holds the steps of the pupil: the field is exact there."""
     least = psf.knobs.model_copy(update={"pupil_samples": Knobs().pupil_samples})
     if not wavelength_nodes and least == psf.knobs:
         return psf.imager

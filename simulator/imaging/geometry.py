@@ -1,4 +1,4 @@
-"""Where the dark zone, the mask and the apertures of a band lie on a star-centred stamp: known without any optics."""
+"""The dark zone, the mask and the apertures of a band on a star-centred stamp, which need no optics."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +12,7 @@ from simulator.imaging.zones import Zone, zone_from
 
 
 def zone_of(instrument: Instrument, band: str) -> Zone:
-    """The controlled zone of a band.
+    """Return the controlled zone of a band.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class BandGeometry:
     def of(
         cls, instrument: Instrument, band: str, stamp_pixels: int, mask_half_width_arcsec: float | None = None
     ) -> "BandGeometry":
-        """Geometry of a band of an instrument, perhaps with another mask.
+        """Return the geometry of a band of an instrument, perhaps with another mask.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class BandGeometry:
         )
 
     def figures(self) -> dict[str, Any]:
-        """Lengths and hole as fields of `simulator.imaging.metrics.StampMetrics`."""
+        """Return the lengths and hole as fields of `simulator.imaging.metrics.StampMetrics`."""
         lengths = {name: value for name, value in vars(self).items() if name.endswith("_arcsec")}
         edges = ("inner_arcsec", "outer_arcsec", "mode", "side")
         return lengths | {f"hole_{name}": getattr(self.zone, name) for name in edges}
@@ -97,7 +97,7 @@ class BandGeometry:
         return float(np.pi) * (self.aperture_radius_arcsec / self.pixel_scale_arcsec) ** 2
 
     def annulus(self, separation_arcsec: float, half_width_lambda_d: float) -> NDArray[np.bool_]:
-        """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one.
+        """Return the pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one.
 
         Parameters
         ----------
@@ -123,11 +123,11 @@ class BandGeometry:
         return np.asarray(last - first)
 
     def _separations(self) -> FloatArray:
-        """Distance of every pixel from the star, arcsec."""
+        """Return the distance of every pixel from the star, arcsec."""
         offset = centred_offsets(self.stamp_pixels) * self.pixel_scale_arcsec
         return np.hypot(offset[:, None], offset)
 
     def resolution_elements(self, separation_arcsec: ArrayLike) -> FloatArray:
-        """Non-overlapping lambda/D-wide apertures on the arcs inside the zone, a real number (>= 0)."""
+        """Return the non-overlapping lambda/D-wide apertures on the arcs inside the zone, a real number (>= 0)."""
         r = np.asarray(separation_arcsec, dtype=np.float64)
         return 2.0 * np.pi * r * self.zone.azimuth_fraction(r) / self.lambda_d_arcsec

@@ -1,4 +1,4 @@
-"""From pupil field to detector pixels: one optical model, propagated by HCIPy or by its bare matrix products.
+"""The optical model from pupil field to detector pixels, propagated by HCIPy or by its bare matrix products.
 
 The pupil holds ``n x n`` samples of constant field each (the steps of the apodizer, phase screens piecewise
 constant). Its Fraunhofer field is the sampled transform times ``sinc(u/n) sinc(v/n)``, u in lambda/D: with that
@@ -39,7 +39,7 @@ N_KEPT_GRIDS = 24
 
 
 def centred_axis(n_pixels: int, pixel_arcsec: float, centre: float | None = None) -> FloatArray:
-    """Pixel centres in arcsec from the star, which sits on pixel ``centre`` (``n_pixels // 2`` if None).
+    """Return the pixel centres in arcsec from the star, which sits on pixel ``centre`` (``n_pixels // 2`` if None).
 
     Parameters
     ----------
@@ -156,12 +156,12 @@ class Imager:
         return math.pi / 4.0 * self.diameter_m**2
 
     def stamp_axis(self, *, masked: bool, n_pixels: int | None = None) -> PixelAxis:
-        """Nodes of one axis of the star-centred stamp."""
+        """Return the nodes of one axis of the star-centred stamp."""
         centres = centred_axis(n_pixels or self.knobs.stamp_pixels, self.pixel_scale_arcsec)
         return self.axis(centres, masked=masked)
 
     def axis(self, centres_arcsec: FloatArray, *, masked: bool, pixel_nodes: int | None = None) -> PixelAxis:
-        """Nodes of an axis with the given pixel centres."""
+        """Return the nodes of an axis with the given pixel centres."""
         half_width = self.mask_half_width_arcsec if masked else 0.0
         nodes = pixel_nodes or self.knobs.pixel_nodes + self._jitter_nodes
         return pixel_axis(centres_arcsec, self.pixel_scale_arcsec, nodes, half_width, self.jitter_arcsec)
@@ -173,7 +173,7 @@ class Imager:
         return max(0, math.ceil(3.2 * (phase - 0.6)))
 
     def pupil(self, index: int, opd_nm: FloatArray | None = None) -> NDArray[Any]:
-        """Field behind the pupil at one wavelength, a screen added to the static wavefront; real if all is flat.
+        """Return the field behind the pupil at one wavelength, a screen added to the static wavefront; real if flat.
 
         Parameters
         ----------
@@ -191,7 +191,7 @@ class Imager:
         return phased
 
     def quadrants(self, index: int) -> tuple[FloatArray, FloatArray]:
-        """Real and imaginary part of the static `pupil` by quadrants, shape (2, 2, h, h)."""
+        """Return the real and imaginary part of the static `pupil` by quadrants, shape (2, 2, h, h)."""
         if self.wavelengths_m.size * self.transmission.size > KEPT_SAMPLES:
             return _split(self.pupil(index))
         return self._kept_quadrants[index]
@@ -201,7 +201,7 @@ class Imager:
         return [_split(self.pupil(index)) for index in range(self.wavelengths_m.size)]
 
     def waves(self, angles_arcsec: FloatArray, wavelength_m: float) -> parity.HalfWaves:
-        """`transform` of one axis by parity: real matrices, with the same envelope and area element."""
+        """Return the `transform` of one axis by parity: real matrices, with the same envelope and area element."""
         step = self.diameter_m / len(self.transmission)
         scale = step / math.sqrt(wavelength_m) / self._clear_area**0.25
         dtype = np.empty(0, self.knobs.field_dtype).real.dtype
@@ -209,7 +209,7 @@ class Imager:
         return parity.half_waves(cycles, len(self.transmission), scale, dtype)
 
     def transform(self, angles_arcsec: FloatArray, wavelength_m: float) -> ComplexArray:
-        """Matrix of one axis: pupil samples to focal-plane field, sinc envelope and area element included."""
+        """Return the matrix of one axis: pupil samples to focal-plane field, with sinc envelope and area element."""
         n = len(self.transmission)
         step = self.diameter_m / n
         position = (np.arange(n) - n / 2 + 0.5) * step
@@ -228,7 +228,7 @@ class Imager:
         opd_nm: FloatArray | None = None,
         engine: Engine = "matrix",
     ) -> ComplexArray:
-        """Focal-plane field of an on-axis unit source at one wavelength, per square root of steradian.
+        """Return the focal-plane field of an on-axis unit source at one wavelength, per square root of steradian.
 
         Parameters
         ----------
@@ -268,7 +268,7 @@ class Imager:
     def intensity(
         self, y_arcsec: FloatArray, x_arcsec: FloatArray, *, opd_nm: FloatArray | None = None, engine: Engine = "matrix"
     ) -> FloatArray:
-        """Band-averaged intensity, as energy per detector pixel area, without jitter."""
+        """Return the band-averaged intensity, as energy per detector pixel area, without jitter."""
         if engine == "matrix":
             return self._grid(y_arcsec, x_arcsec).intensity(opd_nm)
         total = np.zeros((len(y_arcsec), len(x_arcsec)))
@@ -287,7 +287,7 @@ class Imager:
         opd_nm: FloatArray | None = None,
         engine: Engine = "matrix",
     ) -> FloatArray:
-        """Pixel-integrated image of a unit source at ``source_arcsec = (x, y)``.
+        """Return the pixel-integrated image of a unit source at ``source_arcsec = (x, y)``.
 
         A source off the axis shifts the field and leaves the mask where it is (there is no Lyot stop, so the
         masked image is the unmasked one times the mask).
@@ -297,7 +297,7 @@ class Imager:
         return integrate_pixels(light, y, x)
 
     def focal_grid(self, y: PixelAxis, x: PixelAxis, *, source_arcsec: tuple[float, float] = (0.0, 0.0)) -> "FocalGrid":
-        """Transforms to a grid of pixels, kept for a stack of wavefronts."""
+        """Return the transforms to a grid of pixels, kept for a stack of wavefronts."""
         nodes = self._grid(y.nodes_arcsec - source_arcsec[1], x.nodes_arcsec - source_arcsec[0])
         return FocalGrid(self, nodes.rows, nodes.columns, y, x)
 
@@ -317,7 +317,7 @@ class Optics:
 
     @classmethod
     def of(cls, imager: Imager) -> "Optics":
-        """The key of a model."""
+        """Return the key of a model."""
         return cls(imager.content_key, imager)
 
 
@@ -342,18 +342,18 @@ class FocalGrid:
     x: PixelAxis | None = None
 
     def transformed(self, index: int, pupil: NDArray[Any]) -> ComplexArray:
-        """Any pupil map in the focal plane, shape (k_y, k_x)."""
+        """Return any pupil map in the focal plane, shape (k_y, k_x)."""
         rows = self.rows[index]
         parts = parity.parts_of(*_split(pupil), rows.cosine.dtype)
         field: ComplexArray = parity.field_of(parts, rows, self.columns[index])
         return field
 
     def field(self, index: int, opd_nm: FloatArray | None = None) -> ComplexArray:
-        """Field of an on-axis unit source at one wavelength."""
+        """Return the field of an on-axis unit source at one wavelength."""
         return self.transformed(index, self.imager.pupil(index, opd_nm))
 
     def intensity(self, opd_nm: FloatArray | None = None) -> FloatArray:
-        """Band-averaged intensity at the nodes, as energy per pixel area."""
+        """Return the band-averaged intensity at the nodes, as energy per pixel area."""
         imager, y, x = self.imager, self.rows[0], self.columns[0]
         total = np.zeros((1 + y.mirrored, 1 + x.mirrored, len(y.cosine), len(x.cosine)))
         screen = None if opd_nm is None else parity.quadrants_of(opd_nm)
@@ -370,11 +370,11 @@ class FocalGrid:
         return parity.unfolded(total, (y.n_nodes, x.n_nodes), (y.sides, x.sides))
 
     def image(self, opd_nm: FloatArray | None = None) -> FloatArray:
-        """Pixel-integrated image."""
+        """Return the pixel-integrated image."""
         return self.pixels(self.intensity(opd_nm))
 
     def pixels(self, values: FloatArray) -> FloatArray:
-        """Values at the nodes, integrated over the pixels."""
+        """Return the values at the nodes, integrated over the pixels."""
         if self.y is None or self.x is None:
             raise ValueError("a grid of points has no pixels")
         return integrate_pixels(values, self.y, self.x)
@@ -386,7 +386,7 @@ def _split(pupil: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
 
 @functools.lru_cache(maxsize=N_KEPT_GRIDS)
 def _kept_waves(imager: Imager, y: bytes, x: bytes) -> tuple[Waves, Waves]:
-    """Transforms to the nodes of two axes, given as the bytes of their angles."""
+    """Return the transforms to the nodes of two axes, given as the bytes of their angles."""
     rows = tuple(imager.waves(np.frombuffer(y), float(wavelength)) for wavelength in imager.wavelengths_m)
     if x == y:
         return rows, rows

@@ -106,7 +106,7 @@ def measure_floor(imager: Imager, psd_slope: float) -> FloorTable:
 
 
 def _sampled(y: FloatArray, x: FloatArray) -> NDArray[np.intp]:
-    """Apertures on a grid all over a quadrant, in one quadrant after the other; all of them where they are few."""
+    """Return the apertures on a grid all over a quadrant, one quadrant after the other; all of them if few."""
     if len(y) <= SAMPLED**2:
         return np.arange(len(y))
     found = []
@@ -118,14 +118,14 @@ def _sampled(y: FloatArray, x: FloatArray) -> NDArray[np.intp]:
 
 
 def _spread(offsets: FloatArray) -> FloatArray:
-    """A few of the distinct values, in equal steps of their logarithms as far as they can."""
+    """Return a few of the distinct values, in equal steps of their logarithms as far as they can."""
     values = np.unique(offsets)
     wanted = np.geomspace(values[0], values[-1], SAMPLED)
     return np.asarray(values[np.unique(np.abs(values[:, None] - wanted).argmin(axis=0))])
 
 
 def _everywhere(y: FloatArray, x: FloatArray, chosen: NDArray[np.intp], values: FloatArray) -> FloatArray:
-    """Values at all apertures from some: their logarithms by a polynomial in those of the distances from both axes."""
+    """Return the values at all apertures from some: a polynomial of logarithms in the distances from both axes."""
     if len(chosen) == len(y):
         return values
     u, v = (2.0 * np.log(at / at.min()) / np.log(at.max() / at.min()) - 1.0 for at in (y, x))
@@ -136,7 +136,7 @@ def _everywhere(y: FloatArray, x: FloatArray, chosen: NDArray[np.intp], values: 
 
 
 def _clipped(row: int, column: int, weights: FloatArray, side: int) -> Aperture:
-    """First row and column and weights of the part of an aperture that lies in its quadrant of so many pixels."""
+    """Return the first row and column and the weights of an aperture's part in its quadrant of so many pixels."""
     half, spans = len(weights) // 2, []
     for at in (row, column):
         low = at // side * side
@@ -148,7 +148,7 @@ def _clipped(row: int, column: int, weights: FloatArray, side: int) -> Aperture:
 def _cross_variance(
     imager: Imager, axes: tuple[PixelAxis, PixelAxis], psd_slope: float, mean: FloatArray, apertures: list[Aperture]
 ) -> FloatArray:
-    """Variance of ``2 Re(E0* dE)`` of screens of 1 nm, summed in apertures less the sum by ``mean``, one for each.
+    """Return the variance of ``2 Re(E0* dE)`` of 1 nm screens, in apertures less the sum by ``mean``, one for each.
 
     Every sum is taken back through the transforms to what it reads of the pupil.
     """
@@ -161,7 +161,7 @@ def _cross_variance(
         parts.append((grid.rows[index].full(samples).T, static, grid.columns[index].full(samples), scale * pupil))
 
     def read(row: int, column: int, weights: FloatArray) -> FloatArray:
-        """Map of the pupil by which the weighted sum of the pixels from ``row, column`` on reads a screen."""
+        """Return the map of the pupil by which the weighted sum of pixels from ``row, column`` on reads a screen."""
         near = zip(owners, (row, column), weights.shape, strict=True)
         rows, columns = (slice(*np.searchsorted(pixel, [first, first + n])) for pixel, first, n in near)
         by_node = weights[np.ix_(owners[0][rows] - row, owners[1][columns] - column)]
@@ -178,7 +178,7 @@ def _cross_variance(
 def visit_responses(
     imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float, n_visits: int, seed: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Pixel images I0, L_k and Q_k at unit rms (1 nm): shapes (1, y, x), (n_visits, y, x) and (n_visits, y, x).
+    """Return the pixel images I0, L_k and Q_k at unit rms (1 nm): (1, y, x), (n_visits, y, x) and (n_visits, y, x).
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ NEAR_ARCSEC, NEAR_STEP_LAMBDA_D = 8.0, 0.6  # half side and step of the map of a
 
 
 def stamp_figures(imager: Imager, on_axis: FloatArray, off_axis: FloatArray) -> dict[str, object]:
-    """Figures that follow from the two stamps and the core of the PSF: milliseconds.
+    """Return the figures that follow from the two stamps and the core of the PSF: milliseconds.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ def stamp_figures(imager: Imager, on_axis: FloatArray, off_axis: FloatArray) -> 
 
 
 def _circle_energy(imager: Imager) -> float:
-    """Energy of the unmasked source in the ideal circle of the aperture."""
+    """Return the energy of the unmasked source in the ideal circle of the aperture."""
     pixel, radius = imager.pixel_scale_arcsec, imager.aperture_radius_arcsec
     nodes, weights = np.polynomial.legendre.leggauss(40)
     circle = 0.0
@@ -253,7 +253,7 @@ def _circle_energy(imager: Imager) -> float:
 
 
 def _wings(imager: Imager) -> dict[str, object]:
-    """Azimuthal mean of the unmasked PSF in rings one pixel wide, its means over small boxes, its sums over columns.
+    """Return the unmasked PSF's azimuthal mean in rings one pixel wide, its means in boxes, its column sums.
 
     And its sums over apertures near the source.
     """
@@ -286,7 +286,7 @@ def _wings(imager: Imager) -> dict[str, object]:
 
 
 def _register_tail(rows: FloatArray, offset_arcsec: FloatArray, intervals: Sequence[tuple[float, float]]) -> float:
-    """Largest running mean that ends at an edge of the hole, whichever way the rows are read out.
+    """Return the largest running mean that ends at an edge of the hole, whichever way the rows are read out.
 
     A register of capacity q passes the charge above q on to the next pixel. Nothing is left over at the edge
     exactly if every run of pixels that ends there holds at most q a pixel on average.
@@ -299,7 +299,7 @@ def _register_tail(rows: FloatArray, offset_arcsec: FloatArray, intervals: Seque
 
 
 def _source_noise_fraction(imager: Imager) -> float:
-    """Mean over nine positions within a pixel of ``sum(w^2 mu) / sum(w mu)``."""
+    """Return the mean over nine positions within a pixel of ``sum(w^2 mu) / sum(w mu)``."""
     pixel, radius = imager.pixel_scale_arcsec, imager.aperture_radius_arcsec / imager.pixel_scale_arcsec
     half = int(np.ceil(radius + 0.5))
     axis = imager.axis(centred_axis(2 * half + 1, pixel), masked=False)
@@ -314,7 +314,7 @@ def _source_noise_fraction(imager: Imager) -> float:
 
 
 def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None) -> PsfMetrics:
-    """Everything but the state of the hole: stamps, wings, brightest pixel and speckle floor; some seconds.
+    """Return everything but the state of the hole: stamps, wings, brightest pixel and speckle floor; some seconds.
 
     Parameters
     ----------
@@ -351,13 +351,13 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
 
 
 def strehl(imager: Imager) -> float:
-    """On-axis intensity relative to the same apodizer with a flat wavefront and no jitter, over the band."""
+    """Return the on-axis intensity relative to the same apodizer with a flat wavefront and no jitter, over the band."""
     point = _points(imager, np.zeros(1))
     flat = replace(imager, static=None).intensity(np.zeros(1), np.zeros(1))
     return float(imager.image(point, point)[0, 0] / flat[0, 0])
 
 
 def _points(imager: Imager, angles_arcsec: FloatArray) -> PixelAxis:
-    """Points of an axis that only jitter widens."""
+    """Return the points of an axis that only jitter widens."""
     width = POINT * imager.pixel_scale_arcsec
     return pixel_axis(angles_arcsec, width, JITTER_NODES, jitter_arcsec=imager.jitter_arcsec)

@@ -84,7 +84,7 @@ class PsfMetrics(StampMetrics):
         return (len(self.wing_profile) - 1) * self.pixel_scale_arcsec
 
     def core_throughput(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Energy of a unit source at (x, y) in its aperture behind the mask.
+        """Return the energy of a unit source at (x, y) in its aperture behind the mask.
 
         Outside the hole it is still the truth (0 behind the cross, the open value elsewhere); beyond
         `field_radius_arcsec` it is 0.
@@ -100,7 +100,7 @@ class PsfMetrics(StampMetrics):
         return np.where(np.hypot(x, y) <= self.field_radius_arcsec, super().core_throughput(x, y), 0.0)
 
     def halo_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Starlight in the aperture at (x, y), bilinear in the logarithm; wings x aperture area beyond the stamp.
+        """Return the starlight in an aperture at (x, y), bilinear in the logarithm; beyond the stamp that of the wings.
 
         Parameters
         ----------
@@ -126,15 +126,15 @@ class PsfMetrics(StampMetrics):
         )
 
     def core_pixels(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
-        """Area in pixels of the aperture that a source at (x, y) is measured in: everywhere the same."""
+        """Return the area in pixels of the aperture that a source at (x, y) is measured in: everywhere the same."""
         return self.aperture_pixels
 
     def sky_share(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
-        """Light of an even sky on a pixel at (x, y), over that of `apodizer_energy`."""
+        """Return the light of an even sky on a pixel at (x, y), over that of `apodizer_energy`."""
         return 1.0
 
     def dust_transmission(self, x_arcsec: FloatArray, y_arcsec: FloatArray, core: FloatArray) -> FloatArray:
-        """Part of the light of dust around the star that reaches an aperture at (x, y).
+        """Return the part of the light of dust around the star that reaches an aperture at (x, y).
 
         What apodizer and diffraction leave within 1.5 arcsec of a source, times what the mask leaves of one there.
 
@@ -154,7 +154,7 @@ class PsfMetrics(StampMetrics):
         return self.apodizer_energy - 2.0 * np.pi * float(pixel[far] @ self.wing_profile[far])
 
     def stability(self, separation_arcsec: FloatArray) -> tuple[FloatArray, bool] | None:
-        """Variance of aperture sums that a subtraction leaves whatever the drift, and whether it is that of all visits.
+        """Return the variance of aperture sums that subtraction leaves whatever the drift, and if all visits share it.
 
         Known of tables alone.
         """
@@ -171,14 +171,14 @@ class PsfMetrics(StampMetrics):
         return star, source
 
     def column_aperture(self, x_arcsec: ArrayLike) -> FloatArray:
-        """Starlight of whole columns under an aperture at x: that of its column in each pixel, summed over the pixels.
+        """Return the starlight of whole columns under an aperture at x: its column's in each pixel, summed over them.
 
         Beyond the stamp it is that of the stamp's edge.
         """
         return self._column(self._columns_under_aperture[0], x_arcsec)
 
     def source_column_aperture(self, x_arcsec: ArrayLike) -> FloatArray:
-        """The same of an unmasked source on the frame, the aperture at an offset x from it.
+        """Return the same of an unmasked source on the frame, the aperture at an offset x from it.
 
         All rows count, also those behind the cross or beyond the frame: 1 to 5 % of the light of a column.
         """
@@ -189,7 +189,7 @@ class PsfMetrics(StampMetrics):
         return np.asarray(np.interp(pixels, np.arange(len(light)) - len(light) // 2, light))
 
     def wing(self, separation_arcsec: ArrayLike) -> FloatArray:
-        """Azimuthal mean of the unmasked PSF per pixel; beyond `field_radius_arcsec` it falls as separation^-3.
+        """Return the unmasked PSF's azimuthal mean per pixel; beyond `field_radius_arcsec` it falls as separation^-3.
 
         The true wings are brighter than the mean along the arms of the cross and fainter between them.
         """
@@ -200,7 +200,7 @@ class PsfMetrics(StampMetrics):
         return np.where(pixels <= radius[-1], np.interp(pixels, radius, self.wing_profile), beyond)
 
     def wing_at(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Light per pixel that a source leaves at an offset (x, y) from itself, smoothed over a step of the map.
+        """Return the light per pixel that a source leaves at an offset (x, y), smoothed over a step of the map.
 
         The wings of a stepped apodizer gather along its axes: on a diagonal they lie a hundred times below the
         azimuthal mean. Beyond the map the pattern of its edge goes on and fades as the inverse square; the offset
@@ -223,7 +223,7 @@ class PsfMetrics(StampMetrics):
         return len(self.aperture_map) // 2 * self.aperture_map_step_arcsec
 
     def source_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Light of an unmasked source in apertures at offsets (x, y) from it; beyond the map that of smooth wings.
+        """Return the light of an unmasked source in apertures at offsets (x, y); beyond the map that of smooth wings.
 
         Parameters
         ----------
@@ -240,11 +240,11 @@ class PsfMetrics(StampMetrics):
         return light
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
-        """Fraction of the circle of that radius that lies inside the zone."""
+        """Return the fraction of the circle of that radius that lies inside the zone."""
         return self.zone.azimuth_fraction(separation_arcsec)
 
     def resolution_elements(self, separation_arcsec: ArrayLike) -> FloatArray:
-        """Non-overlapping lambda/D-wide apertures on the arcs inside the zone, a real number (>= 0)."""
+        """Return the non-overlapping lambda/D-wide apertures on the arcs inside the zone, a real number (>= 0)."""
         return self.geometry.resolution_elements(separation_arcsec)
 
     def rdi_floor(
@@ -255,7 +255,7 @@ class PsfMetrics(StampMetrics):
         visit_hours: ArrayLike = 0.0,
         separation_arcsec: ArrayLike | None = None,
     ) -> FloatArray:
-        """Speckle floor of reference differential imaging: spatial rms of aperture sums, per unit star.
+        """Return the speckle floor of reference differential imaging: spatial rms of aperture sums, per unit star.
 
         Modes that are projected out after the reference mean are not credited: they hold what the reference visit's own
         walk and noise put there.
@@ -289,7 +289,7 @@ class PsfMetrics(StampMetrics):
         return np.asarray(np.sqrt(linear * variance + square * variance**2))
 
     def floor_logs(self) -> tuple[FloatArray, FloatArray]:
-        """Logarithms of the floor's coefficients in the bins; a coefficient of 0 (a perfect hole) stays next to it."""
+        """Return the logarithms of the floor's coefficients in the bins; a 0 (a perfect hole) stays next to it."""
         linear, square = (np.log(np.maximum(part[1:], TINY)) for part in (self.floor_linear, self.floor_square))
         return linear, square
 
@@ -299,7 +299,7 @@ class PsfMetrics(StampMetrics):
         return float(np.median(self.raw_contrast[self.hole]))
 
     def brightened(self, factor: float) -> Self:
-        """Figures of a zone with more or less of the same light of the star, ``factor`` times as much.
+        """Return the figures of a zone with more or less of the same light of the star, ``factor`` times as much.
 
         The static intensity ``|E0|^2`` in the zone is multiplied. The residual of two visits with independent errors dE
         of the wavefront has the variance ``f a o^2 + b o^4`` for offsets of ``o`` nm: the cross term ``2 Re(E0* dE)``
@@ -313,16 +313,16 @@ class PsfMetrics(StampMetrics):
         return replace(self, **scaled, peak_on_axis_hole=factor * self.peak_on_axis_hole)
 
     def annulus(self, separation_arcsec: float, half_width_lambda_d: float) -> NDArray[np.bool_]:
-        """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one."""
+        """Return the pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one."""
         return self.geometry.annulus(separation_arcsec, half_width_lambda_d)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """Every field as an array, for an npz file or a cache."""
+        """Return every field as an array, for an npz file or a cache."""
         return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "PsfMetrics":
-        """Inverse of `to_arrays`; extra arrays are ignored.
+        """Return the inverse of `to_arrays`; extra arrays are ignored.
 
         Raises
         ------

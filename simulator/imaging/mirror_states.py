@@ -62,7 +62,7 @@ def published_bands() -> tuple[str, ...]:
 
 
 def mean_contrast(metrics: PsfMetrics) -> float:
-    """Mean raw contrast of the pixels of the dark hole."""
+    """Return the mean raw contrast of the pixels of the dark hole."""
     return float(metrics.raw_contrast[metrics.hole].mean())
 
 

@@ -27,7 +27,7 @@ N_KEPT = 2  # optics whose kernels are kept, 8 MB each
 def paper_scene_image(
     imager: Imager, y_arcsec: ArrayLike, x_arcsec: ArrayLike, sources: PointSources, *, kernel_half_pixels: int = 128
 ) -> FloatArray:
-    """Image of point sources by the nearest cell of a 4 x 4 grid and one convolution, without the mask.
+    """Return the image of point sources by the nearest cell of a 4 x 4 grid and one convolution, without the mask.
 
     Parameters
     ----------
@@ -72,14 +72,14 @@ def paper_scene_image(
 
 
 def _overlap(pixel: int, reach: int, n_pixels: int) -> tuple[slice, slice]:
-    """Pixels of a window that a kernel around a pixel reaches, and the part of the kernel that falls on them."""
+    """Return the pixels of a window that a kernel around a pixel reaches, and the kernel's part that falls on them."""
     low, high = max(pixel - reach, 0), min(pixel + reach + 1, n_pixels)
     return slice(low, high), slice(low - pixel + reach, high - pixel + reach)
 
 
 @functools.lru_cache(maxsize=N_KEPT)
 def _binned_kernels(optics: Optics, reach: int) -> FloatArray:
-    """Light in every pixel for a source on each cell of the middle one, without the mask.
+    """Return the light in every pixel for a source on each cell of the middle one, without the mask.
 
     Returns
     -------
@@ -108,7 +108,7 @@ def _binned_kernels(optics: Optics, reach: int) -> FloatArray:
 
 
 def _cell(positions: FloatArray, first_centre: float, pixel: float) -> FloatArray:
-    """Index of the cell that holds each position, cell 0 being the first of the first pixel."""
+    """Return the index of the cell that holds each position, cell 0 being the first of the first pixel."""
     return np.floor((positions - (first_centre - pixel / 2.0)) * (CELLS / pixel))
 
 

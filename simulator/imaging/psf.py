@@ -141,7 +141,7 @@ class Psf:
 
     @numeric_context()
     def at(self, x_arcsec: float, y_arcsec: float) -> FloatArray:
-        """Image of a unit source at any sub-pixel position, behind the mask, on the star-centred stamp.
+        """Return the image of a unit source at any sub-pixel position, behind the mask, on the star-centred stamp.
 
         The field is computed at the exact offsets, so a source far outside the stamp (a companion 8 arcsec away)
         leaves its true wings on it.
@@ -176,7 +176,7 @@ def single_band_psf(
     spectrum: str | Spectrum | None = None,
     engine: Engine = "matrix",
 ) -> Psf:
-    """Point-spread functions of one band, static wavefront, mirror and pointing jitter included.
+    """Return the point-spread functions of one band, static wavefront, mirror and pointing jitter included.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def single_band_psf(
 
 @functools.lru_cache(maxsize=N_KEPT)
 def _stamps(optics: Optics, engine: Engine) -> tuple[Imager, FloatArray, FloatArray]:
-    """Both stamps and the model behind them, the first of its content: what it keeps serves all scenes alike."""
+    """Return both stamps and the model behind them, the first of its content: what it keeps serves all scenes alike."""
     imager = optics.imager
     on_axis, off_axis = (_stamp(imager, masked=masked, engine=engine) for masked in (True, False))
     on_axis.flags.writeable = off_axis.flags.writeable = False
@@ -249,7 +249,7 @@ def forget_stamps() -> None:
 
 
 def _stamp(imager: Imager, *, masked: bool, engine: Engine) -> FloatArray:
-    """Unit source on the axis, by nodes in the pixels; large stamps by the closed form, which is faster there."""
+    """Return the unit source on the axis, by nodes in the pixels; large stamps by the closed form (faster there)."""
     if engine == "matrix" and imager.knobs.stamp_pixels >= LARGE_STAMP_PIXELS:
         centres = centred_axis(imager.knobs.stamp_pixels, imager.pixel_scale_arcsec)
         width = imager.mask_half_width_arcsec if masked else 0.0
@@ -269,7 +269,7 @@ def wide_on_axis(
     star_arcsec: tuple[float, float] = (0.0, 0.0),
     wavelength_nodes: int = 9,
 ) -> FloatArray:
-    """Masked star over a whole frame: one node per pixel, for display and for whole-frame saturation.
+    """Return the masked star over a whole frame: one node per pixel, for display and for whole-frame saturation.
 
     Steps and static wavefront are constant on the pupil grid, so its sampling is exact. One node per pixel makes up
     to 5 % of error on the steepest pixels; nine wavelengths leave the speckles beyond 4 arcsec grainier than the light

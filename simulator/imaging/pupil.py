@@ -1,6 +1,4 @@
-"""Apodizers: amplitude transmission maps of the pupil.
-
-Static aberrations of the instrument: phase and amplitude maps over the pupil, fixed for a seed.
+"""The pupil: apodizers and static aberrations, maps of amplitude and phase that are fixed for a seed.
 
 Both are Gaussian random fields with power ``max(f, 1)^-slope``, f in cycles per pupil diameter, up to half a cycle per
 sample: the law of the drift screens, and everything that the pupil grid can hold. They are drawn on a grid twice as
@@ -32,14 +30,14 @@ SHIPPED_NAME = re.compile(r"lpx\d+")
 
 @functools.cache
 def shipped_apodizers() -> tuple[str, ...]:
-    """Names of the masks that come with the package."""
+    """Return the names of the masks that come with the package."""
     folder = files("simulator.imaging") / "data"
     stems = (entry.name.removesuffix(".npz") for entry in folder.iterdir() if entry.name.endswith(".npz"))
     return tuple(sorted(stem for stem in stems if SHIPPED_NAME.fullmatch(stem)))
 
 
 def load_apodizer(name_or_path: str | Path, *, kind: Kind = "amplitude", samples: int | None = None) -> FloatArray:
-    """Amplitude transmission of an apodizer.
+    """Return the amplitude transmission of an apodizer.
 
     Parameters
     ----------
@@ -114,7 +112,7 @@ def _in_range(name: str, mask: FloatArray) -> FloatArray:
 
 
 def _likely_scale(high: float) -> str:
-    """Words for what a map with this maximum was probably scaled to."""
+    """Return the words for what a map with this maximum was probably scaled to."""
     if 50 < high <= 100.5:
         return "100 if it is in per cent"
     for bits in (8, 16):
@@ -124,7 +122,7 @@ def _likely_scale(high: float) -> str:
 
 
 def cell_means(values: FloatArray, samples: int) -> FloatArray:
-    """Mean of a piecewise constant square map over the cells of another grid on the same square.
+    """Return the mean of a piecewise constant square map over the cells of another grid on the same square.
 
     Parameters
     ----------
@@ -144,7 +142,7 @@ def cell_means(values: FloatArray, samples: int) -> FloatArray:
 
 
 def disc_coverage(samples: int) -> FloatArray:
-    """Fraction of each cell of the pupil grid that lies in the clear disc.
+    """Return the fraction of each cell of the pupil grid that lies in the clear disc.
 
     Parameters
     ----------
@@ -210,7 +208,7 @@ class Aberrations:
     def pupil(
         self, transmission: FloatArray, wavelength_m: float, *, opd_nm: FloatArray | float = 0.0
     ) -> NDArray[np.complex128]:
-        """Field behind pupil and aberrations, with a further path difference (mirror, drift) on top.
+        """Return the field behind pupil and aberrations, with a further path difference (mirror, drift) on top.
 
         Parameters
         ----------
@@ -226,11 +224,11 @@ class Aberrations:
         return field
 
     def plus_opd(self, opd_nm: FloatArray) -> "Aberrations":
-        """These aberrations with a mirror (twice its surface) or a screen added for good."""
+        """Return these aberrations with a mirror (twice its surface) or a screen added for good."""
         return _frozen(self.opd_nm + opd_nm, self.amplitude.copy())
 
     def pointed(self, transmission: FloatArray) -> "Aberrations":
-        """The same with the star brought to the centre: no tip and tilt where light is transmitted.
+        """Return the same with the star brought to the centre: no tip and tilt where light is transmitted.
 
         To first order in the phase the image of a point peaks where the slope of the wavefront, weighted with the
         amplitude transmission, is zero.
@@ -244,7 +242,7 @@ class Aberrations:
         return _frozen(self.opd_nm - tilt, self.amplitude.copy())
 
     def upsampled(self, samples: int) -> "Aberrations":
-        """The same optics on a finer pupil grid: every sample repeated.
+        """Return the same optics on a finer pupil grid: every sample repeated.
 
         Add the mirror first (`plus_opd`): sampled anew on the finer grid it would be another surface, and a hole solved
         on this grid would fill up.
@@ -262,13 +260,13 @@ class Aberrations:
 
 
 def pupil_disc(samples: int) -> NDArray[np.bool_]:
-    """Samples whose centres lie in the clear disc."""
+    """Return the samples whose centres lie in the clear disc."""
     position = (np.arange(samples) + 0.5) / samples - 0.5
     return np.asarray(np.hypot(position[:, None], position) <= 0.5)
 
 
 def power_law_map(samples: int, psd_slope: float, rng: np.random.Generator, *, remove_tilt: bool) -> FloatArray:
-    """Random map with power ``max(f, 1)^-psd_slope``, zero mean and unit rms over the disc.
+    """Return a random map with power ``max(f, 1)^-psd_slope``, zero mean and unit rms over the disc.
 
     Parameters
     ----------
@@ -315,7 +313,7 @@ def power_law_map(samples: int, psd_slope: float, rng: np.random.Generator, *, r
 def draw_aberrations(
     seed: int, *, samples: int = 128, opd_rms_nm: float = 20.0, amplitude_rms: float = 0.003, psd_slope: float = 2.5
 ) -> Aberrations:
-    """Aberrations of one instrument.
+    """Return the aberrations of one instrument.
 
     Parameters
     ----------
@@ -345,7 +343,7 @@ def draw_aberrations(
 
 
 def flat_aberrations(samples: int) -> Aberrations:
-    """Perfect optics."""
+    """Return perfect optics."""
     return _frozen(np.zeros((samples, samples)), np.ones((samples, samples)))
 
 

@@ -49,7 +49,7 @@ class HalfWaves:
         return np.concatenate([self.cosine, self.sine], axis=1)
 
     def full(self, samples: int) -> ComplexArray:
-        """Waves at all nodes and pupil samples, shape (n_nodes, samples): the whole transform of this axis."""
+        """Return the waves at all nodes and pupil samples, shape (n_nodes, samples): this axis's whole transform."""
         upper, odd = self.cosine - 1j * self.sine, samples % 2
         if odd:
             upper[:, 0] *= 2.0  # half of the middle sample stands in either half
@@ -69,7 +69,7 @@ class HalfWaves:
 
 
 def half_waves(frequencies: FloatArray, samples: int, scale: float, dtype: Any = np.float64) -> HalfWaves:
-    """Waves at given frequencies on pupil samples, each with the envelope of a sample of constant field.
+    """Return the waves at given frequencies on pupil samples, each with the envelope of a sample of constant field.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def half_waves(frequencies: FloatArray, samples: int, scale: float, dtype: Any =
 
 
 def mirrored_waves(upper: FloatArray, samples: int, dtype: Any = np.float64) -> HalfWaves:
-    """Waves without envelope at frequencies from zero up and their mirror images, an odd number.
+    """Return the waves without envelope at frequencies from zero up and their mirror images, an odd number.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def _cosine_and_sine(frequencies: FloatArray, samples: int) -> tuple[FloatArray,
 
 
 def quadrants_of(values: FloatArray) -> FloatArray:
-    """Quadrants of a map on the pupil, both axes counted from the middle outwards.
+    """Return the quadrants of a map on the pupil, both axes counted from the middle outwards.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def quadrants_of(values: FloatArray) -> FloatArray:
 
 
 def unit_phases(phase: FloatArray, largest: float) -> tuple[FloatArray, FloatArray]:
-    """Cosine and sine to rounding; small phases by their power series, which takes a quarter of the time.
+    """Return the cosine and sine to rounding; small phases by their power series, which takes a quarter of the time.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def unit_phases(phase: FloatArray, largest: float) -> tuple[FloatArray, FloatArr
 
 
 def _polynomial(x: FloatArray, coefficients: list[float]) -> FloatArray:
-    """By Horner's rule, lowest power first."""
+    """Return a polynomial by Horner's rule, lowest power first."""
     total = coefficients[-1] * x
     for coefficient in coefficients[-2:0:-1]:
         total += coefficient
@@ -167,7 +167,7 @@ def _polynomial(x: FloatArray, coefficients: list[float]) -> FloatArray:
 
 
 def parts_of(real: FloatArray, imaginary: FloatArray, dtype: Any = np.float64) -> RealArray:
-    """Even and odd parts of a pupil field, from its quadrants.
+    """Return the even and odd parts of a pupil field, from its quadrants.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def add_intensity(
 
 
 def field_of(parts: RealArray, y: HalfWaves, x: HalfWaves) -> ComplexArray:
-    """Field at all nodes, shape (n_y, n_x).
+    """Return the field at all nodes, shape (n_y, n_x).
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def field_of(parts: RealArray, y: HalfWaves, x: HalfWaves) -> ComplexArray:
 
 
 def _sides(parts: RealArray, y: HalfWaves, x: HalfWaves) -> Iterator[tuple[tuple[int, int, slice], RealArray]]:
-    """Field of a block of rows, shape (2, rows, k_x), real and imaginary part, side by side of both axes."""
+    """Yield the field of a block of rows, shape (2, rows, k_x), real and imaginary part, side by side of both axes."""
     half, count = parts.shape[-1], len(x.cosine)
     flat = parts.reshape(4 * half, 2 * half)
     products = [flat[:, :half] @ x.cosine.T, flat[:, half:] @ x.sine.T] if x.mirrored else [flat @ x.both.T]
@@ -259,7 +259,7 @@ def _sides(parts: RealArray, y: HalfWaves, x: HalfWaves) -> Iterator[tuple[tuple
 
 
 def _sums_and_steps(parts: list[RealArray]) -> list[RealArray]:
-    """Even and odd part on the upper and on the lower side of an axis; a single part as it is."""
+    """Return the even and odd part on the upper and on the lower side of an axis; a single part as it is."""
     if len(parts) < 2:
         return parts
     return [parts[0] + parts[1], parts[0] - parts[1]]
@@ -268,7 +268,7 @@ def _sums_and_steps(parts: list[RealArray]) -> list[RealArray]:
 def unfolded(
     values: NDArray[Any], shape: tuple[int, int], sides: tuple[list[tuple[slice, slice]], list[tuple[slice, slice]]]
 ) -> NDArray[Any]:
-    """Values at the nodes held of all sides, shape (s_y, s_x, k_y, k_x), at all nodes in their order.
+    """Return the values at all nodes in their order, from those held of all sides, shape (s_y, s_x, k_y, k_x).
 
     Parameters
     ----------

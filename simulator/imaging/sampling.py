@@ -1,10 +1,8 @@
-"""Where the focal plane is sampled: a few nodes for the open part of every pixel, jitter of the pointing included.
+"""Samples of the focal plane, for the open part of every pixel and pointing jitter, and images between pixels.
 
 An interval of the detector behind the mask sees the image averaged over the interval and over the pointing, that is
 with the density of the interval convolved with a Gaussian. A Gauss rule for this density (Golub & Welsch 1969) has
 positive weights, stays local, and makes the incoherent sum over the jitter free. Without jitter it is Gauss-Legendre.
-
-Pixel-integrated images of a point source between the pixels: exact for what the pixels sample well enough.
 
 An image of a telescope holds no spatial frequency beyond D/lambda. Pixels of at most lambda/2D therefore sample it
 completely, and Fourier interpolation of the pixel values is exact but for the cut at the edge of the stamp.
@@ -61,7 +59,7 @@ class PixelAxis:
 
 @functools.lru_cache(maxsize=256)
 def box_gauss_rule(n_nodes: int, width: float, sigma: float) -> tuple[FloatArray, FloatArray]:
-    """Gauss rule for a box of ``width`` convolved with a normal density of standard deviation ``sigma``.
+    """Return the Gauss rule for a box of ``width`` convolved with a normal density of standard deviation ``sigma``.
 
     Parameters
     ----------
@@ -91,7 +89,7 @@ def box_gauss_rule(n_nodes: int, width: float, sigma: float) -> tuple[FloatArray
 def pixel_axis(
     centres_arcsec: FloatArray, pixel_arcsec: float, n_nodes: int, bar_arcsec: float = 0.0, jitter_arcsec: float = 0.0
 ) -> PixelAxis:
-    """Nodes of an axis with a hard bar ``|x| < bar_arcsec`` in front of it.
+    """Return the nodes of an axis with a hard bar ``|x| < bar_arcsec`` in front of it.
 
     A pixel that the edge of the bar cuts gets the nodes of its open part, so the area behind the bar is exact to
     rounding and the quadrature error is that of an uncut pixel. With jitter the nodes reach a little beyond the
@@ -131,7 +129,7 @@ def pixel_axis(
 
 
 def integrate_pixels(intensity: FloatArray, y: PixelAxis, x: PixelAxis) -> FloatArray:
-    """Mean intensity of every pixel, closed parts counting as zero.
+    """Return the mean intensity of every pixel, closed parts counting as zero.
 
     Parameters
     ----------
@@ -155,12 +153,12 @@ MARGIN_PIXELS = 32
 
 
 def centred_offsets(n_pixels: int) -> FloatArray:
-    """Offsets of pixel centres from the centre pixel ``n // 2``, in pixels."""
+    """Return the offsets of pixel centres from the centre pixel ``n // 2``, in pixels."""
     return np.arange(n_pixels, dtype=np.float64) - n_pixels // 2
 
 
 def unpixelled(kernel: FloatArray, offsets_pixels: FloatArray) -> FloatArray:
-    """Intensity, as energy per pixel area, of the image that was integrated over pixels.
+    """Return the intensity, as energy per pixel area, of the image that was integrated over pixels.
 
     The trigonometric polynomial through the pixels, divided by the response of a pixel; 0 beyond the stamp.
 
@@ -182,7 +180,7 @@ def unpixelled(kernel: FloatArray, offsets_pixels: FloatArray) -> FloatArray:
 
 
 def shifted(kernel: FloatArray, dy_pixels: float, dx_pixels: float) -> FloatArray:
-    """Kernel moved by at most half a pixel per axis, on the same stamp.
+    """Return the kernel moved by at most half a pixel per axis, on the same stamp.
 
     The stamp is continued by its mirror image, which fades out over 32 pixels: cut off sharply it would ring by a
     tenth of its edge value.
@@ -208,7 +206,7 @@ def shifted(kernel: FloatArray, dy_pixels: float, dx_pixels: float) -> FloatArra
 
 
 def displaced(kernel: FloatArray, y_pixels: float, x_pixels: float) -> FloatArray:
-    """Kernel with its centre at an offset from the centre pixel, on a stamp of the same size.
+    """Return the kernel with its centre at an offset from the centre pixel, on a stamp of the same size.
 
     Whole pixels are moved as they are; the rest is a Fourier shift. Light beyond the kernel's own stamp is 0, and so
     is what rounding makes negative.

@@ -46,7 +46,7 @@ class _Sources:
         object.__setattr__(self, "arrays", (x, y, flux))
 
     def _checked_flux(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Light as an array, its shape checked against the positions."""
+        """Return the light as an array, its shape checked against the positions."""
         raise NotImplementedError
 
 
@@ -108,7 +108,7 @@ def scene_image(
     mask_half_width_arcsec: float = 0.0,
     extended: Sequence[SourceGrid] = (),
 ) -> FloatArray:
-    """Pixel-integrated image of a scene.
+    """Return the pixel-integrated image of a scene.
 
     Parameters
     ----------
@@ -169,12 +169,12 @@ class _Window:
     x_ends: tuple[float, float]
 
     def displacements(self, ends: tuple[float, float], low: float, high: float) -> tuple[float, float]:
-        """Least and greatest displacement of a pixel's edge from sources between low and high."""
+        """Return the least and greatest displacement of a pixel's edge from sources between low and high."""
         half = self.pixel_arcsec / 2.0
         return ends[0] - half - high, ends[1] + half - low
 
     def tile(self, x: FloatArray, y: FloatArray, larger: float) -> NDArray[np.int64]:
-        """Tile of the sky of each position, (0, 0) being the window and its surroundings; shape (2, ...)."""
+        """Return the tile of the sky of each position, (0, 0) being the window and its surroundings; shape (2, ...)."""
         tiles = []
         for position, ends in ((y, self.y_ends), (x, self.x_ends)):
             side = larger * max(2.0 * (ends[1] - ends[0] + self.pixel_arcsec), SMALLEST_TILE_ARCSEC)
@@ -187,7 +187,7 @@ Component = tuple[FloatArray, FloatArray, FloatArray]  # x, y, flux; flux is (s,
 
 
 def _groups(transfer: Transfer, window: _Window, parts: Sequence[_Sources]) -> list[list[Component]]:
-    """Sources with light in them, tile by tile: the period of a synthesis grows with the extent of its sources.
+    """Yield the sources with light in them, tile by tile: a synthesis's period grows with its sources' extent.
 
     Tiles are of the size that takes the fewest samples: small for a few sources far apart, large for a dense field.
     """
@@ -208,7 +208,7 @@ def _groups(transfer: Transfer, window: _Window, parts: Sequence[_Sources]) -> l
 
 
 def _samples(transfer: Transfer, window: _Window, group: list[Component]) -> float:
-    """Samples of the transfer function that a group takes, its fixed cost included; 0 where no light arrives."""
+    """Return the samples of the transfer function that a group takes, fixed cost included; 0 where it is dark."""
     axes = _axes(transfer, window, group)
     return 0.0 if axes is None else axes[0].count * axes[1].count + GROUP_SAMPLES
 
@@ -251,7 +251,7 @@ def _add_group(light: FloatArray, transfer: Transfer, window: _Window, group: li
 
 
 def _axes(transfer: Transfer, window: _Window, group: list[Component]) -> tuple[FrequencyAxis, FrequencyAxis] | None:
-    """Harmonics of rows and columns that serve some sources; None where none of their light arrives."""
+    """Return the harmonics of rows and columns that serve some sources; None where none of their light arrives."""
     ends = []
     for which, edge in ((1, window.y_ends), (0, window.x_ends)):
         low = min(float(component[which].min()) for component in group)
@@ -263,7 +263,7 @@ def _axes(transfer: Transfer, window: _Window, group: list[Component]) -> tuple[
 
 
 def _spectrum(group: list[Component], ky: FloatArray, kx: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Sums of ``flux cos(2 pi ky y) exp(-2 pi i kx x)`` and of the same with a sine, shapes (len(ky), len(kx))."""
+    """Return the sums of ``flux cos(2 pi ky y) exp(-2 pi i kx x)`` and of the same with a sine, (len(ky), len(kx))."""
     even, odd = np.zeros((2, ky.size, kx.size), dtype=np.complex128)
     for x, y, flux in group:
         for start in range(0, y.size, CHUNK):
@@ -278,7 +278,7 @@ def _spectrum(group: list[Component], ky: FloatArray, kx: FloatArray) -> tuple[C
 def _synthesis(
     even: ComplexArray, odd: ComplexArray, window: _Window, y_axis: FrequencyAxis, x_axis: FrequencyAxis
 ) -> FloatArray:
-    """Real part of the sum over the harmonics, integrated over the open part of every open pixel."""
+    """Return the real part of the sum over the harmonics, integrated over the open part of every open pixel."""
     rows = _interval_means(window.rows, window.pixel_arcsec, y_axis)
     columns = _interval_means(window.columns, window.pixel_arcsec, x_axis)
     columns[:, 1:] *= 2.0  # the other half of the plane is the conjugate of this one
@@ -291,7 +291,7 @@ def _synthesis(
 
 
 def _interval_means(pixels: PixelAxis, pixel_arcsec: float, axis: FrequencyAxis) -> ComplexArray:
-    """Integral of every harmonic over the open part of every open pixel, shape (p, harmonics)."""
+    """Return the integral of every harmonic over the open part of every open pixel, shape (p, harmonics)."""
     width = pixels.weights * pixel_arcsec
     matrix = _phases(axis.frequencies, pixels.nodes_arcsec - axis.centre_arcsec)
     # Few widths differ: that of an open pixel, and of those that the edges of the mask cut.
@@ -305,7 +305,7 @@ def _interval_means(pixels: PixelAxis, pixel_arcsec: float, axis: FrequencyAxis)
 
 
 def _phases(frequencies: FloatArray, positions: FloatArray) -> ComplexArray:
-    """``exp(2 pi i position frequency)`` for equidistant frequencies from zero: coarse steps times fine ones."""
+    """Return ``exp(2 pi i position frequency)`` for equidistant frequencies from zero: coarse steps times fine ones."""
     fine = 32
     coarse = -(-frequencies.size // fine)
     step = frequencies[1] if frequencies.size > 1 else 0.0

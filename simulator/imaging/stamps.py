@@ -24,7 +24,7 @@ FITS_SUFFIXES = (".fits", ".fit", ".fts")
 
 @dataclass(frozen=True, eq=False)
 class StampFile:
-    """What a file says, unchecked; None where it says nothing."""
+    """The contents of a file, unchecked; None where it says nothing."""
 
     off_axis: NDArray[Any]
     on_axis: NDArray[Any] | None = None

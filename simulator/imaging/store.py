@@ -1,9 +1,7 @@
-"""Where dark holes come from: shipped states for every instrument preset, a cache for any other instrument.
+"""The store of dark holes and of `PsfMetrics`: shipped for every instrument preset, cached for any other.
 
 A state is valid for a content key: apodizer, telescope, band, zone, static wavefront, mirror and control, but not the
 resolution and noise of the mirror's electronics, which act on the finished command.
-
-Where `PsfMetrics` come from: shipped files for every instrument preset, a cache for any other instrument.
 
 A file is valid for the content key in its name: the apodizer's values, telescope, geometry of mask and hole, static
 wavefront, mirror and its control, jitter, pixel scale, band edges and spectral slope of the drift; not detector noise,
@@ -58,19 +56,19 @@ def _settings(instrument: Instrument, band: str) -> ControlSettings:
 
 
 def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
-    """Amplitude transmission of an instrument's apodizer on its own steps, nothing beyond the rim of the clear disc."""
+    """Return the amplitude transmission of an apodizer on its own steps, nothing beyond the clear disc's rim."""
     coronagraph = instrument.coronagraph
     mask = load_apodizer(coronagraph.apodizer, kind=coronagraph.apodizer_kind, samples=coronagraph.apodizer_samples)
     return mask * disc_coverage(len(mask))
 
 
 def rounded(values: Iterable[float]) -> list[float]:
-    """Numbers for a key: 12 digits, so that the last bits of another library's sums do not count."""
+    """Return the numbers for a key: 12 digits, so that the last bits of another library's sums do not count."""
     return [float(f"{value:.12g}") for value in values]
 
 
 def hole_key(instrument: Instrument, solver: Imager) -> str:
-    """Content key of the state of one band, 16 hex digits.
+    """Return the content key of the state of one band, 16 hex digits.
 
     Parameters
     ----------
@@ -93,7 +91,7 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
 
 
 def shipped_file(kind: str, key: str, band: str) -> Path:
-    """File of the hole or the metrics with a content key; it exists for the bands of the instrument presets.
+    """Return the file of the hole or the metrics with a content key; it exists for the bands of the instrument presets.
 
     Parameters
     ----------
@@ -115,12 +113,12 @@ def _shipped(kind: str, key: str, band: str) -> Path | None:
 
 @functools.lru_cache(maxsize=16)
 def _shipped_metrics(path: Path) -> PsfMetrics:
-    """Metrics of a file in the package: it takes longer to unpack them than to use them."""
+    """Return the metrics of a file in the package: it takes longer to unpack them than to use them."""
     return PsfMetrics.from_arrays(unpacked(read_npz(path)))
 
 
 def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> HoleResult:
-    """State of the mirror in one band: from the shipped file, the cache, or a new search.
+    """Return the state of the mirror in one band: from the shipped file, the cache, or a new search.
 
     A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
     star some minutes; it is announced. A hole that was not reached is an `UnreachedHole`, with one warning.
@@ -172,7 +170,7 @@ def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mir
 
 
 def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
-    """Everything that an npz file needs to hold a state."""
+    """Return everything that an npz file needs to hold a state."""
     scores = np.array([astuple(score) for score in (state.before, state.wide, state.own)])
     return {
         "commands_nm": state.commands_nm,
@@ -186,7 +184,7 @@ def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
 
 
 def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> HoleResult:
-    """Inverse of `to_arrays`.
+    """Return the inverse of `to_arrays`.
 
     Parameters
     ----------
@@ -218,7 +216,7 @@ DIGITS = EXACT_DIGITS | {"core_table": 18, "raw_contrast": 18, "column_profile":
 
 
 def metrics_key(instrument: Instrument, band: str) -> str:
-    """Content key of a band's metrics, 16 hex digits.
+    """Return the content key of a band's metrics, 16 hex digits.
 
     Parameters
     ----------
@@ -266,7 +264,7 @@ def metrics_key(instrument: Instrument, band: str) -> str:
 
 
 def _table_key(instrument: Instrument, band: str, table: CoronagraphTable) -> str:
-    """Content key of the metrics of a table: its content, and what `table_metrics` reads beside it."""
+    """Return the content key of the metrics of a table: its content, and what `table_metrics` reads beside it."""
     coronagraph = instrument.coronagraph.model_dump(mode="json", exclude={"table", "psf"})
     parts = {
         "table": [TABLE_SCHEMA, table.sha256],
@@ -304,7 +302,7 @@ class _Held:
 
 @numeric_context()
 def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
-    """Metrics of a band at the standard knobs: of its table, from the shipped file, the cache, or a new measurement.
+    """Return a band's metrics at the standard knobs: of its table, the shipped file, the cache, or measured anew.
 
     Parameters
     ----------
@@ -331,7 +329,7 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
 
 
 def measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
-    """Arrays of the metrics of a band, measured anew, with the state of its dark hole.
+    """Return the arrays of the metrics of a band, measured anew, with the state of its dark hole.
 
     Parameters
     ----------

@@ -45,34 +45,34 @@ class TableMetrics(PsfMetrics):
     contrast_factor: float = 1.0
 
     def core_throughput(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Light of a unit source at (x, y) in its core; beyond the table that of its first or last row."""
+        """Return the light of a unit source at (x, y) in its core; beyond the table that of its first or last row."""
         return self.table.at_place("core_throughput", x_arcsec, y_arcsec)
 
     def halo_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Starlight in the core at (x, y): raw contrast times core throughput."""
+        """Return the starlight in the core at (x, y): raw contrast times core throughput."""
         contrast = self.table.at_place("raw_contrast", x_arcsec, y_arcsec)
         return self.contrast_factor * contrast * self.core_throughput(x_arcsec, y_arcsec)
 
     def starlight(self, separation_arcsec: ArrayLike) -> FloatArray:
-        """Starlight in a core at separations."""
+        """Return the starlight in a core at separations."""
         contrast = self.table.at("raw_contrast", separation_arcsec)
         return self.contrast_factor * contrast * self.table.at("core_throughput", separation_arcsec)
 
     def core_pixels(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
-        """Area in pixels of the core at (x, y)."""
+        """Return the area in pixels of the core at (x, y)."""
         if "core_area_arcsec2" not in self.table or not self.table.varies("core_area_arcsec2"):
             return self.aperture_pixels
         return self.table.at_place("core_area_arcsec2", x_arcsec, y_arcsec) / self.pixel_scale_arcsec**2
 
     def sky_share(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
-        """Light of an even sky on a pixel at (x, y), over that of `apodizer_energy`."""
+        """Return the light of an even sky on a pixel at (x, y), over that of `apodizer_energy`."""
         name = sky_column(self.table)
         if name is None or not self.table.varies(name):
             return 1.0
         return self.table.at_place(name, x_arcsec, y_arcsec) / self.apodizer_energy
 
     def dust_transmission(self, x_arcsec: FloatArray, y_arcsec: FloatArray, core: FloatArray) -> FloatArray:
-        """Part of the light of dust around the star that reaches a core at (x, y): that of extended sources."""
+        """Return the part of the light of dust around the star that reaches a core at (x, y), as extended sources."""
         if "occulter_transmission" not in self.table:
             return np.full(np.shape(core), self.apodizer_energy)
         return self.table.at_place("occulter_transmission", x_arcsec, y_arcsec)
@@ -84,7 +84,7 @@ class TableMetrics(PsfMetrics):
         return 1.0 if said is None else said
 
     def stability(self, separation_arcsec: FloatArray) -> tuple[FloatArray, bool] | None:
-        """Variance of core sums that the subtraction of one visit leaves, and whether it is the same in all visits."""
+        """Return the variance of core sums that subtracting one visit leaves, and whether all visits share it."""
         if self.stability_fraction is not None:
             rms = self.stability_fraction * self.starlight(separation_arcsec)
         elif "contrast_stability" in self.table:
@@ -102,26 +102,26 @@ class TableMetrics(PsfMetrics):
         return self.contrast_factor * float(np.median(self.table.at("raw_contrast", separation)))
 
     def brightened(self, factor: float) -> Self:
-        """Figures with ``factor`` times the starlight; see `PsfMetrics.brightened`.
+        """Return the figures with ``factor`` times the starlight; see `PsfMetrics.brightened`.
 
         A residual that is a fraction of the raw contrast grows with it, one of the table stays.
         """
         return replace(super().brightened(factor), contrast_factor=factor * self.contrast_factor)
 
     def column_aperture(self, x_arcsec: ArrayLike) -> FloatArray:
-        """Starlight of whole columns under a core at x; see `PsfMetrics.column_aperture`."""
+        """Return the starlight of whole columns under a core at x; see `PsfMetrics.column_aperture`."""
         if "star_columns" not in self.table:
             return super().column_aperture(x_arcsec)
         return self.table.at("star_columns", math.sqrt(2.0) * np.abs(np.asarray(x_arcsec, dtype=np.float64)))
 
 
 def sky_column(table: CoronagraphTable) -> str | None:
-    """Name of the column that has the transmission of an even sky, if there is one."""
+    """Return the name of the column that has the transmission of an even sky, if there is one."""
     return next((name for name in ("sky_transmission", "occulter_transmission") if name in table), None)
 
 
 def table_metrics(instrument: Instrument, band: str, table: CoronagraphTable) -> TableMetrics:
-    """Figures of a band from its table.
+    """Return the figures of a band from its table.
 
     Parameters
     ----------
@@ -188,13 +188,13 @@ def table_metrics(instrument: Instrument, band: str, table: CoronagraphTable) ->
 
 
 def _open(table: CoronagraphTable) -> float:
-    """Light that passes far from the star: the most that the table has, all of it where it does not say."""
+    """Return the light that passes far from the star: the most that the table has, all of it where it does not say."""
     name = sky_column(table)
     return 1.0 if name is None else float(table.columns[name].max())
 
 
 def _half_way(table: CoronagraphTable) -> float:
-    """Separation at which the core throughput first has half its maximum; the first of the table where it has more."""
+    """Return where the core throughput first has half its maximum; the table's first separation if it has more."""
     core, place = table.columns["core_throughput"], table.separation_arcsec
     above = int(np.argmax(core >= 0.5 * core.max()))
     if above == 0:
@@ -203,7 +203,7 @@ def _half_way(table: CoronagraphTable) -> float:
 
 
 def _pupil_light(instrument: Instrument, band: str, geometry: BandGeometry, passed: float) -> dict[str, Any]:
-    """Wings, columns and apertures around a source, and its brightest pixel over the light of its core."""
+    """Return the wings, columns and apertures around a source, and its brightest pixel over the light of its core."""
     configuration, unit = instrument.band(band), geometry.lambda_d_arcsec
     pixel, radius = geometry.pixel_scale_arcsec, geometry.aperture_radius_arcsec / unit
     shape = instrument.telescope.obstruction_diameter_ratio, configuration.width_nm / configuration.center_nm
@@ -244,7 +244,7 @@ def _pupil_light(instrument: Instrument, band: str, geometry: BandGeometry, pass
 
 
 def _floor(instrument: Instrument, band: str, table: CoronagraphTable) -> dict[str, FloatArray]:
-    """Variance of core sums between two visits that are each 1 nm off: of the whole zone, then of each row."""
+    """Return the variance of core sums between two visits 1 nm off each: of the whole zone, then of each row."""
     place = table.separation_arcsec
     names = "speckle_variance_per_nm2", "speckle_variance_per_nm4"
     configuration = instrument.band(band)

@@ -95,7 +95,7 @@ class BandTransfer:
         return self.imager.diameter_m / float(self.imager.wavelengths_m.min()) / ARCSEC_PER_RAD
 
     def axis(self, low_arcsec: float, high_arcsec: float) -> FrequencyAxis:
-        """Harmonics that serve the displacements from low to high, as few as the window's flanks allow.
+        """Return the harmonics that serve the displacements from low to high, as few as the window's flanks allow.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class BandTransfer:
         return FrequencyAxis(centre - length / 2.0, centre + length / 2.0, period, count, centre)
 
     def values(self, y: FrequencyAxis, x: FrequencyAxis) -> ComplexArray:
-        """Transfer function on the harmonics, of the light within the window.
+        """Return the transfer function on the harmonics, of the light within the window.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class KernelTransfer:
         return 0.5 / self.pixel_scale_arcsec
 
     def axis(self, low_arcsec: float, high_arcsec: float) -> FrequencyAxis:
-        """Harmonics whose samples are the pixels of the kernel, padded until nothing folds.
+        """Return the harmonics whose samples are the pixels of the kernel, padded until nothing folds.
 
         Parameters
         ----------
@@ -225,7 +225,7 @@ class KernelTransfer:
         return FrequencyAxis(low_arcsec, high_arcsec, count * self.pixel_scale_arcsec, count, 0.0)
 
     def values(self, y: FrequencyAxis, x: FrequencyAxis) -> ComplexArray:
-        """Transfer function on the harmonics, the pixel's own divided out (it is 0.64 or more on each axis).
+        """Return the transfer function on the harmonics, the pixel's own divided out (it is 0.64 or more on each axis).
 
         Parameters
         ----------
@@ -250,7 +250,7 @@ Transfer: TypeAlias = BandTransfer | KernelTransfer
 
 
 def _intensity(imager: Imager, y: FrequencyAxis, x: FrequencyAxis) -> FloatArray:
-    """Band-averaged intensity per steradian on the samples of two axes, each in the order of an FFT.
+    """Return the band-averaged intensity per steradian on the samples of two axes, each in the order of an FFT.
 
     The samples lie symmetrically about the centre of their axis. With the phases of the centre in the pupil, parity
     (`simulator.imaging.pupil_symmetry`) takes a quarter of the multiplications; the envelope of a pupil sample, which
@@ -282,7 +282,7 @@ def _intensity(imager: Imager, y: FrequencyAxis, x: FrequencyAxis) -> FloatArray
 
 
 def _sides(count: int) -> list[tuple[slice, slice]]:
-    """Where the samples of either side of an axis go in the order of an FFT, and which of them."""
+    """Return where the samples of either side of an axis go in the order of an FFT, and which of them."""
     return [(slice(0, count // 2 + 1), slice(None)), (slice(count - 1, count // 2, -1), slice(1, None))]
 
 
@@ -291,13 +291,13 @@ def _gaussian(frequencies: FloatArray, sigma_arcsec: float) -> FloatArray:
 
 
 def _mirrored(count: int) -> NDArray[np.intp]:
-    """Index of the absolute frequency of every row of an FFT of odd length."""
+    """Return the index of the absolute frequency of every row of an FFT of odd length."""
     steps = np.arange(count)
     return np.minimum(steps, count - steps)
 
 
 def _bell_integral(u: FloatArray) -> FloatArray:
-    """Integral of the Kaiser-Bessel bell on [-1, 1] up to u, scaled to run from 0 to 1."""
+    """Return the integral of the Kaiser-Bessel bell on [-1, 1] up to u, scaled to run from 0 to 1."""
     from scipy.special import i0e
 
     nodes, weights = np.polynomial.legendre.leggauss(48)
@@ -313,7 +313,7 @@ def _bell_integral(u: FloatArray) -> FloatArray:
 
 
 def _odd_fast_length(least: float) -> int:
-    """Smallest odd integer >= least that is a product of 3, 5, 7 and 11."""
+    """Return the smallest odd integer >= least that is a product of 3, 5, 7 and 11."""
     count = math.ceil(least) | 1
     while True:
         rest = count

@@ -97,5 +97,5 @@ def _columns(instrument: Instrument, band: str) -> tuple[FloatArray, dict[str, F
 
 
 def _power(rings: FloatArray, logs: FloatArray) -> float:
-    """Power of the separation by which a residual falls beyond the last ring, as `simulator.signal.speckles` has it."""
+    """Return the power of the separation by which a residual falls beyond the last ring; see `speckles`."""
     return 0.0 if len(rings) < 2 else min(float((logs[-1] - logs[-2]) / np.log(rings[-1] / rings[-2])), 0.0)

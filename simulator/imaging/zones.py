@@ -1,4 +1,4 @@
-"""Where planets are looked for on the detector: squares ``a <= |x|, |y| <= b``, in four quadrants or in two, or a ring.
+"""The zone in which planets are looked for: squares ``a <= |x|, |y| <= b`` in four quadrants or in two, or a ring.
 
 Whoever asks where a planet may stand asks the zone, and needs not know which it is.
 """
@@ -18,7 +18,7 @@ HoleStatus = Literal["reached", "not_reached", "none", "table"]
 
 @dataclass(frozen=True)
 class HoleZone:
-    """Where light is to be removed. In both modes the zone is a product of two sets of intervals.
+    """The zone in which light is to be removed. In both modes it is a product of two sets of intervals.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class HoleZone:
         return self.outer_arcsec * math.sqrt(2.0)
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike, margin_arcsec: float = 0.0) -> FloatArray:
-        """Fraction of the circle of that radius that lies inside the zone.
+        """Return the fraction of the circle of that radius that lies inside the zone.
 
         Parameters
         ----------
@@ -71,7 +71,7 @@ class HoleZone:
         return fraction * np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
 
     def usable_range_arcsec(self, radius_arcsec: float, turn_deg: float = 0.0) -> tuple[float, float]:
-        """Separations between which an aperture on a diagonal, or so many degrees beside it, lies in the zone whole.
+        """Return the separations at which an aperture on a diagonal, or degrees beside it, lies whole in the zone.
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class HoleZone:
         return low / near if near > 0 else math.inf, high / far
 
     def axes(self, half_axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Axes y and x of the zone, given the points of one positive half axis in ascending order."""
+        """Return the axes y and x of the zone, given the points of one positive half axis in ascending order."""
         both = np.concatenate([-half_axis[::-1], half_axis])
         if self.mode == "4q":
             return both, both
@@ -96,7 +96,7 @@ class HoleZone:
         return (both, one) if self.side in ("right", "left") else (one, both)
 
     def intervals(self) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
-        """Intervals of y and of x whose product the zone is."""
+        """Return the intervals of y and of x whose product the zone is."""
         a, b = self.inner_arcsec, self.outer_arcsec
         left, right = (-b, -a), (a, b)
         if self.mode == "4q":
@@ -105,7 +105,7 @@ class HoleZone:
         return ((left, right), one) if self.side in ("right", "left") else (one, (left, right))
 
     def covers(self, y_arcsec: FloatArray, x_arcsec: FloatArray, widen_arcsec: float = 0.0) -> NDArray[np.bool_]:
-        """Which points of a grid lie in the zone, its intervals widened at both ends (narrowed if negative).
+        """Return which points of a grid lie in the zone, its intervals widened at both ends (narrowed if negative).
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class HoleZone:
         return np.outer(rows, columns)
 
     def contains(self, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
-        """Which points lie in the zone, at least ``margin`` from its edges.
+        """Return which points lie in the zone, at least ``margin`` from its edges.
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ class HoleZone:
         return inside
 
     def crosses_inner(self, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> bool:
-        """Whether an aperture that does not lie in the zone crosses its inner edge.
+        """Return whether an aperture that does not lie in the zone crosses its inner edge.
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class HoleZone:
     def cells(
         self, step_arcsec: float, radius_arcsec: float, pixel_arcsec: float
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Places x and y of apertures whose pixels lie in the zone, centres of square cells, and the side of a cell.
+        """Return x and y of apertures whose pixels lie in the zone, centres of square cells, and the side of a cell.
 
         Parameters
         ----------
@@ -190,7 +190,7 @@ class HoleZone:
         return sign_x * offset, sign_y * offset
 
     def control_axes(self, step_arcsec: float, margin_arcsec: float) -> tuple[FloatArray, FloatArray]:
-        """Points at most ``step`` apart that include the edges, widened by ``margin`` on every side.
+        """Return the points at most ``step`` apart that include the edges, widened by ``margin`` on every side.
 
         Parameters
         ----------
@@ -204,7 +204,7 @@ class HoleZone:
         return self.axes(np.asarray(points, dtype=np.float64))
 
     def score_axes(self, step_arcsec: float) -> tuple[FloatArray, FloatArray]:
-        """Centres of cells of exactly ``step``, as many as fit, centred in the zone: not the points of control."""
+        """Return the centres of cells of exactly ``step``, as many as fit, centred: not the points of control."""
         n = max(1, math.floor((self.outer_arcsec - self.inner_arcsec) / step_arcsec + 1e-9))
         middle = 0.5 * (self.inner_arcsec + self.outer_arcsec)
         points = middle + (np.arange(n) - (n - 1) / 2) * step_arcsec
@@ -252,33 +252,33 @@ class RingZone:
         return offset, offset
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike, margin_arcsec: float = 0.0) -> FloatArray:
-        """Fraction of the circle of that radius that lies inside the ring; parameters as of `HoleZone`."""
+        """Return the fraction of the circle of that radius that lies inside the ring; parameters as of `HoleZone`."""
         r = np.asarray(separation_arcsec, dtype=np.float64)
         inside = (r >= self.inner_arcsec + margin_arcsec) & (r <= self.outer_arcsec - margin_arcsec)
         return inside.astype(np.float64)
 
     def usable_range_arcsec(self, radius_arcsec: float, turn_deg: float = 0.0) -> tuple[float, float]:
-        """Separations between which an aperture lies in the ring whole; parameters as of `HoleZone`."""
+        """Return the separations between which an aperture lies in the ring whole; parameters as of `HoleZone`."""
         return self.inner_arcsec + radius_arcsec, self.outer_arcsec - radius_arcsec
 
     def covers(self, y_arcsec: FloatArray, x_arcsec: FloatArray, widen_arcsec: float = 0.0) -> NDArray[np.bool_]:
-        """Which points of a grid lie in the ring; parameters as of `HoleZone`."""
+        """Return which points of a grid lie in the ring; parameters as of `HoleZone`."""
         return self.contains(x_arcsec[None, :], y_arcsec[:, None], -widen_arcsec)
 
     def contains(self, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
-        """Which points lie in the ring, at least ``margin`` from its edges; parameters as of `HoleZone`."""
+        """Return which points lie in the ring, at least ``margin`` from its edges; parameters as of `HoleZone`."""
         separation = np.hypot(x_arcsec, y_arcsec)
         inner = (self.inner_arcsec + margin_arcsec) * (1.0 - _ROUNDING)
         return np.asarray((separation >= inner) & (separation <= (self.outer_arcsec - margin_arcsec) * (1 + _ROUNDING)))
 
     def crosses_inner(self, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> bool:
-        """Whether an aperture that does not lie in the ring crosses its inner edge; parameters as of `HoleZone`."""
+        """Return whether an aperture not in the zone crosses its inner edge; parameters as of `HoleZone`."""
         return math.hypot(x_arcsec, y_arcsec) - radius_arcsec < self.inner_arcsec
 
     def cells(
         self, step_arcsec: float, radius_arcsec: float, pixel_arcsec: float
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Places x and y of apertures that lie in the ring whole, and the side of a cell; as `HoleZone.cells`."""
+        """Return x and y of apertures that lie in the ring whole, and the side of a cell; as `HoleZone.cells`."""
         low, high = self.usable_range_arcsec(radius_arcsec)
         cells = 2 * max(1, round(high / step_arcsec))
         step = 2.0 * high / cells

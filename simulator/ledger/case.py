@@ -1,4 +1,4 @@
-"""What the sizes of the effects of the camera are worked out for: pixels, planets, their noise, hits by particles.
+"""The inputs of the sizes of camera effects: pixels, planets, their noise, hits by particles.
 
 Whether sums of frames may stand for the frames, from closed forms.
 """
@@ -78,7 +78,7 @@ def stamp_flaws(detector: Detector, corner: tuple[int, int], side: int) -> tuple
 
 @dataclass(frozen=True, eq=False)
 class CameraCase:
-    """What the sizes are worked out for.
+    """The inputs that the sizes are worked out for.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class CameraCase:
         return (self.light_e + self.noise.dark_e) * self.noise.photons
 
     def struck(self) -> float:
-        """Size of the charge of particles on the variance of a pixel."""
+        """Return the size of the charge of particles on the variance of a pixel."""
         hits = self.hits_per_s * self.exposure_s * self.hits.square_e2
         return self.variance_change(self.noise.factor2 * hits, inside=False)
 
@@ -174,17 +174,17 @@ class CameraCase:
         return Spill(self)
 
     def overflow(self, mean_e: FloatArray | float, well_e: float, factor2: float) -> FloatArray:
-        """What a limit cuts off; see `overflow`."""
+        """Return what a limit cuts off; see `overflow`."""
         return overflow(mean_e, well_e, factor2)
 
     def behind_e_s(self, planet: PlanetPlace) -> float:
-        """Light of others on a pixel of the aperture of a planet, at most, e-/s."""
+        """Return the light of others on a pixel of the aperture of a planet, at most, e-/s."""
         return (planet.halo_e_s + planet.other_most_e_s + planet.sky_e_s) / self.light.aperture_pixels
 
     def spilled_on(
         self, planet: PlanetPlace, well_e: float, factor2: float, flows_into: Callable[[slice, slice], object]
     ) -> float:
-        """Whether charge beyond a limit may reach a planet: 1, or what of its own is cut off.
+        """Return whether charge beyond a limit may reach a planet: 1, or what of its own is cut off.
 
         Parameters
         ----------
@@ -228,7 +228,7 @@ class CameraCase:
         return switches.blooming and bloom, switches.register_full_well and trail
 
     def mean_change(self, change_e: FloatArray | float) -> float:
-        """Largest change of mean and standard deviation in a pixel whose mean changes so.
+        """Return the largest change of mean and standard deviation in a pixel whose mean changes so.
 
         Where charge spills, the last pixel that it reaches sees the changes of a whole column or row.
         """
@@ -246,18 +246,18 @@ class CameraCase:
         return worst
 
     def variance_change(self, variance_e2: FloatArray | float, *, inside: bool = True) -> float:
-        """Largest share of the variance of a pixel, halved; ``inside`` where it is part of the noise already."""
+        """Return the largest share of a pixel's variance, halved; ``inside`` where it is part of the noise already."""
         part = np.broadcast_to(np.asarray(variance_e2, dtype=np.float64), self.sigma_e.shape)
         whole = self.sigma_e**2 if inside else self.sigma_e**2 + part
         return 0.5 * min(float(np.max(part / whole, initial=0.0)), 1.0)
 
     def light_variance_e2(self, aperture_e_s: float) -> float:
-        """Variance over the visit of an aperture sum of even light."""
+        """Return the variance over the visit of an aperture sum of even light."""
         noise, fraction = self.noise, self.light.noise_pixels / self.light.aperture_pixels
         return self.n_frames * noise.factor2 * noise.photons * self.exposure_s * fraction * aperture_e_s
 
     def snr_share(self, *origins: str, factor: float = 1.0) -> float:
-        """Half of the share of some origins in the variance of an aperture sum, the largest of all planets.
+        """Return half of the share of some origins in the variance of an aperture sum, the largest of all planets.
 
         Light of other sources counts as much as it may be; what adds no variance is no origin.
         """
@@ -270,12 +270,12 @@ class CameraCase:
         return most
 
     def snr_added(self, variance_e2: Iterable[float]) -> float:
-        """The same of a variance that is not among the origins, one a planet."""
+        """Return the same of a variance that is not among the origins, one a planet."""
         totals = (max(sum(variances.values()), 1e-300) for variances in self.variances)
         return max((0.5 * part / total for part, total in zip(variance_e2, totals, strict=True)), default=0.0)
 
     def over_planets(self, size: Callable[[PlanetPlace], float]) -> float:
-        """Largest of all planets."""
+        """Return the largest of all planets."""
         return max((size(planet) for planet in self.light.planets), default=0.0)
 
     @functools.cached_property
@@ -331,7 +331,7 @@ class PixelHits(NamedTuple):
     charge_e: FloatArray
 
     def share_above(self, level_e: float) -> float:
-        """Share of the squared charge in pixels of more than a level."""
+        """Return the share of the squared charge in pixels of more than a level."""
         squares = self.charge_e**2
         return float(squares[np.searchsorted(self.charge_e, level_e) :].sum() / max(squares.sum(), 1e-300))
 
@@ -369,7 +369,7 @@ _SIGMA = 8.0
 def sums_possible(
     case: CameraCase, metrics: PsfMetrics, star_e_s: float, *, visible: bool, moved: bool, band: str
 ) -> Outcome[float]:
-    """Whether frames add up over the dark hole: no pixel in it reaches a limit, and none overflows into it.
+    """Return whether frames add up over the dark hole: no pixel in it reaches a limit, and none overflows into it.
 
     The image that is made decides it pixel by pixel (`simulator.observing.hole_stack.hole_stackable`); this is the same
     from tables of the light.
@@ -394,6 +394,6 @@ def sums_possible(
 
 
 def _runs(inside: BoolArray) -> list[slice]:
-    """Intervals of pixels that are inside."""
+    """Return the intervals of pixels that are inside."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     return [slice(int(low), int(high)) for low, high in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,4 +1,4 @@
-"""What is left out: the cheapest way to model an observation that keeps every quantity within its tolerance.
+"""Choose the cheapest way to model an observation that keeps every quantity within its tolerance.
 
 Which quantities a tolerance holds for.
 """
@@ -28,7 +28,7 @@ _NEEDS = {effect.switch: effect.hides for effect in rows_of(VISIBLE)}
 
 @dataclass(frozen=True)
 class Choice:
-    """How an observation is modelled; made by `choose`.
+    """The way in which an observation is modelled; made by `choose`.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Choice:
 
 
 def budget_of(quantity: Quantity, tolerance: float) -> float:
-    """What the sizes of all that is left out may sum to, so that the error stays within a tolerance.
+    """Return what the sizes of all that is left out may sum to, so that the error stays within a tolerance.
 
     Sizes are first order. Variances do not add up like that: without the share A of its variance a standard deviation
     is lower by ``1 - sqrt(1 - A)``, and a ratio to it higher by ``1 / sqrt(1 - A) - 1``, both more than ``A / 2``. With
@@ -96,7 +96,7 @@ def budget_of(quantity: Quantity, tolerance: float) -> float:
 
 
 def error_of(quantity: Quantity, total: float) -> float:
-    """Inverse of `budget_of`: the error that a sum of sizes stands for; infinite where it is no bound."""
+    """Return the inverse of `budget_of`: the error that a sum of sizes stands for; infinite where it is no bound."""
     if quantity == "planet_flux" or total == 0.0:
         return total
     if quantity == "pixel_map":
@@ -144,7 +144,7 @@ class _Chooser(Chosen):
     """The decisions of one choice."""
 
     def made(self) -> Choice:
-        """Everything."""
+        """Return everything."""
         self.budget = {name: budget_of(name, tolerance) for name, tolerance in self.dial.tolerance.items()}
         self.rows_spent = 0.0
         tier = self.dial.fidelity
@@ -217,7 +217,7 @@ class _Chooser(Chosen):
                 yield _Item(key, name, self.forecast.sizes[key], saved * math.sqrt(pixels))
 
     def _whole(self) -> Iterator[_Item]:
-        """Sums of frames, and the window alone."""
+        """Yield the sums of frames, and the window alone."""
         frames = self.forecast.n_frames
         if self.draw == "frames" and "summed_frames" not in self.fixed and self.forecast.sums.status is Status.OK:
             sizes = dict.fromkeys(self.asked, 0.0)
@@ -234,7 +234,7 @@ class _Chooser(Chosen):
             yield _Item("hole_region", "hole", self.forecast.sizes["hole_region"], saved)
 
     def _settings(self, tier: str) -> Iterator[_Item]:
-        """Fewer epochs; where a tolerance chooses the knobs, fewer nodes and single precision."""
+        """Yield the fewer epochs; where a tolerance chooses the knobs, fewer nodes and single precision."""
         each = stamp_s(self.knobs)
         for value in self.forecast.knob_sizes["drift_epochs"]:
             if value < self.epochs and "drift_epochs" not in self.fixed:
@@ -288,7 +288,7 @@ class _Chooser(Chosen):
 
 
 def checked_tolerance(tolerance: Any) -> float:
-    """A tolerance from 0 to 0.5.
+    """Return a tolerance from 0 to 0.5.
 
     Raises
     ------
@@ -302,7 +302,7 @@ def checked_tolerance(tolerance: Any) -> float:
 
 
 def checked_quantities(quantity: Quantity | Sequence[Quantity] | None, *, planets: bool) -> tuple[Quantity, ...]:
-    """Quantities that a tolerance holds for; by default the pixel map, and with planets all three.
+    """Return the quantities that a tolerance holds for; by default the pixel map, and with planets all three.
 
     Raises
     ------
@@ -344,7 +344,7 @@ def observation_choice(
     visits: int = 1,
     timing: Timing = INTERLEAVED,
 ) -> Choice:
-    """What an observation leaves out; drawn frame by frame, on the window that was asked for.
+    """Return what an observation leaves out; drawn frame by frame, on the window that was asked for.
 
     Parameters
     ----------

@@ -1,8 +1,6 @@
-"""Processor time that the parts of an observation take, as far as leaving them out saves it.
+"""A choice in words: the row of every effect, source and setting, with the processor time that it saves.
 
 Rough times of one core; only their ratios matter, which decide what is left out first.
-
-A choice in words: the row of every effect, source and setting.
 """
 
 import dataclasses
@@ -31,7 +29,7 @@ _STAMP_S, _PUPIL_S = 3e-4, 1e-3
 
 
 def stamp_s(knobs: Knobs) -> float:
-    """Seconds of one image of the star behind the mask."""
+    """Return the seconds of one image of the star behind the mask."""
     products = knobs.wavelength_nodes * (_STAMP_S * knobs.pixel_nodes**2 + _PUPIL_S)
     return products * (0.55 if knobs.precision == "single" else 1.0) * (1.0 if knobs.pupil_samples <= 128 else 2.0)
 
@@ -67,7 +65,7 @@ class Chosen:
         self.full = forecast.full if "hole_region" in self.fixed else True
 
     def knob_sizes(self, name: str, value: Any) -> Sizes:
-        """Size of a setting against the finest one: at most the sum of what both are away from the reference.
+        """Return the size of a setting against the finest: at most the sum of what both are away from the reference.
 
         Parameters
         ----------
@@ -82,7 +80,7 @@ class Chosen:
         return {quantity: ours[quantity] + theirs[quantity] for quantity in self.asked}
 
     def fewer_epochs(self, now: int, then: int) -> Sizes:
-        """Size of sampling the walk of the wavefront at fewer epochs.
+        """Return the size of sampling the walk of the wavefront at fewer epochs.
 
         Parameters
         ----------
@@ -98,15 +96,15 @@ class Chosen:
         return known[value if value in known else max(candidate for candidate in known if candidate < value)]
 
     def size(self, sizes: Sizes) -> float:
-        """Largest size on what was asked for."""
+        """Return the largest size on what was asked for."""
         return max((sizes[name] for name in self.asked), default=0.0)
 
     def exists(self, key: str) -> bool:
-        """Whether an effect is part of the observation."""
+        """Return whether an effect is part of the observation."""
         return any(row.key == key and row.decision == "kept" for row in self.forecast.rows)
 
     def reason(self, sizes: Sizes) -> str:
-        """Why something is left out."""
+        """Return why something is left out."""
         if not self.size(sizes):
             return "changes nothing that was asked for"
         most = max(self.asked, key=lambda name: sizes[name])
@@ -114,7 +112,7 @@ class Chosen:
 
 
 def choice_rows(chosen: Chosen) -> tuple[EffectRow, ...]:
-    """Rows of what the configuration contains, of the sources one by one, and of the settings.
+    """Return the rows of what the configuration contains, of the sources one by one, and of the settings.
 
     Parameters
     ----------

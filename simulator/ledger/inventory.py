@@ -1,7 +1,4 @@
-"""One row of the effect ledger.
-
-What a configuration contains and what it lacks, row by row, with the reason; no sizes.
-"""
+"""The rows of the effect ledger: what a configuration contains and what it lacks, each with its reason."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -40,7 +37,7 @@ class EffectRow:
     size: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain dict for JSON and FITS headers."""
+        """Return the plain dict for JSON and FITS headers."""
         return asdict(self)
 
 
@@ -72,7 +69,7 @@ def camera_ledger(
     exposure_s: float | None = None,
     start_utc: str | None = None,
 ) -> tuple[EffectRow, ...]:
-    """Ledger of a camera: one row per switch, and the converter.
+    """Return the ledger of a camera: one row per switch, and the converter.
 
     Parameters
     ----------
@@ -97,13 +94,13 @@ def _row(effect: Effect, law: str, why_not: str) -> EffectRow:
 
 
 def not_modelled(instrument: Instrument) -> list[str]:
-    """Effects that the images of a visible instrument lack, one sentence each."""
+    """Return the effects that the images of a visible instrument lack, one sentence each."""
     rows = (*_LACKING, *camera_ledger(instrument), *sky_ledger(instrument), _dust(instrument, None))
     return [f"{row.effect}: {row.reason}" for row in rows if row.decision == "skipped"]
 
 
 def _dust(instrument: Instrument, scene: Scene | None) -> EffectRow:
-    """Row of the dust around the star: in a scene, or wherever a planner makes the scene."""
+    """Return the row of the dust around the star: in a scene, or wherever a planner makes the scene."""
     effect, key, zodis = "exozodiacal light", "exozodi", instrument.sky.exozodi_zodis
     if scene is not None and scene.extended:
         return EffectRow(effect, "kept", "only as extended sources of the scene", key)
@@ -122,7 +119,7 @@ def sky_ledger(
     sky: SkyLevel | None = None,
     stray: Mapping[str, FloatArray] | None = None,
 ) -> tuple[EffectRow, ...]:
-    """Ledger of the sky, earthshine and stray light.
+    """Return the ledger of the sky, earthshine and stray light.
 
     Parameters
     ----------
@@ -184,7 +181,7 @@ def effect_ledger(
     stray: Mapping[str, FloatArray] | None = None,
     start_utc: str | None = None,
 ) -> tuple[EffectRow, ...]:
-    """Ledger of one observation.
+    """Return the ledger of one observation.
 
     Parameters
     ----------

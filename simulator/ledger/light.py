@@ -28,7 +28,7 @@ _NEAR_STEPS = 4.0  # of the wing map, beyond which the light of a source is even
 
 @dataclass(frozen=True, eq=False)
 class SourceLight:
-    """What a source other than the central star leaves on the window.
+    """The light that a source other than the central star leaves on the window.
 
     Attributes
     ----------
@@ -217,7 +217,7 @@ def scene_light(
     x_all = np.array([place[0] for place in places])
 
     def columns_e_s(x: float, own: int) -> float:
-        """Of every source but the planet itself, and the sky."""
+        """Return the light in columns of every source but the planet itself, and of the sky."""
         unmasked = np.arange(len(sources)) != own
         unmasked[0] &= moved
         light = float((rates * metrics.source_column_aperture(x - x_all))[unmasked].sum())
@@ -297,7 +297,7 @@ class _Aperture(NamedTuple):
         return cls(x, y, (rows, columns), overlap_weights(radius, row - middle[0], column - middle[1]))
 
     def light_e_s(self, metrics: PsfMetrics, image: FloatArray, rate_e_s: float, x: float, y: float) -> float:
-        """Light of a source at (x, y) with this image on the stamp; off the stamp that of its wings."""
+        """Return the light of a source at (x, y) with this image on the stamp; off the stamp that of its wings."""
         if self.weights.size:
             return float((self.weights * image[self.place]).sum())
         return rate_e_s * float(wing(metrics, self.x_arcsec - x, self.y_arcsec - y)) * metrics.aperture_pixels
@@ -311,7 +311,7 @@ def _other_lights(
     offset: FloatArray,
     open_map: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Light of sources off the axis: brightest pixels (s,), light in apertures (s, k), the sum on the stamp, at most.
+    """Return light of sources off the axis: brightest pixels (s,), in apertures (s, k), the most on the stamp.
 
     The brightest sources near the stamp have an image each; light of the others is even over cells as wide as those of
     the wing map.
@@ -349,6 +349,6 @@ def _other_lights(
 
 
 def _off_map(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float, half: float) -> BoolArray:
-    """Whether a source is so far from the stamp that the wing map does not reach it."""
+    """Return whether a source is so far from the stamp that the wing map does not reach it."""
     reach = len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
     return np.asarray(np.maximum(np.abs(x), np.abs(y)) - half > reach)

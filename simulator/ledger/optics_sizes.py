@@ -51,7 +51,7 @@ class Lasting(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OpticsCase:
-    """What these sizes are worked out for.
+    """The inputs that these sizes are worked out for.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class OpticsCase:
         return _box(self.camera.light.star_e_s, _PIXEL_REACH, largest=True)
 
     def _around(self, planet: PlanetPlace) -> float:
-        """Starlight around the pixels of an aperture over their own: what is misplaced comes from there."""
+        """Return the starlight around the pixels of an aperture over their own: what is misplaced comes from there."""
         if not planet.weights.size:
             return 1.0
         around = float((planet.weights * self._around_mean[planet.place]).sum())
@@ -113,7 +113,7 @@ class OpticsCase:
         return around / own if own > 0 else 1.0
 
     def wavelength_nodes(self, n_nodes: int) -> Sizes:
-        """Of so many wavelengths a band."""
+        """Return the size of taking so many wavelengths a band."""
         case, t = self.camera, self.camera.exposure_s
         change = self.optics.wavelength_error(n_nodes, case.light.radius_arcsec) * self._around_mean * t
         peak = self.optics.wavelength_peak_error(n_nodes)
@@ -136,7 +136,7 @@ class OpticsCase:
         return found
 
     def pixel_nodes(self, n_nodes: int) -> Sizes:
-        """Of so many nodes a pixel and axis; sources other than the star are integrated in closed form."""
+        """Return the size of taking so many nodes a pixel and axis; all sources but the star are in closed form."""
         case = self.camera
         planets = case.light.planets
         halos = [self.optics.pixel_halo_error(n_nodes, planet.inside) * self._around(planet) for planet in planets]
@@ -145,7 +145,7 @@ class OpticsCase:
         return self._of(error * self._around_most * case.exposure_s, 0.0, halos, speckles)
 
     def precision(self) -> Sizes:
-        """Of fields in single precision."""
+        """Return the size of taking fields in single precision."""
         case = self.camera
         peak = self.star_e_s * self.metrics.peak_off_axis
         change = precision_error_e_s(case.light.star_e_s, peak) + _OTHERS_RELATIVE * case.light.total_e_s
@@ -157,7 +157,7 @@ class OpticsCase:
         return self._of(change * case.exposure_s, 1e-7, halos, halos)
 
     def epochs(self, n_epochs: int) -> Sizes:
-        """Of fewer epochs of the walk.
+        """Return the size of taking fewer epochs of the walk.
 
         The mean of a walk over a visit has a variance higher by ``1 / (2 e^2)`` when it is sampled in the middle of e
         intervals (its covariance is ``min(s, s')``), and a frame is at most half an interval away from its epoch.
@@ -171,27 +171,27 @@ class OpticsCase:
         return sizes(self._speckles(away), snr=snr)
 
     def no_drift(self) -> Sizes:
-        """Of a wavefront that stands still."""
+        """Return the size of a wavefront that stands still."""
         rms = math.hypot(self.drift.visit_nm, self.drift.walk_nm_per_sqrt_hour * math.sqrt(self.visit_s / 3600.0))
         return sizes(self._speckles(rms), snr=max(self.speckle_share, default=0.0))
 
     def no_common(self) -> Sizes:
-        """Of science visits without the screen that references have not."""
+        """Return the size of science visits without the screen that references have not."""
         return sizes(self._speckles(self.drift.common_nm), snr=self._left([part.common for part in self.lasting]))
 
     def no_orbit(self) -> Sizes:
-        """Of a wavefront that does not swing with the orbit."""
+        """Return the size of a wavefront that does not swing with the orbit."""
         # Low orders leave less than a screen in the hole, and as much around the mask.
         largest = math.sqrt(2.0) * self.drift.orbital_nm
         return sizes(self._speckles(largest), snr=self._left([part.orbital for part in self.lasting]))
 
     def _left(self, ratios: list[float]) -> float:
-        """Size of parts of the variance of speckles: half their share of all that the programme has."""
+        """Return the size of parts of the variance of speckles: half their share of all that the programme has."""
         parts = zip(self.speckle_share, self.lasting, ratios, strict=True)
         return max((0.5 * share * ratio / (1.0 + share * sum(every)) for share, every, ratio in parts), default=0.0)
 
     def _speckles(self, rms_nm: float) -> float:
-        """Largest change of a pixel by a wavefront error."""
+        """Return the largest change of a pixel by a wavefront error."""
         case, t = self.camera, self.camera.exposure_s
         peak = self.star_e_s * self.metrics.peak_off_axis
         radius, slope = case.light.radius_arcsec, self.drift.psd_slope
@@ -231,11 +231,11 @@ class OpticsCase:
         return [self.camera.light_variance_e2(float(light)) for light in aperture_e_s]
 
     def _padded(self, change: FloatArray) -> FloatArray:
-        """A change on the stamp, nothing on the pixels around it."""
+        """Return a change on the stamp, nothing on the pixels around it."""
         return np.concatenate([change.ravel(), np.zeros(self.camera.light.outside_e_s.size)])
 
     def _of(self, change_e: FloatArray, flux: float, halo_errors: list[float], speckle_errors: list[float]) -> Sizes:
-        """From the change of the star's pixels, of the planet, and relative errors of the light and speckles there."""
+        """Return sizes from changes of the star's pixels and the planet, and relative errors of light and speckles."""
         parts, shares = [], zip(self.camera.variances, self.speckle_share, strict=True)
         for halo, speckle, (variances, share) in zip(halo_errors, speckle_errors, shares, strict=True):
             part = 0.5 * variances["halo"] / max(sum(variances.values()), 1e-300)
@@ -244,7 +244,7 @@ class OpticsCase:
 
 
 def _box(image: FloatArray, reach: int, *, largest: bool) -> FloatArray:
-    """Largest value, or mean, of the square of pixels within ``reach`` of each."""
+    """Return the largest value, or mean, of the square of pixels within ``reach`` of each."""
     n = len(image)
     for axis in (0, 1):
         padded = np.pad(image, [(reach, reach) if part == axis else (0, 0) for part in (0, 1)])
@@ -289,7 +289,7 @@ def gauss_remainder(n_nodes: int, phase: FloatArray | float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Optics:
-    """What the quadratures of a band depend on.
+    """The properties that the quadratures of a band depend on.
 
     Attributes
     ----------
@@ -318,15 +318,15 @@ class Optics:
         return gauss_remainder(n_nodes, slower * math.pi * self.relative_width * u)
 
     def wavelength_flux_error(self, n_nodes: int) -> float:
-        """Relative error of the aperture sum of a planet: ``0.11 Delta^2`` with one wavelength."""
+        """Return the relative error of the aperture sum of a planet: ``0.11 Delta^2`` with one wavelength."""
         return _FLUX.get(n_nodes, 1e-3) * self.relative_width ** (2 * n_nodes)
 
     def wavelength_peak_error(self, n_nodes: int) -> float:
-        """Largest error of a pixel in the image of a source off the axis, relative to its peak."""
+        """Return the largest error of a pixel in the image of a source off the axis, relative to its peak."""
         return _PEAK.get(n_nodes, 1e3) * self.relative_width ** (2 * n_nodes)
 
     def pixel_error(self, n_nodes: int) -> float:
-        """Error of a pixel of the star relative to the light around it, both axes together."""
+        """Return the error of a pixel of the star relative to the light around it, both axes together."""
         # A box of half width 1/2 and a normal law of width j have the second moment of a box sqrt(1 + 12 j^2) wider.
         wider = math.sqrt(1.0 + 12.0 * (self.jitter_arcsec / self.pixel_arcsec) ** 2)
         return 2.0 * float(gauss_remainder(n_nodes, math.pi * self.pixel_arcsec / self.lambda_d_arcsec * wider))
@@ -373,7 +373,7 @@ class Optics:
         return factor * self.pixel_error(n_nodes)
 
     def pixel_speckle_error(self, n_nodes: int) -> float:
-        """Relative error of the rms of aperture sums that a drifting wavefront leaves."""
+        """Return the relative error of the rms of aperture sums that a drifting wavefront leaves."""
         return _SPECKLE_PIXEL * self.pixel_error(n_nodes)
 
 

@@ -207,7 +207,7 @@ def forecast(
 
 
 def _forbid(sizes: dict[str, Sizes], knobs: dict[str, dict[Any, Sizes]]) -> None:
-    """Where a limit cuts off the planet, or charge may spill onto it, every bit of light can decide what is left."""
+    """Forbid limits that cut off the planet or spill charge onto it: there every bit of light can decide the rest."""
     for size in [*sizes.values(), *(size for values in knobs.values() for size in values.values())]:
         if any(size.values()):
             size["planet_flux"] = size["snr"] = 1.0
@@ -237,7 +237,7 @@ def _knob_sizes(optics: OpticsCase, epochs: int) -> dict[str, dict[Any, Sizes]]:
 
 
 def _off_mask(light: SceneLight) -> Sizes:
-    """Of one unmasked image for every source: what mask and cross take away, and the nearest of 4 x 4 cells.
+    """Return the size of one unmasked image for every source, without mask and cross, to the nearest of 4 x 4 cells.
 
     The cells cost 0.55 % of an aperture sum at most, 4.5 % of a peak pixel (measured at 520 nm).
     """
@@ -246,7 +246,7 @@ def _off_mask(light: SceneLight) -> Sizes:
 
 
 def _left_out(optics: OpticsCase) -> dict[str, Sizes]:
-    """Of what no image has: an error of the pointing of each visit, and the disc of the star.
+    """Return the sizes of what no image has: an error of the pointing of each visit, and the disc of the star.
 
     The light in the hole goes with the star, so that an error of the pointing changes aperture sums by their gradient,
     in science and in reference visits by other amounts, which visits average as they do speckles. A disc of radius r
@@ -275,7 +275,7 @@ def _left_out(optics: OpticsCase) -> dict[str, Sizes]:
 
 
 def _hole_region(case: CameraCase) -> Sizes:
-    """Of reading a window alone: the overflow that would have come in; what smears into it is known."""
+    """Return the size of reading a window alone: overflow that would have come in; what smears into it is known."""
     detector, light, noise = case.detector, case.light, case.noise
     in_columns, in_rows = (peak * case.exposure_s for peak in light.beyond_peaks_e_s)
     enters = float(overflow(in_columns, detector.full_well_e, 1.0)) * detector.switches.blooming

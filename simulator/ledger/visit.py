@@ -98,7 +98,7 @@ _ANNULUS_LAMBDA_D = 1.5  # half width of the annulus around a planet whose scatt
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """What sizes are worked out from; made by `visit_of`.
+    """The inputs of sizes; made by `visit_of`.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ def visit_of(
     visits: int = 1,
     timing: Timing = INTERLEAVED,
 ) -> Visit:
-    """Light, noise and optics of an observation; parameters and errors as `simulator.ledger.forecast`."""
+    """Return the light, noise and optics of an observation; parameters and errors as `simulator.ledger.forecast`."""
     switched = instrument.switched(switches, camera=instrument.band(band).camera)
     start = instrument.mission.start_utc if start_utc is None else start_utc
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
@@ -262,7 +262,7 @@ def visit_of(
 
 
 def _radius_mas(star: SceneStar) -> float:
-    """Angular radius of a star by its V magnitude and temperature, at any distance; 0 where no temperature is known."""
+    """Return the angular radius of a star by its V magnitude and temperature; 0 if the temperature is unknown."""
     teff_k = star.teff_k
     if teff_k is None and star.spectral_type is not None:
         teff_k = stellar_parameters(star.spectral_type).teff_k
@@ -279,7 +279,7 @@ Speckles = tuple[float, float, float]
 
 
 def _shares(variances: Mapping[str, float], speckle_e_s: Speckles, integration_s: float) -> tuple[float, float]:
-    """Largest part of the variance of an aperture sum that speckles make, and the walk alone."""
+    """Return the largest part of the variance of an aperture sum that speckles make, and the walk alone."""
     least, every, walk = ((integration_s * part) ** 2 for part in speckle_e_s)
     white = sum(variances.values()) - variances["speckle"]
     return every / max(white + max(every, least), 1e-300), walk / max(white + every, 1e-300)
@@ -288,7 +288,7 @@ def _shares(variances: Mapping[str, float], speckle_e_s: Speckles, integration_s
 def _speckles(
     metrics: PsfMetrics, drift: Drift, planet: PlanetPlace, star_e_s: float, visit_s: float, *, still: bool
 ) -> Speckles:
-    """Rms of aperture sums that a reference visit leaves: at least, at most, and the part of the walk in that.
+    """Return the rms of aperture sums that a reference visit leaves: least, most, and the walk's part in that.
 
     Inside the hole that is the measured floor, within a factor; an aperture that reaches beyond it sees the beat of the
     drift with light that no one measured.
@@ -309,10 +309,10 @@ def _speckles(
 def _lasting(
     metrics: PsfMetrics, drift: Drift, planet: PlanetPlace, visit_s: float, visits: int, timing: Timing
 ) -> Lasting:
-    """What a programme's speckles have besides those of its visits alone, at the place of a planet."""
+    """Return what a programme's speckles have besides those of its visits alone, at the place of a planet."""
 
     def summed(**changes: float) -> float:
-        """Variance of the mean rate of the programme, times its visits."""
+        """Return the variance of the mean rate of the programme, times its visits."""
         law = programme_law(metrics, drift.model_copy(update=changes), where, _ANNULUS_LAMBDA_D, timing=timing)
         return visits * float(law.law(visits).variance(visit_s))
 
@@ -323,7 +323,7 @@ def _lasting(
 
 
 def _flaws_e(detector: Any, corner: tuple[int, int], side: int, planet: PlanetPlace) -> float:
-    """Dark current of hot pixels and bad columns in an aperture, by squared weights, e-/s."""
+    """Return the dark current of hot pixels and bad columns in an aperture, by squared weights, e-/s."""
     if not isinstance(detector, Detector) or not detector.switches.dark:
         return 0.0
     flaws, _ = stamp_flaws(detector, corner, side)
@@ -345,6 +345,6 @@ def _measured(sources: Sequence[Source], planets: Sequence[str] | None) -> tuple
 
 
 def _column_peak(metrics: PsfMetrics, light: SceneLight, star_e_s: float, *, moved: bool) -> float:
-    """Brightest pixel whose overflow may reach the hole along its column or row."""
+    """Return the brightest pixel whose overflow may reach the hole along its column or row."""
     star = metrics.peak_off_axis if moved else metrics.peak_on_axis_columns
     return max([star_e_s * star, *(source.peak_e_s for source in light.sources if source.kind == "star")])

@@ -1,4 +1,4 @@
-"""Whether charge that a pixel or the register cannot hold flows into a part of the frame.
+"""Tell whether charge that a pixel or the register cannot hold flows into a part of the frame.
 
 A pixel above its full well passes the excess on along its column, the register above its own along the row, to what is
 read next. Nothing arrives at a place exactly if every run of pixels that ends there holds less than its wells do: the
@@ -98,12 +98,12 @@ class Spill:
         return bool(_arrives(parts, self._register, self._factor2).any())
 
     def _over(self, rows: slice, columns: slice, well_e: float, factor2: float) -> bool:
-        """Whether a pixel in there holds too much itself."""
+        """Return whether a pixel in there holds too much itself."""
         top = float(self._charge_e[rows, columns].max(initial=0.0))
         return top + _SIGMA * math.sqrt(factor2 * top) > well_e
 
     def _blooming_columns(self, rows: slice) -> BoolArray:
-        """Columns of the stamp along which charge arrives at some rows."""
+        """Return the columns of the stamp along which charge arrives at some rows."""
         charge, found = self._charge_e.T, np.zeros(len(self._charge_e), dtype=np.bool_)
         # Half of the excess goes up, first; the other half down, where the first may have taken its room.
         for sign, run, part in ((-1, charge[:, : rows.start][:, ::-1], 0.5), (1, charge[:, rows.stop :], 1.0)):
@@ -114,7 +114,7 @@ class Spill:
         return found
 
     def _lanes(self, axis: Literal["x", "y"], sign: int) -> tuple[FloatArray, float]:
-        """Charge beyond the stamp along all its rows or columns, and the pixels of a box."""
+        """Return the charge beyond the stamp along all its rows or columns, and the pixels of a box."""
         if (axis, sign) not in self._known:
             case = self.case
             places = centred_axis(len(case.light.star_e_s), case.pixel_arcsec)
@@ -124,7 +124,7 @@ class Spill:
 
 
 def _arrives(parts: Sequence[tuple[FloatArray, float]], well_e: float, factor2: float, share: float = 1.0) -> BoolArray:
-    """Whether any run of each line, nearest pixel first, holds more than its wells; shape (lines,).
+    """Return whether any run of each line, nearest pixel first, holds more than its wells; shape (lines,).
 
     ``share`` of what is above the well of a pixel goes this way.
     """
@@ -240,7 +240,7 @@ class Surroundings:
     sky_e_s: float
 
     def lanes(self, places_arcsec: FloatArray, axis: Literal["x", "y"], sign: int) -> tuple[FloatArray, float]:
-        """Light along rows or columns beyond the stamp, electrons per second and pixel.
+        """Return the light along rows or columns beyond the stamp, electrons per second and pixel.
 
         Parameters
         ----------

@@ -146,7 +146,7 @@ def calibrate(
 
 
 def _camera(instrument: Instrument, kind: str, band: str, camera: str | None) -> CameraName:
-    """Name of the camera: that of the band, or the one asked for."""
+    """Return the name of the camera: that of the band, or the one asked for."""
     if not isinstance(band, str) or (kind in _NEEDS_BAND) != bool(band):
         raise InputError("band", band, allowed=f"a band for {', '.join(_NEEDS_BAND)}, none for BIAS and DARK")
     if camera is not None:
@@ -187,7 +187,7 @@ def _pointing(ra_deg: float | str | None, dec_deg: float | str | None) -> tuple[
 def _background(
     instrument: Instrument, band: str, place: tuple[float, float] | None, start_utc: str
 ) -> tuple[FloatArray, tuple[EffectRow, ...]]:
-    """The sky behind the mask, with what falls on the detector besides, and its ledger."""
+    """Return the sky behind the mask, with what falls on the detector besides, and its ledger."""
     ra_deg, dec_deg = (None, None) if place is None else place
     sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=ra_deg, dec_deg=dec_deg, start_utc=start_utc)
     psf = single_band_psf(band, instrument=instrument)
@@ -198,7 +198,7 @@ def _background(
 
 
 def _spot(instrument: Instrument, band: str, rate_e_s: float, offset_arcsec: tuple[float, float]) -> FloatArray:
-    """A point source at band centre through the optics."""
+    """Return a point source at band centre through the optics."""
     psf = single_band_psf(band, instrument=instrument, fidelity=Knobs(wavelength_nodes=1))
     half = psf.on_axis.shape[0] // 2 * psf.pixel_scale_arcsec
     place = check_pair("offset_arcsec", offset_arcsec, half, "arcsec", why=f"the edge of the stamp of {band}")

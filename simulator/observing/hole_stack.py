@@ -58,11 +58,11 @@ class HoleStacks:
         return np.diff(edges)
 
     def with_light(self, extra_e_s: FloatArray) -> "HoleStacks":
-        """The same with more light (a planet elsewhere), electrons per second and pixel, shape (n, n)."""
+        """Return the same with more light (a planet elsewhere), electrons per second and pixel, shape (n, n)."""
         return dataclasses.replace(self, static_e_s=self.static_e_s + extra_e_s)
 
     def mean_rates(self, realisation: int = 0, visit: int = 0) -> FloatArray:
-        """Mean electrons per second and pixel in every epoch of one visit, shape (epochs, n, n); 0 beyond the hole.
+        """Return mean electrons per second and pixel in every epoch of one visit, (epochs, n, n); 0 beyond the hole.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class HoleStacks:
         return rates
 
     def draw(self, realisation: int = 0, visit: int = 0) -> FloatArray:
-        """Sums of frames in electrons at the register input; bias and the mean of the smear are taken off.
+        """Return the sums of frames in electrons at the register input; bias and the mean of the smear are taken off.
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ class HoleStacks:
         return dataclasses.replace(self.observation.visit, realisation=number, number=turn)
 
     def _stamps(self, one: Visit) -> FloatArray:
-        """The unit star on rows and columns of the hole at every epoch."""
+        """Return the unit star on rows and columns of the hole at every epoch."""
         sequence = self.observation
         if self._grid is None:
             fixed = sequence.psf.on_axis[np.ix_(self._rows, self._columns)]
@@ -178,7 +178,7 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleSt
 
 
 def hole_stackable(observation: Observation) -> Outcome[float]:
-    """Whether frames of an observation add up to one draw over the dark hole.
+    """Return whether frames of an observation add up to one draw over the dark hole.
 
     Returns
     -------
@@ -216,7 +216,7 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
 
 
 def _tail_enters(mean_e: FloatArray, region: NDArray[np.bool_], exposure: Exposure) -> bool:
-    """Whether a run of pixels that is read before the hole holds more than the register passes on, noise included."""
+    """Return whether a run of pixels read before the hole holds more than the register passes on, with noise."""
     detector, gain = exposure.detector, exposure.em_gain
     factor2 = float(excess_noise_factor2(gain, detector.register_stages))
     rows = region.any(axis=1)

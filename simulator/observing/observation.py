@@ -355,7 +355,7 @@ def observe(
 
 
 def _optics_keywords(instrument: Instrument, band: str, optics: AnyPsf) -> dict[str, Any]:
-    """Keywords of the optics."""
+    """Return the keywords of the optics."""
     values: dict[str, Any] = {
         "HOLEMODE": instrument.dark_hole.mode,
         "HOLE": optics.hole_state,

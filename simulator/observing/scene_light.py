@@ -60,7 +60,7 @@ class Visit:
         return (*first, "visit", self.number) if self.number else first
 
     def shared(self, drift: Drift, visit_s: float, seed: int) -> SharedTerms:
-        """What the wavefront shares with the other visits of the programme.
+        """Return what the wavefront shares with the other visits of the programme.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ def static_light(
     star_arcsec: tuple[float, float],
     model: SceneModel,
 ) -> StaticLight:
-    """Everything on a window but the stamp of the star, and what smears into a window from beyond it.
+    """Return everything on a window but the stamp of the star, and what smears into a window from beyond it.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def static_light(
 
 
 def _columns_of(instrument: Instrument, band: str, area: Window) -> tuple[Window, slice, BoolArray]:
-    """The columns of a window over all active rows, where the window lies in them, and the active rows beyond it."""
+    """Return the columns of a window over all active rows, where it lies in them, and the active rows beyond it."""
     detector = instrument.detector_of(band)
     active = detector.sections["active"][0]
     low = detector.star_row - area.centre[0]

@@ -65,11 +65,11 @@ class Light:
         return 1 if self.star is None else len(self.star.rate_e_s)
 
     def map(self, epoch: int) -> FloatArray:
-        """Mean electrons per second of one epoch."""
+        """Return the mean electrons per second of one epoch."""
         return self.static_e_s if self.star is None else self._with(self.star, self.star.rate_e_s[epoch])
 
     def mean(self) -> FloatArray:
-        """Mean over the epochs."""
+        """Return the mean over the epochs."""
         return self.static_e_s if self.star is None else self._with(self.star, self.star.rate_e_s.mean(axis=0))
 
     def _with(self, star: Stamps, stamp: FloatArray) -> FloatArray:
@@ -192,7 +192,7 @@ class Sequence:
         return self._camera
 
     def prepared(self, rates: FloatArray) -> Exposure:
-        """Noise-free part of a frame of this sequence under other light.
+        """Return the noise-free part of a frame of this sequence under other light.
 
         Parameters
         ----------
@@ -207,7 +207,7 @@ class Sequence:
 
     @numeric_context()
     def rate_map(self, index: int) -> FloatArray:
-        """Mean electrons per second and pixel of frame ``index``, before the camera."""
+        """Return the mean electrons per second and pixel of frame ``index``, before the camera."""
         return self.light.map(self._epoch(index))
 
     @functools.cached_property
@@ -248,7 +248,7 @@ class Sequence:
 
     @numeric_context()
     def frame(self, index: int) -> Frame:
-        """One noisy frame with its truth; the same whichever frames were made before.
+        """Return one noisy frame with its truth; the same whichever frames were made before.
 
         Parameters
         ----------
@@ -279,11 +279,11 @@ class Sequence:
         return check_whole("frame", index, 0, self.n_frames - 1) * self.light.epochs // self.n_frames
 
     def _first_frame(self, epoch: int) -> int:
-        """Number of the first frame of an epoch of the light."""
+        """Return the number of the first frame of an epoch of the light."""
         return -(-epoch * self.n_frames // self.light.epochs)
 
     def _past(self, index: int) -> list[PastExposure]:
-        """Charge of the frames before one, where the near-infrared camera remembers it."""
+        """Return the charge of the frames before one, where the near-infrared camera remembers it."""
         detector = self.channel.detector
         if isinstance(detector, Detector) or not detector.switches.persistence or detector.persistence.fraction == 0:
             return []
@@ -302,7 +302,7 @@ class Sequence:
         )
 
     def _mean_charge(self, index: int) -> FloatArray:
-        """Mean electrons of a frame, kept for the frames after it."""
+        """Return the mean electrons of a frame, kept for the frames after it."""
         epoch = self._epoch(index)
         if epoch not in self._held_e:
             self._held_e[epoch] = self.prepared(self.light.map(epoch)).mean_e
@@ -335,7 +335,7 @@ class Sequence:
 
     @numeric_context()
     def stack(self) -> FloatArray:
-        """Sum of all frames in electrons at the register input, bias taken off, as one draw per epoch of the light.
+        """Return the sum of all frames in electrons at the register input, bias off, as one draw per epoch of light.
 
         The draws are those of no single frame, and, as with those, common to sequences of one ``path``.
 

@@ -1,7 +1,4 @@
-"""Check that the truth beside a Level-0 file is the truth of that file.
-
-Check Level-0 products: one file, or a whole tree of them.
-"""
+"""Check Level-0 products: one file with its truth, or a whole tree of them."""
 
 import os
 from collections import defaultdict
@@ -171,7 +168,7 @@ def check_level0(path: str | Path) -> list[Finding]:
 
 
 def _below(place: Path) -> tuple[list[Path], list[Finding]]:
-    """Everything below a folder that is no folder, in order; and folders that are not looked into, or look like files.
+    """Return all files below a folder, in order; and folders that are passed over, or look like files.
 
     Folders are not entered through links, which may lead anywhere and back.
     """
@@ -193,7 +190,7 @@ def _below(place: Path) -> tuple[list[Path], list[Finding]]:
 
 
 def _unclaimed(files: list[Path], known: list[FileFacts]) -> list[Finding]:
-    """Folders of parameters whose Level-0 file is not there."""
+    """Return the folders of parameters whose Level-0 file is not there."""
     claimed = {facts.name.params for facts in known if facts.name is not None}
     folders = sorted({file.parent for file in files if file.parent.parent.parent.name == "Params"})
     text = "has the parameters of a Level-0 file that is not there"
@@ -205,7 +202,7 @@ def _unclaimed(files: list[Path], known: list[FileFacts]) -> list[Finding]:
 
 
 def _branch(file: Path) -> str:
-    """Branch of the tree in which a file stands, ``branch/<MJD>/file``."""
+    """Return the branch of the tree in which a file stands, ``branch/<MJD>/file``."""
     return file.parent.parent.name if file.parent.name.isdigit() else ""
 
 
@@ -262,7 +259,7 @@ def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
 
 
 def _orphan(file: Path) -> list[Finding]:
-    """Truth whose Level-0 file is missing; where it is there, the two are checked together."""
+    """Return the truth whose Level-0 file is missing; where it is there, the two are checked together."""
     name = f"{file.name.removesuffix('_TRUTH.fits')}.fits"
     folder = file.parent.resolve()
     if any((folder.parent.parent / branch / folder.name / name).is_file() for branch in _BRANCHES):
@@ -271,7 +268,7 @@ def _orphan(file: Path) -> list[Finding]:
 
 
 def _used_twice(known: list[FileFacts]) -> list[Finding]:
-    """Numbers that more than one observation has."""
+    """Return the numbers that more than one observation has."""
     by_number: dict[str, list[FileFacts]] = defaultdict(list)
     for facts in known:
         if facts.name is not None:

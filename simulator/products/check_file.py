@@ -20,7 +20,7 @@ _SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
 
 @dataclass
 class FileFacts:
-    """What a check learned of a Level-0 file that others need: parameters, truth and tree.
+    """The facts of a Level-0 file that other checks need: parameters, truth and tree.
 
     ``primary`` and ``image`` are the headers of the primary unit and of the first image; ``begins`` and ``end`` are the
     begin of each exposure and the end of the last, MJD, None where a header does not say.

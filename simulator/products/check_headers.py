@@ -58,7 +58,7 @@ def check_keywords(report: Report, header: Header, hdu: int, *, kind: str, coord
 
 
 def profile_of(header: Header) -> Profile:
-    """Profile whose spellings a primary header follows best; the first of the table where several do."""
+    """Return the profile whose spellings a primary header follows best; the first of the table where several do."""
     table = load_keywords()
     return min(table.profiles.values(), key=lambda profile: len(_misspelled(header, 0, profile)))
 
@@ -80,7 +80,7 @@ def check_spellings(report: Report, header: Header, hdu: int, profile: Profile) 
 
 
 def _misspelled(header: Header, hdu: int, profile: Profile) -> list[tuple[str, str]]:
-    """Spellings of the profile that a header lacks, and those that it has instead."""
+    """Return the spellings of the profile that a header lacks, and those that it has instead."""
     table, home = load_keywords(), "image" if hdu else "primary"
     found = []
     for keyword in table:

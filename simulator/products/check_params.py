@@ -93,7 +93,7 @@ def check_params(file: Path, folder: Path, facts: FileFacts) -> list[Finding]:
 
 
 def _sums(contents: Mapping[str, bytes], facts: FileFacts) -> dict[str, tuple[str, str]]:
-    """Sums of the files, and who states them: the primary header that of the configuration, which those of the others.
+    """Return the sums of the files, and who states them: the primary header its own, that one the others'.
 
     A configuration that is not what was written states nothing.
     """
@@ -209,7 +209,7 @@ def _rows(report: Report, content: bytes, needed: Iterable[str], facts: FileFact
 
 
 def _surplus(folder: Path) -> list[Finding]:
-    """Files among the parameters that are none."""
+    """Return the files among the parameters that are none."""
     names = sorted(place.name for place in folder.iterdir()) if folder.is_dir() else []
     return [
         Finding(folder / name, None, "", "does not belong among parameters", "warning")

@@ -1,4 +1,4 @@
-"""Times of frames: UTC by way of atomic time, so that a leap second is a second like any other.
+"""The times of frames, the orbit of the telescope, and its angles from Sun, Moon and the limb of the Earth.
 
 Where the telescope is: a circular orbit about an oblate Earth. A model; it follows no ephemeris.
 
@@ -94,7 +94,7 @@ def sequence_times(start_utc: str, exposure_s: float, readout_s: float, n_frames
 
 
 def times_after(start_utc: str, begin_s: FloatArray, end_s: FloatArray) -> SequenceTimes:
-    """Begins and ends that are given in seconds after a time.
+    """Return the begins and ends that are given in seconds after a time.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def times_after(start_utc: str, begin_s: FloatArray, end_s: FloatArray) -> Seque
 
 
 def mjd_of(utc: str) -> float:
-    """Modified Julian Date of a time of UTC."""
+    """Return the Modified Julian Date of a time of UTC."""
     from astropy.time import Time
 
     with offline_time():
@@ -130,7 +130,7 @@ def mjd_of(utc: str) -> float:
 
 
 def elapsed_s(begin_mjd: float, end_mjd: float) -> float:
-    """Seconds between two Modified Julian Dates of UTC, leap seconds counted.
+    """Return the seconds between two Modified Julian Dates of UTC, leap seconds counted.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def elapsed_s(begin_mjd: float, end_mjd: float) -> float:
 
 
 def stamp(utc: str) -> str:
-    """Fourteen digits ``YYYYMMDDhhmmss`` of an ISO time; the fraction is cut off."""
+    """Return the fourteen digits ``YYYYMMDDhhmmss`` of an ISO time; the fraction is cut off."""
     return re.sub(r"\D", "", utc[:19])
 
 
@@ -193,7 +193,7 @@ class CircularOrbit:
         return -1.5 * self._motion_rad_s * flattening * math.cos(math.radians(self.config.inclination_deg))
 
     def plane(self, elapsed_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Axes of the plane of the orbit.
+        """Return the axes of the plane of the orbit.
 
         Parameters
         ----------
@@ -213,7 +213,7 @@ class CircularOrbit:
         return towards_node, ahead
 
     def state(self, elapsed_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Position and velocity.
+        """Return the position and velocity.
 
         Parameters
         ----------
@@ -236,7 +236,7 @@ class CircularOrbit:
 
 
 def earth_radius_deg(distance_km: ArrayLike) -> FloatArray:
-    """Angular radius of the solid Earth from a distance of its centre."""
+    """Return the angular radius of the solid Earth from a distance of its centre."""
     return np.rad2deg(np.arcsin(EARTH_RADIUS_KM / np.asarray(distance_km, dtype=np.float64)))
 
 
@@ -262,7 +262,7 @@ class Ephemeris:
 
 
 def ephemeris(orbit: OrbitConfig, utc: tuple[str, ...], target_deg: tuple[float, float] | None) -> Ephemeris:
-    """Telescope and target at some times.
+    """Return the telescope and target at some times.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ def ephemeris(orbit: OrbitConfig, utc: tuple[str, ...], target_deg: tuple[float,
 
 
 def body_km(body: str, times: Any) -> FloatArray:
-    """Geocentric place of a body of the solar system, axes of the GCRS, by astropy's built-in ephemeris.
+    """Return the geocentric place of a body of the solar system, axes of the GCRS, by astropy's built-in ephemeris.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ def body_km(body: str, times: Any) -> FloatArray:
 
 
 def _angle_deg(vectors: FloatArray, direction: FloatArray) -> FloatArray:
-    """Angle between vectors and a unit vector, exact near 0 and 180 degrees too."""
+    """Return the angle between vectors and a unit vector, exact near 0 and 180 degrees too."""
     across = np.linalg.norm(np.cross(vectors, direction), axis=-1)
     result: FloatArray = np.rad2deg(np.arctan2(across, vectors @ direction))
     return result

@@ -61,7 +61,7 @@ class Keyword:
         return f"[{self.unit}] {self.comment}" if self.unit else self.comment
 
     def fits(self, value: Any) -> bool:
-        """Whether a value is of the keyword's type; a whole number is a real number too."""
+        """Return whether a value is of the keyword's type; a whole number is a real number too."""
         if self.kind == "float":
             return isinstance(value, float | int) and not isinstance(value, bool) and math.isfinite(value)
         if self.kind == "int":
@@ -78,7 +78,7 @@ class Profile:
     also: Mapping[str, tuple[str, ...]]
 
     def spellings(self, name: str) -> tuple[str, ...]:
-        """Spellings under which a keyword is written."""
+        """Return the spellings under which a keyword is written."""
         return (self.spelled.get(name, name), *self.also.get(name, ()))
 
 
@@ -106,11 +106,11 @@ class KeywordTable:
         return {alias: keyword.name for keyword in self for alias in (keyword.name, *keyword.aliases)}
 
     def canonical(self, name: str) -> str:
-        """Name under which a spelling stands in the table; unknown ones unchanged."""
+        """Return the name under which a spelling stands in the table; unknown ones unchanged."""
         return self._canonical.get(name, name)
 
     def find(self, header: Mapping[str, Any], name: str) -> tuple[str, Any] | None:
-        """Spelling and value of a keyword in a header under any of its spellings; None if it is missing.
+        """Return the spelling and value of a keyword in a header under any of its spellings; None if it is missing.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class KeywordTable:
         return None
 
     def value(self, header: Mapping[str, Any], name: str) -> Any:
-        """Value of a keyword under any of its spellings, None if it is missing.
+        """Return the value of a keyword under any of its spellings, None if it is missing.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class KeywordTable:
         return None if found is None else found[1]
 
     def profile(self, name: str) -> Profile:
-        """Profile of a name.
+        """Return the profile of a name.
 
         Raises
         ------
@@ -165,7 +165,7 @@ def load_keywords() -> KeywordTable:
 
 
 def escaped(text: str) -> str:
-    """Text with every character outside printable ASCII as an escape: ``u03b1`` behind a backslash for alpha."""
+    """Return the text with characters outside printable ASCII as escapes: ``u03b1`` behind a backslash for alpha."""
     return "".join(c if " " <= c <= "~" else c.encode("unicode_escape").decode() for c in text)
 
 

@@ -1,4 +1,4 @@
-"""Folders and temporary files of a tree of products: made when needed, gone again when a write fails or failed.
+"""Names and places of Level-0 products (Zhu et al. 2025), and their folders and temporary files.
 
 Names and places of Level-0 products (Zhu et al. 2025, section Level 0 Data Products).
 """
@@ -145,7 +145,7 @@ class ProductName:
 
 
 def product_name(sequence: FrameSequence, times: SequenceTimes, obsid: str | int | None) -> ProductName:
-    """Name of a sequence's file.
+    """Return the name of a sequence's file.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def checked_obsid(obsid: Any, prefix: str) -> str:
 
 
 def obsid_of(sequence: FrameSequence) -> str:
-    """Number made from the content of a sequence: the same sequence has the same one in every run."""
+    """Return a number made from the content of a sequence: the same sequence has the same one in every run."""
     prefix, scene = sequence.instrument.mission.obsid_prefix, sequence.scene
     identity = settings_of(sequence)
     del identity["readout_s"]  # which is of the instrument

@@ -1,7 +1,4 @@
-"""What a check found wrong.
-
-Open FITS files for a check: every complaint is a finding, and no byte is taken on trust.
-"""
+"""Open FITS files for a check: every complaint is a finding, and no byte is taken on trust."""
 
 import contextlib
 import math
@@ -192,7 +189,7 @@ def _first_line(error: Exception) -> str:
 
 
 def plain_header(report: Report, units: Any, number: int) -> dict[str, Any]:
-    """Header of one unit as keywords and values; cards that are no cards, and those that stand twice, are findings.
+    """Return the header of one unit as keywords and values; bad cards, and those that stand twice, are findings.
 
     Parameters
     ----------
@@ -259,5 +256,5 @@ def whole_number(value: Any) -> int | None:
 
 
 def is_real(value: Any) -> TypeGuard[float]:
-    """Whether a header value is a finite number."""
+    """Return whether a header value is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

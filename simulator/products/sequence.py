@@ -1,8 +1,6 @@
-"""What a sequence of frames offers to be written as a product.
+"""The protocol of a sequence of frames that can be written, and the visits of a programme in windows of the orbit.
 
 Places on the sky of what stands at an offset on the detector.
-
-Visits of a programme in the windows of the orbit: which frames of a visit are one sequence, and when it begins.
 """
 
 from __future__ import annotations
@@ -153,7 +151,7 @@ def settings_of(sequence: FrameSequence) -> dict[str, Any]:
 
 
 def camera_of(sequence: FrameSequence) -> AnyDetector:
-    """Configuration of the camera that took a sequence."""
+    """Return the configuration of the camera that took a sequence."""
     return sequence.instrument.channel(sequence.camera).detector
 
 
@@ -181,7 +179,7 @@ def check_sequence(sequence: FrameSequence) -> None:
 
 
 def star_deg(sequence: FrameSequence) -> tuple[float, float] | None:
-    """Right ascension and declination of the target; None if it has none."""
+    """Return the right ascension and declination of the target; None if it has none."""
     star = None if sequence.scene is None else sequence.scene.cstar
     if star is None or star.ra_deg is None or star.dec_deg is None:
         return None
@@ -192,7 +190,7 @@ Places: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 def sky_places(sequence: FrameSequence, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> Places | None:
-    """Right ascension and declination at offsets from the target on the detector; None if it has no coordinates.
+    """Return right ascension and declination at offsets from the target on the detector; None if it has none.
 
     Parameters
     ----------
@@ -212,7 +210,7 @@ def sky_places(sequence: FrameSequence, x_arcsec: ArrayLike, y_arcsec: ArrayLike
 
 
 def pointing_deg(sequence: FrameSequence) -> tuple[float, float] | None:
-    """Place on the sky of the centre of the mask; None if the target has no coordinates."""
+    """Return the place on the sky of the centre of the mask; None if the target has no coordinates."""
     offset = [-float(sequence.header.get(key) or 0.0) for key in ("STAROFFX", "STAROFFY")]
     if not any(offset):
         return star_deg(sequence)
@@ -221,7 +219,7 @@ def pointing_deg(sequence: FrameSequence) -> tuple[float, float] | None:
 
 
 def _parity_of(sequence: FrameSequence) -> int:
-    """Orientation of the detector: that of the world coordinates where they are given."""
+    """Return the orientation of the detector: that of the world coordinates where they are given."""
     names = ("CD1_1", "CD1_2", "CD2_1", "CD2_2")
     if not all(name in sequence.header for name in names):
         return sequence.instrument.detector.parity
@@ -234,7 +232,7 @@ _ROUNDING_S = 1e-6
 
 @dataclass(frozen=True)
 class VisitPart:
-    """What a visit of a programme takes in one window of the orbit: the frames of one sequence.
+    """The part of a visit that is taken in one window of the orbit: the frames of one sequence.
 
     Attributes
     ----------

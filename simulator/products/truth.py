@@ -32,7 +32,7 @@ MAX_ROWS = 999
 
 
 def software_version() -> str:
-    """Version of the installed distribution; ``source`` where it runs without having been installed."""
+    """Return the version of the installed distribution; ``source`` where it runs without having been installed."""
     try:
         return metadata.version(DISTRIBUTION)
     except metadata.PackageNotFoundError:
@@ -42,7 +42,7 @@ def software_version() -> str:
 def sequence_values(
     sequence: FrameSequence, name: ProductName, times: SequenceTimes, sky: Ephemeris
 ) -> tuple[dict[str, Value], dict[str, Value]]:
-    """Values of the primary header and those that all images share, under the names of the table.
+    """Return the values of the primary header and those that all images share, under the names of the table.
 
     Keywords that the sequence supplies replace those that follow from its configuration, but not names, times and
     counts, which are the writer's. Supplied keywords that the table does not know go to the images.
@@ -126,7 +126,7 @@ def _configured(sequence: FrameSequence) -> dict[str, Any]:
 
 
 def _where(sequence: FrameSequence, sky: Ephemeris) -> dict[str, Any]:
-    """Pointing, state of the telescope, and angles."""
+    """Return the pointing, state of the telescope, and angles."""
     values: dict[str, Any] = {}
     for end, row in enumerate((0, -1)):
         for axis, letter in enumerate("XYZ"):
@@ -148,7 +148,7 @@ def _where(sequence: FrameSequence, sky: Ephemeris) -> dict[str, Any]:
 
 
 def frame_values(shared: Mapping[str, Value], index: int, times: SequenceTimes, frame: Frame) -> dict[str, Value]:
-    """Values of one image: those that all share, and its own times and counts.
+    """Return the values of one image: those that all share, and its own times and counts.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def frame_values(shared: Mapping[str, Value], index: int, times: SequenceTimes, 
 
 
 def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
-    """Numbered cards of the effect ledger, ``kept | effect | reason | size``, and of the calibration maps.
+    """Yield the numbered cards of the effect ledger, ``kept | effect | reason | size``, and of the calibration maps.
 
     The size is the predicted one, where there is one.
 
@@ -258,7 +258,7 @@ class TruthWriter:
             append_table(self.file, self._effects(), _UNITS, "EFFECTS")
 
     def _effects(self) -> dict[str, Any]:
-        """Columns of the effect ledger; nan where no size was predicted."""
+        """Return the columns of the effect ledger; nan where no size was predicted."""
         rows = self.sequence.ledger
         words = {key: [escaped(getattr(row, key)) for row in rows] for key in ("key", "effect", "decision")}
         size = np.array([np.nan if row.size is None else row.size for row in rows], dtype=np.float64)
@@ -272,7 +272,7 @@ class TruthWriter:
         return values.astype(np.float32)
 
     def _sources(self) -> dict[str, Any]:
-        """Columns of the table of sources; no columns without sources."""
+        """Return the columns of the table of sources; no columns without sources."""
         truth: Truth | None = getattr(self.sequence, "truth", None)
         if truth is None or not truth.sources:
             return {}

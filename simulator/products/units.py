@@ -23,7 +23,7 @@ _PUNCTUATION = frozenset([*range(0x3A, 0x41), *range(0x5B, 0x61)])
 
 
 def ones_sum(data: bytes | bytearray | memoryview, start: int = 0) -> int:
-    """One's-complement sum of big-endian 32-bit words.
+    """Return the one's-complement sum of big-endian 32-bit words.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def ones_sum(data: bytes | bytearray | memoryview, start: int = 0) -> int:
 
 
 def encode(total: int) -> str:
-    """Sixteen letters and digits for the card ``CHECKSUM`` that make the unit sum to ``ALL_ONES``.
+    """Return the sixteen letters and digits for the card ``CHECKSUM`` that make the unit sum to ``ALL_ONES``.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ _BITPIX = {"u2": 16, "f4": -32, "f8": -64, "u1": 8}
 
 
 def header_cards(values: Mapping[str, Value], table: KeywordTable, profile: Profile) -> list[Card]:
-    """Cards of values under the names of the table.
+    """Return the cards of values under the names of the table.
 
     Those of the table come first, in its order and in the spellings of the profile; others behind them.
 
@@ -209,7 +209,7 @@ def _append(file: IO[bytes], cards: Iterable[Card], data: bytes | memoryview) ->
 
 @functools.lru_cache(maxsize=4096, typed=True)
 def _card_text(name: str, value: Value, note: str) -> str:
-    """Layout of one card, of several where a text is long."""
+    """Return the layout of one card, of several where a text is long."""
     from astropy.io import fits
 
     return str(fits.Card(name, value, note).image)

@@ -1,7 +1,4 @@
-"""The folder ``Params``: resolved configuration, table of keywords, logs of attitude and temperature.
-
-Write a sequence as Level-0 products: the file, its truth, and its folder of parameters.
-"""
+"""Write a sequence as Level-0 products: the file, its truth, and its folder of parameters."""
 
 import contextlib
 import csv
@@ -31,7 +28,7 @@ SCHEMA_VERSION = 1
 
 
 def log_times(times: SequenceTimes) -> tuple[str, ...]:
-    """Times of the logs: begin of every exposure and end of the last."""
+    """Return the times of the logs: begin of every exposure and end of the last."""
     return (*times.begin_utc, times.stop_utc)
 
 

@@ -147,7 +147,7 @@ def companion_tables(
 
 
 def quadrant_of(x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> IntArray:
-    """Number of the quadrant of a place: 0 upper right (+x, +y), 1 upper left, 2 lower right, 3 lower left.
+    """Return the number of the quadrant of a place: 0 upper right (+x, +y), 1 upper left, 2 lower right, 3 lower left.
 
     Parameters
     ----------
@@ -180,12 +180,12 @@ class _Wings:
 def _kept(
     wings: _Wings, annulus_lambda_d: float, n_places: int, n_difference: int, rows: tuple[float, float]
 ) -> dict[bytes, Row]:
-    """Tables, brightest aperture and quadrants of single companions, by their places."""
+    """Return the tables, brightest aperture and quadrants of single companions, by their places."""
     return {}
 
 
 def _tables(metrics: PsfMetrics, annulus_lambda_d: float, places: Sequence[Place], rows: tuple[float, float]) -> Row:
-    """The same of ``k`` companions at once, which stand at the first of the places."""
+    """Return the same of ``k`` companions at once, which stand at the first of the places."""
     place, *difference = places
     step = _STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
     x, y, separations, share = _apertures(_Wings(metrics), annulus_lambda_d, step)
@@ -209,14 +209,14 @@ def _tables(metrics: PsfMetrics, annulus_lambda_d: float, places: Sequence[Place
 
 
 def _apart(metrics: PsfMetrics, x: FloatArray, y: FloatArray, place: Place) -> tuple[FloatArray, FloatArray]:
-    """Light of companions in apertures, ``(k, a, p)``, 0 in those on the companion itself, and which are beside it."""
+    """Return companions' light in apertures, ``(k, a, p)``, 0 on the companion itself, and which are beside it."""
     dx, dy = x - place[0][..., None], y - place[1][..., None]
     apart = np.hypot(dx, dy) > _APART_RADII * metrics.aperture_radius_arcsec
     return metrics.source_aperture(dx, dy) * apart, apart.astype(float)
 
 
 def _left(metrics: PsfMetrics, x: FloatArray, y: FloatArray, places: Sequence[Place], share: FloatArray) -> FloatArray:
-    """Variance over annuli of what a difference leaves, ``(k, 4, s)``: the mean over the companions' places."""
+    """Return a difference's variance over annuli, ``(k, 4, s)``: the mean over the companions' places."""
     found, square, beside = np.zeros((3, *places[0][0].shape, x.size))
     beside += 1.0
     for sign, place in zip((1.0, -1.0), places, strict=False):
@@ -234,13 +234,13 @@ def _left(metrics: PsfMetrics, x: FloatArray, y: FloatArray, places: Sequence[Pl
 
 
 def _over(values: FloatArray, share: FloatArray) -> FloatArray:
-    """Sum over apertures ``(r, p)`` with the shares ``(p, 4, s)``, the same bytes for any number of rows."""
+    """Return the sum over apertures ``(r, p)`` with the shares ``(p, 4, s)``, the same bytes for any number of rows."""
     return np.asarray(np.einsum("rp,pqs->rqs", values, share, optimize=False))
 
 
 @functools.lru_cache(maxsize=64)
 def _grid(wings: _Wings, step_pixels: float) -> tuple[FloatArray, FloatArray, float]:
-    """Places x and y of apertures whose pixels lie in the zone, centres of square cells, and the side of a cell."""
+    """Return x and y of apertures whose pixels lie in the zone, centres of square cells, and the side of a cell."""
     metrics = wings.metrics
     pixel = metrics.pixel_scale_arcsec
     return metrics.zone.cells(step_pixels * pixel, metrics.aperture_radius_arcsec, pixel)
@@ -250,7 +250,7 @@ def _grid(wings: _Wings, step_pixels: float) -> tuple[FloatArray, FloatArray, fl
 def _apertures(
     wings: _Wings, annulus_lambda_d: float, step_pixels: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Places x and y of apertures, separations of planets, and how much each counts in their noise, ``(p, 4, s)``.
+    """Return x and y of apertures, separations of planets, and each one's share in their noise, ``(p, 4, s)``.
 
     Cells that an edge of the annulus or of a disc cuts count with the part inside.
     """

@@ -39,7 +39,7 @@ class GainCap:
     feasible: BoolArray
 
     def outcome(self, index: tuple[int, ...] | int = ()) -> Outcome[float]:
-        """Typed answer of one element."""
+        """Return the typed answer of one element."""
         if self.feasible[index]:
             limit = str(self.limit[index])
             return Outcome.ok(float(self.gain[index]), flags=(f"limited_by_{limit}",) if limit else ())
@@ -49,7 +49,7 @@ class GainCap:
 
 
 def gain_cap(peak_e_per_frame: npt.ArrayLike, detector: Detector, n_sigma: float = 5.0) -> GainCap:
-    """Largest EM gain at which the hottest pixel stays ``n_sigma`` below every limit.
+    """Return the largest EM gain at which the hottest pixel stays ``n_sigma`` below every limit.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def gain_cap(peak_e_per_frame: npt.ArrayLike, detector: Detector, n_sigma: float
 def binding_limit(
     peak_e_per_frame: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector, n_sigma: float = 5.0
 ) -> npt.NDArray[np.str_]:
-    """Reason code of the limit that a pixel exceeds furthest at a given gain, ``""`` where it exceeds none.
+    """Return the reason code of the limit that a pixel exceeds furthest at a given gain, ``""`` where it exceeds none.
 
     Parameters, margins and errors as `gain_cap`; ``em_gain`` (1 to 1e4) broadcasts against the peaks.
     """
@@ -98,7 +98,7 @@ def binding_limit(
 def pixel_saturated(
     peak_e_per_frame: float, em_gain: float, detector: Detector, n_sigma: float = 5.0
 ) -> Outcome[float]:
-    """Whether one pixel saturates at a given gain.
+    """Return whether one pixel saturates at a given gain.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def pixel_saturated(
 
 
 def _fills(peak_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector, n_sigma: float) -> FloatArray:
-    """Filled fractions of pixel, register and converter (first axis), noise margin included."""
+    """Return the filled fractions of pixel, register and converter (first axis), noise margin included."""
     # What is beyond every limit stays so, and finite.
     peak = np.minimum(checked_array("peak_e_per_frame", peak_e, low=0.0, unit="e-"), 1e300)
     gain = checked_array("em_gain", em_gain, low=1.0, high=1e4)
@@ -137,7 +137,7 @@ N_SIGMA = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class Wells:
-    """What a camera holds; electrons at the register input unless said.
+    """The limits of a camera; electrons at the register input unless said.
 
     Attributes
     ----------

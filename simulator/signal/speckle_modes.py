@@ -1,4 +1,4 @@
-"""What a subtraction with modes of many reference visits leaves of speckles, noise and planet, in closed form.
+"""Closed forms of what remains of speckles, noise and planet when modes of many reference visits are subtracted.
 
 The visits of the optical model tell the covariance of the speckle field. R of them are taken as references with their
 modes, and the covariance of the others says what is left. The mean of a Gaussian sample and the modes of its scatter
@@ -33,7 +33,7 @@ _REFERENCES = np.unique([*range(1, _EVERY + 1), *np.round(np.geomspace(_EVERY, M
 
 
 class ModeFactors(NamedTuple):
-    """What modes change: of `SpeckleModes` for K = 0, 1, ... along the last axis, 1 at K = 0; of places for one K each.
+    """The factors of modes: of `SpeckleModes` for K = 0, 1, ... along the last axis, 1 at K = 0; of places for one K.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class ModeFactors(NamedTuple):
         return ModeFactors(numbers.astype(int), *(np.asarray(part, float) for part in factors))
 
     def limit(self, noise_over_speckle: ArrayLike) -> FloatArray:
-        """Rms of aperture sums over throughput, relative to no modes, with so much white noise.
+        """Return the rms of aperture sums over throughput, relative to no modes, with so much white noise.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class SpeckleModes:
         return ModeFactors(modes, *np.exp(found))
 
     def _log_node(self, r: int, node: int, most: int) -> FloatArray:
-        """Logarithms of the factors of a node, of 0 to ``most`` modes: speckle, white and throughput."""
+        """Return the logarithms of the factors of a node, of 0 to ``most`` modes: speckle, white and throughput."""
         known = self._logs.get((r, node, most))
         if known is None:
             known = np.log(np.maximum(self._node(r, node, most), _LEAST_FACTOR))
@@ -161,7 +161,7 @@ class SpeckleModes:
         return known
 
     def _node(self, r: int, node: int, most: int) -> FloatArray:
-        """Factors of 0 to ``most`` modes of one number of references and level of noise."""
+        """Return the factors of 0 to ``most`` modes of one number of references and level of noise."""
         # Some more than are asked for: the next question may ask for them. A node of more modes differs in the last
         # bit, and answers must not depend on what was asked before.
         enough = min(next((step for step in _MODE_STEPS if step >= most), most), r - 1)
@@ -172,13 +172,13 @@ class SpeckleModes:
         return held[:, np.minimum(np.arange(most + 1), held.shape[1] - 1)]
 
     def _computed(self, r: int, node: int, most: int) -> FloatArray:
-        """Mean factors of several libraries."""
+        """Return the mean factors of several libraries."""
         noise = 10.0 ** (node / _NOISE_STEPS) * self.speckle_rms / np.sqrt(self._weights)
         draws = int(np.clip(_DRAWN_MODES // r, 2, 16))
         return np.asarray(np.mean([self._drawn(r, noise, draw, most) for draw in range(draws)], axis=0))
 
     def _drawn(self, r: int, noise: float, draw: int, most: int) -> FloatArray:
-        """Factors of one library of visits with white noise of that rms a pixel, for 0 to ``most`` modes."""
+        """Return the factors of one library of visits with white noise of that rms a pixel, for 0 to ``most`` modes."""
         rng, q, n_visits = stream(SEED, "modes", r, draw), self.variances.size, len(self._visits)
         members = rng.permutation(n_visits)[:r]
         chosen = self._visits[members]
@@ -230,7 +230,7 @@ class SpeckleModes:
 
 
 def _nodes_around(place: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Node below and above each place on an axis, with their shares."""
+    """Yield the node below and above each place on an axis, with their shares."""
     low = np.floor(place).astype(int)
     for step in (0, 1):
         yield low + step, 1.0 - np.abs(place - low - step)
@@ -269,7 +269,7 @@ def modes_around(instrument: Instrument, band: str, separation_arcsec: float, of
 
 @dataclass(frozen=True, eq=False)
 class BandModes:
-    """What modes change anywhere in the hole of a band, for visits whose wavefronts are off by so much.
+    """The factors of modes anywhere in the hole of a band, for visits whose wavefronts are off by so much.
 
     Attributes
     ----------

@@ -62,7 +62,7 @@ def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
 
 @functools.lru_cache(maxsize=4)
 def _visits(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
-    """Change of the hole's pixels by 1 nm in each visit: the part linear in the error, and its light."""
+    """Return the change of the hole's pixels by 1 nm in each visit: the part linear in the error, and its light."""
 
     def measured() -> dict[str, FloatArray]:
         announce(f"measuring how {N_VISITS} visits move the speckles in {wanted.band}, once: some ten seconds")
@@ -143,7 +143,7 @@ def stamps_around(psf: Psf, separation_arcsec: float) -> Stamps:
 
 
 def _whole(region: BoolArray, weights: FloatArray) -> tuple[IntArray, IntArray]:
-    """Rows and columns of pixels whose aperture lies wholly in a region."""
+    """Return the rows and columns of pixels whose aperture lies wholly in a region."""
     half = len(weights) // 2
     fits = np.ones(region.shape, bool)
     padded = np.pad(region, half)

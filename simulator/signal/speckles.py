@@ -30,12 +30,12 @@ class SpeckleLaw(NamedTuple):
     k2: FloatArray
 
     def variance(self, visit_s: ArrayLike) -> FloatArray:
-        """Value for a visit of that length."""
+        """Return the value for a visit of that length."""
         visit = np.asarray(visit_s, float)
         return self.k0 + visit * (self.k1 + visit * self.k2)
 
     def scaled(self, factor: ArrayLike) -> "SpeckleLaw":
-        """All of it times a factor."""
+        """Return all of it times a factor."""
         return SpeckleLaw(np.multiply(factor, self.k0), np.multiply(factor, self.k1), np.multiply(factor, self.k2))
 
     def stretched(self, ratio: ArrayLike) -> "SpeckleLaw":
@@ -132,7 +132,7 @@ class ProgrammeLaw(NamedTuple):
         return _summed(*parts, *(() if self.turned is None else (self.turned.scaled(1.0 / many**2),)))
 
     def scaled(self, factor: ArrayLike) -> "ProgrammeLaw":
-        """All of it times a factor."""
+        """Return all of it times a factor."""
         science, reference, common = (part.scaled(factor) for part in self[:3])
         turned = None if self.turned is None else self.turned.scaled(factor)
         return ProgrammeLaw(science, reference, common, self.correlation_time_h, turned)
@@ -143,7 +143,7 @@ class ProgrammeLaw(NamedTuple):
 
 
 def _summed(*laws: SpeckleLaw) -> SpeckleLaw:
-    """Law of residuals that know nothing of each other."""
+    """Return the law of residuals that know nothing of each other."""
     return SpeckleLaw(*(sum(part[1:], part[0]) for part in zip(*laws, strict=True)))
 
 
@@ -154,7 +154,7 @@ def speckle_law(
     annulus_lambda_d: float,
     reference_ratio: float = 1.0,
 ) -> SpeckleLaw:
-    """Law of the residual of one visit with one reference visit; parameters as of `programme_law`."""
+    """Return the law of the residual of one visit with one reference visit; parameters as of `programme_law`."""
     return programme_law(metrics, drift, separation_arcsec, annulus_lambda_d, reference_ratio).law()
 
 
@@ -166,7 +166,7 @@ def programme_law(
     reference_ratio: float = 1.0,
     timing: Timing = INTERLEAVED,
 ) -> ProgrammeLaw:
-    """Law of the residual at a separation, of any number of visits.
+    """Return the law of the residual at a separation, of any number of visits.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def programme_parts(
 
 
 def _stable_law(variance: FloatArray, *, common: bool) -> ProgrammeLaw:
-    """Law of a residual that no drift changes: the same in all visits, or a new one in each science visit."""
+    """Return the law of a residual that no drift changes: the same in all visits, or new in each science visit."""
     nothing = np.zeros((1,) * variance.ndim)
     none, still = SpeckleLaw(nothing, nothing, nothing), SpeckleLaw(variance, nothing, nothing)
     return ProgrammeLaw(*((none, none, still) if common else (still, none, none)))
@@ -311,7 +311,7 @@ class _Orbital(NamedTuple):
 
 @functools.lru_cache(maxsize=64)
 def _orbital(drift: Drift, timing: Timing) -> _Orbital:
-    """The orbital term of a drift, averaged over its phase."""
+    """Return the orbital term of a drift, averaged over its phase."""
     linear, square = (LOW_ORDER_LINEAR, LOW_ORDER_SQUARE) if drift.orbital_orders == "low" else (1.0, 1.0)
     power, window = drift.orbital_nm**2, (0.0, timing.window_turns)
     means = [
@@ -337,7 +337,7 @@ def error_light_share(
     visit_s: ArrayLike,
     timing: Timing = INTERLEAVED,
 ) -> FloatArray:
-    """Share of a residual's variance that the light of the wavefront's errors makes, ``|dE|^2``, 0 to 1.
+    """Return the share of a residual's variance that the light of the wavefront's errors makes, ``|dE|^2``, 0 to 1.
 
     The rest is ``2 Re(E0* dE)``, which is as Gaussian as the errors are; ``|dE|^2`` has exponential tails. Parameters
     as of `programme_law`, with the length of the science visit in s; 0 where there is no residual. It is that of what
@@ -351,7 +351,7 @@ def error_light_share(
 
 @functools.lru_cache(maxsize=64)
 def _annulus_table(metrics: PsfMetrics, annulus_lambda_d: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Separations, and the logarithms there of the mean coefficients over the whole apertures of an annulus.
+    """Return the separations, and the logarithms there of the mean coefficients over the whole apertures of an annulus.
 
     Apertures count by the azimuth that is left to them in the zone: few fit near the corners of square quadrants.
     """

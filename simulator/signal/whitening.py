@@ -80,7 +80,7 @@ class Whitening:
 
 
 def _orthonormal(rows: FloatArray) -> FloatArray:
-    """Orthonormal rows that span what these do."""
+    """Return the orthonormal rows that span what these do."""
     if not len(rows):
         return rows
     _, singular, basis = np.linalg.svd(rows, full_matrices=False)

@@ -100,7 +100,7 @@ def albedo_notes(spec: config.AlbedoSpec, insolation_au: float | None = None) ->
 
 
 def needs_insolation(spec: config.AlbedoSpec) -> bool:
-    """Whether the albedo follows the star's light on the planet, so that its insolation must be known."""
+    """Return whether the albedo follows the star's light on the planet, so that its insolation must be known."""
     return isinstance(spec, config.ParametricAlbedo | config.GridAlbedo) and spec.insolation_au is None
 
 
@@ -216,7 +216,7 @@ def _file(path: str, _state: tuple[int, int]) -> Albedo:
 
 
 def _state(path: str) -> tuple[int, int]:
-    """State of a file: a changed file is read again; a missing one is the reader's to refuse."""
+    """Return the state of a file: a changed file is read again; a missing one is the reader's to refuse."""
     try:
         return file_state(path)
     except OSError:

@@ -193,7 +193,7 @@ def _from_text(name: str, text: str) -> _Columns:
 
 
 def _numbers_of(body: str) -> list[float | None]:
-    """Cells of a line; None for a cell that is no number."""
+    """Return the cells of a line; None for a cell that is no number."""
     mark = next((mark for mark in ",;" if mark in body), None)
     found: list[float | None] = []
     for cell in body.strip().rstrip(mark).split(mark):
@@ -205,7 +205,7 @@ def _numbers_of(body: str) -> list[float | None]:
 
 
 def _headings(remarks: list[tuple[str, bool]], count: int) -> tuple[list[str], list[str]]:
-    """Names of the columns, empty where there are none, and the remarks that are no names."""
+    """Return the names of the columns, empty where there are none, and the remarks that are no names."""
     for index in reversed(range(len(remarks))):
         text, behind_mark = remarks[index]
         glued = re.sub(r"\s*[(\[]\s*(.*?)\s*[)\]]", lambda found: "_" + found[1].replace(" ", ""), text)
@@ -228,7 +228,7 @@ def _remark_units(remarks: list[str]) -> frozenset[str]:
 
 
 def _choose(name: str, columns: _Columns) -> tuple[int, int]:
-    """Which column holds wavelengths or wavenumbers, and which albedos."""
+    """Return which column holds wavelengths or wavenumbers, and which albedos."""
     kinds = [_kind(heading) for heading in columns.headings]
     axes = [index for index, kind in enumerate(kinds) if kind == "axis"]
     albedos = [index for index, kind in enumerate(kinds) if kind == "albedo"]
@@ -299,7 +299,7 @@ def _words(text: str) -> set[str]:
 
 
 def _plain(text: str) -> str:
-    """Lower case, Greek and Swedish letters spelled out, one spelling of 1/cm."""
+    """Return a text in lower case, Greek and Swedish letters spelled out, one spelling of 1/cm."""
     plain = text.lower()
     for letter, word in (("\u00b5", "u"), ("\u03bc", "u"), ("\u00e5", "angstrom"), ("\u03bb", "lambda")):
         plain = plain.replace(letter, word)

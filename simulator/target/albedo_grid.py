@@ -148,7 +148,7 @@ class AlbedoGrid:
         return np.asarray(above / below)
 
     def _corners(self, log10_mh: float, log10_fsed: float | None) -> list[tuple[int, int, float]]:
-        """Nodes (f_sed, metallicity) around a point and their weights."""
+        """Return the nodes (f_sed, metallicity) around a point and their weights."""
         axes = self.models.axes
         metals = _bracket("log10_mh", axes.log10_mh, log10_mh)
         free = int(np.count_nonzero(axes.fsed == 0.0))
@@ -183,7 +183,7 @@ def _family(grid: AlbedoGrid, corners: tuple[tuple[int, int, float], ...]) -> Al
 def _phase_means(
     grid: AlbedoGrid, cells: tuple[tuple[int, int], ...], near: tuple[int, ...], chosen: tuple[int, ...]
 ) -> np.ndarray:
-    """Mean albedos over wavelength, shape (cells, 1 + phases, distances); the first of the phases is full phase."""
+    """Return the mean albedos over wavelength, (cells, 1 + phases, distances); the first phase is full phase."""
     axes, phases = grid.models.axes, (0, *chosen)
     models = [
         Model(axes.log10_mh[metal], axes.fsed[fsed], axes.insolation_au[distance], axes.phase_deg[phase])
@@ -217,7 +217,7 @@ def _on_one_sampling(path: Path, spectra: Sequence[tuple[np.ndarray, np.ndarray]
 
 
 def _around(nodes_deg: np.ndarray, phase_deg: np.ndarray) -> tuple[int, ...]:
-    """Nodes that the monotone cubic needs: those about the phases and one more on either side; a node, itself."""
+    """Return the nodes that the monotone cubic needs: those about the phases and one more on either side."""
     low, high = float(phase_deg.min()), float(phase_deg.max())
     if high > nodes_deg[-1]:
         raise InputError("phase_deg", high, unit="deg", allowed=f"0 to {nodes_deg[-1]:g}, the phases of the grid")
@@ -229,7 +229,7 @@ def _around(nodes_deg: np.ndarray, phase_deg: np.ndarray) -> tuple[int, ...]:
 
 
 def _bracket(name: str, nodes: np.ndarray, value: float, otherwise: str = "") -> list[tuple[int, float]]:
-    """Neighbouring nodes of a value and their weights; a node alone where the value is one."""
+    """Return the neighbouring nodes of a value and their weights; a node alone where the value is one."""
     near = np.flatnonzero(np.abs(nodes - value) <= _SAME)
     if near.size:
         return [(int(near[0]), 1.0)]

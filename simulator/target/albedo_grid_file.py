@@ -211,7 +211,7 @@ def open_models(path: Path) -> Models:
 
 
 def is_sqlite(start: bytes) -> bool:
-    """Whether a file that starts so is an SQLite database."""
+    """Return whether a file that starts so is an SQLite database."""
     return start.startswith(b"SQLite format 3\x00")
 
 
@@ -248,7 +248,7 @@ def _axis(path: Path, key: str, values: np.ndarray) -> np.ndarray:
 
 
 def _numbers(rows: list[tuple[Any, Any]]) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of a table; NaN for cells that hold no number, as Fortran's asterisks."""
+    """Return the columns of a table; NaN for cells that hold no number, as Fortran's asterisks."""
     try:
         table = np.array(rows, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,7 +1,4 @@
-"""Phase function of a Lambert sphere.
-
-Planet-to-star contrast in reflected light.
-"""
+"""Planet-to-star contrast in reflected light, and the phase function of a Lambert sphere."""
 
 import numpy as np
 

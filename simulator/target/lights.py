@@ -72,7 +72,7 @@ class LitPlanet:
         return self.planet.name
 
     def flags(self, band: Band | None = None) -> tuple[str, ...]:
-        """What was assumed, clamped or extrapolated; in a band, or anywhere in the spectrum."""
+        """Return what was assumed, clamped or extrapolated; in a band, or anywhere in the spectrum."""
         flags = list(self._insolation[1])
         if self.albedo is not None and self.planet.albedo is not None:
             flags += albedo_notes(self.planet.albedo, self.insolation_au)
@@ -85,7 +85,7 @@ class LitPlanet:
         return tuple(flags)
 
     def contrast_of(self, albedo: np.ndarray) -> np.ndarray:
-        """Planet over star for a geometric albedo: Eq. 1 of Zhu et al. 2025, with the phase function asked for."""
+        """Return planet over star for a geometric albedo: Eq. 1 of Zhu et al. 2025, with the wanted phase function."""
         planet = self.planet
         assert planet.albedo is not None
         assert planet.radius_rjup is not None
@@ -95,7 +95,7 @@ class LitPlanet:
         return np.asarray(full * phase_value(planet.albedo, planet.phase_deg, insolation_au=self.insolation_au))
 
     def band_contrast(self, band: Band) -> float:
-        """True contrast in a band: ratio of detected rates, both integrals exact for the samples as they are."""
+        """Return the true contrast in a band: ratio of detected rates, both integrals exact for the given samples."""
         star = self.host.spectrum
         host = self.host.rate_e_s_cm2(band)
         if host == 0.0:
@@ -146,7 +146,7 @@ class LitPlanet:
         return _samples(self)[2]
 
     def sample(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Wavelengths, photon flux density and contrast, finely enough to be taken as linear in between."""
+        """Return the wavelengths, photon flux density and contrast, finely enough to be taken as linear in between."""
         star, own, table = self.host.spectrum, self._own, self.albedo
         if own is not None:
             host = np.interp(own.wavelength_nm, star.wavelength_nm, star.photlam, left=0.0, right=0.0)
@@ -163,7 +163,7 @@ class LitPlanet:
 
 @functools.lru_cache(maxsize=64)
 def _samples(planet: LitPlanet) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The samples of the planets asked for last: those of a whole catalogue would take a gigabyte."""
+    """Return the samples of the planets asked for last: those of a whole catalogue would take a gigabyte."""
     found = planet.sample()
     for array in found:
         array.setflags(write=False)
@@ -222,7 +222,7 @@ class LitStar:
         return self.spectrum.photlam
 
     def flags(self) -> tuple[str, ...]:
-        """What was assumed or clamped."""
+        """Return what was assumed or clamped."""
         return self.spectrum.flags
 
     @functools.cached_property
@@ -248,11 +248,11 @@ class LitStar:
         return luminosity_from_v(star.v_mag, star.distance_pc, teff), ("luminosity_derived",)
 
     def rate_e_s_cm2(self, band: Band) -> float:
-        """Detected electrons per second and cm2 of the telescope."""
+        """Return the detected electrons per second and cm2 of the telescope."""
         return self.in_band(band)[0]
 
     def in_band(self, band: Band) -> tuple[float, tuple[str, ...]]:
-        """Detected electrons per second and cm2 of the telescope, and what was assumed or clamped."""
+        """Return the detected electrons per second and cm2 of the telescope, and what was assumed or clamped."""
         model = self.star.spectrum
         if model in STAR_MODELS and "spectrum" not in self.__dict__:
             with inside(self.path):
@@ -269,7 +269,7 @@ def _spectrum(asked: _Parameters, model: StarModel) -> StarSpectrum:
 
 @functools.lru_cache(maxsize=4096)
 def _kept_rate(asked: _Parameters, model: str, band: Band) -> tuple[float, tuple[str, ...]]:
-    """Rate and flags of a star of a shipped model, from `LitStar._parameters`, model and band.
+    """Return the rate and flags of a star of a shipped model, from `LitStar._parameters`, model and band.
 
     The field of a scene is asked for again by every visit and every prediction. Files are not kept: they may change.
     """

@@ -132,7 +132,7 @@ def layer_albedo(
 def _intensity(
     depth: np.ndarray, single: np.ndarray, decay: np.ndarray, deck: np.ndarray, mu: float, boost: float
 ) -> np.ndarray:
-    """Intensity towards the observer at one direction cosine, for unit flux."""
+    """Return the intensity towards the observer at one direction cosine, for unit flux."""
     product = decay * mu
     product = np.where(np.abs(product - 1.0) < _RESONANCE, 1.0 + _RESONANCE, product)
     decay = product / mu
@@ -348,14 +348,14 @@ def grid_phase_curve(
 
 @functools.lru_cache(maxsize=64)
 def _node_spectra(fsed: int, metal: int) -> np.ndarray:
-    """Spectra of all insolations at one metallicity and f_sed, shape (10, n)."""
+    """Return the spectra of all insolations at one metallicity and f_sed, shape (10, n)."""
     grid = load_parametric_grid()
     metallicity = np.full(grid.insolation_au.size, grid.log10_mh[metal])
     return node_albedo(grid.parameters[fsed, :, metal], metallicity, grid.wavelength_nm, grid.methane_per_km_am)
 
 
 def _corners(grid: ParametricGrid, log10_mh: float, log10_fsed: float | None) -> list[tuple[int, int, float]]:
-    """Nodes (f_sed, metallicity) around a point and their weights."""
+    """Return the nodes (f_sed, metallicity) around a point and their weights."""
     metals = _bracket("log10_mh", grid.log10_mh, log10_mh)
     if log10_fsed is None:
         clouds = [(0, 1.0)]

@@ -135,7 +135,7 @@ class SourceTable(Sequence[SpectralSource]):
     @overload
     def __getitem__(self, key: str) -> Any: ...
     def __getitem__(self, key: int | slice | str) -> Any:
-        """Row by number or name, rows by slice, or column by its name."""
+        """Return the row by number or name, rows by slice, or column by its name."""
         if not isinstance(key, str):
             return self.rows[key]
         for row in self.rows:
@@ -211,7 +211,7 @@ class SourceBatch(Sequence[SourceTable]):
     @overload
     def __getitem__(self, key: slice) -> tuple[SourceTable, ...]: ...
     def __getitem__(self, key: int | slice | str) -> SourceTable | tuple[SourceTable, ...]:
-        """Table by number or name of its scene, tables by slice."""
+        """Return the table by number or name of its scene, tables by slice."""
         if not isinstance(key, str):
             return self.tables[key]
         for table in self.tables:

@@ -1,4 +1,4 @@
-"""From a scene to a table of point sources: where they stand on the detector and how bright they are.
+"""Make a table of point sources from a scene: where they stand on the detector and how bright they are.
 
 Parity and roll, by which offsets on the sky become offsets on the detector, are applied in this one place.
 """
@@ -100,7 +100,7 @@ def wcs_keywords(
     roll_deg: float = 0.0,
     parity: int = -1,
 ) -> dict[str, float | str]:
-    """World coordinates of an image: the FITS keywords that say what `sky_to_detector` does.
+    """Return the world coordinates of an image: the FITS keywords that say what `sky_to_detector` does.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ class Source:
 
 
 def scene_sources(scene: Scene, instrument: Instrument, band: str, *, roll_deg: float = 0.0) -> tuple[Source, ...]:
-    """Point sources of a scene in one band, the central star first.
+    """Return the point sources of a scene in one band, the central star first.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ class ExtendedRate(NamedTuple):
 
 
 def extended_rates(scene: Scene, instrument: Instrument, band: str) -> tuple[ExtendedRate, ...]:
-    """Rates of the extended sources of a scene in one band: ``contrast`` times that of the central star.
+    """Return the rates of the extended sources of a scene in one band: ``contrast`` times that of the central star.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def spectrum_generator(
 def spectrum_generator(
     scene: SceneLike | Iterable[SceneLike] | StarColumns, *, roll_deg: float = 0.0, instrument: InstrumentLike = None
 ) -> SourceTable | SourceBatch:
-    """Positions and spectra of every object of a scene.
+    """Return the positions and spectra of every object of a scene.
 
     Parameters
     ----------

@@ -1,7 +1,4 @@
-"""Thermal light of a sphere.
-
-Stellar spectra normalised in Johnson V (Vega).
-"""
+"""Stellar spectra normalised in Johnson V (Vega), and the thermal light of a sphere."""
 
 from __future__ import annotations
 
@@ -221,7 +218,7 @@ def star_photlam(
 
 
 def synphot_source(wavelength_nm: np.ndarray, photlam: np.ndarray, meta: dict[str, Any]) -> SourceSpectrum:
-    """Samples as a synphot source, zero outside them.
+    """Return the samples as a synphot source, zero outside them.
 
     Parameters
     ----------

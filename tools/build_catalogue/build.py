@@ -117,7 +117,7 @@ def compare(fresh: Path, shipped: Path, names: Sequence[str]) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit code (0 good, 1 differs, 2 bad input)."""
+    """Run the command line; return the exit code (0 good, 1 differs, 2 bad input)."""
     parser = argparse.ArgumentParser(
         prog="python -m tools.build_catalogue.build", description="Rebuild the shipped data tables."
     )

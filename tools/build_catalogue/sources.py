@@ -82,7 +82,7 @@ class SourcePackage:
 
 @dataclass(frozen=True)
 class ProvenanceEntry:
-    """Where one shipped data file comes from.
+    """The origin of one shipped data file.
 
     Parameters
     ----------

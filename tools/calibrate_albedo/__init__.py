@@ -1,4 +1,4 @@
-"""How the table of the parametric albedo was made: ``python -m tools.calibrate_albedo --help``.
+"""Make the table of the parametric albedo: ``python -m tools.calibrate_albedo --help``.
 
 Only maintainers need it; the package reads its result.
 """

@@ -20,7 +20,7 @@ _FADE_IN_NM = (400.0, 440.0)
 
 
 def _faded_in(wavelength_nm: np.ndarray) -> np.ndarray:
-    """Share of the inverted coefficients that is kept: from 0 to 1, without a step or a kink."""
+    """Return the share of the inverted coefficients that is kept: from 0 to 1, without a step or a kink."""
     low, high = _FADE_IN_NM
     place = np.clip((wavelength_nm - low) / (high - low), 0.0, 1.0)
     return place * place * (3.0 - 2.0 * place)

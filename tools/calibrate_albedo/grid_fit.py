@@ -161,7 +161,7 @@ def fit_parameters(
 
 
 def _trends(found: np.ndarray, fsed: np.ndarray, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Prior centre and width of each parameter at each node, from all nodes of its f_sed."""
+    """Return the prior centre and width of each parameter at each node, from all nodes of its f_sed."""
     centre, spread = np.tile(_PRIOR, (len(found), 1)), np.tile(_SPREAD, (len(found), 1))
     for value in np.unique(fsed):
         rows = fsed == value
@@ -174,7 +174,7 @@ def _trends(found: np.ndarray, fsed: np.ndarray, terms: np.ndarray) -> tuple[np.
 
 
 def _least_squares(residuals: Callable[[np.ndarray], np.ndarray], start: np.ndarray, steps: int) -> np.ndarray:
-    """Levenberg-Marquardt for all rows at once, each with its own damping."""
+    """Fit by Levenberg-Marquardt for all rows at once, each with its own damping."""
     found, damping = start.copy(), np.full(len(start), 1e-2)
     current = residuals(found)
     cost = np.sum(current**2, axis=1)

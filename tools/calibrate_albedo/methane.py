@@ -141,7 +141,7 @@ class _Planet:
         )
 
     def model(self, numbers: np.ndarray, ln_k: np.ndarray) -> np.ndarray:
-        """Albedo, broadcast over leading axes of ``ln_k``."""
+        """Return the albedo, broadcast over leading axes of ``ln_k``."""
         upper, upper_methane, lower, lower_methane, haze = numbers[:5]
         k = np.exp(ln_k)
         deck = 1.0 / (1.0 + np.exp(-self.hats @ numbers[5:]))
@@ -155,7 +155,7 @@ class _Planet:
         return np.asarray(veil + (1.0 - veil) ** 2 * gas)
 
     def fit(self, start: np.ndarray, ln_k: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        """Numbers of the planet for given coefficients."""
+        """Return the numbers of the planet for given coefficients."""
 
         def residuals(numbers: np.ndarray) -> np.ndarray:
             misfit = weight * np.log(self.model(numbers, ln_k) / self.albedo) / self.error
@@ -166,14 +166,14 @@ class _Planet:
 
 
 def _bridged(ln_k: np.ndarray, albedo: np.ndarray) -> np.ndarray:
-    """Coefficients with those where every planet is black, which says only that they are large, interpolated."""
+    """Return the coefficients; those where every planet is black, which says only that they are large, interpolated."""
     lit = albedo.max(axis=0) > _BLACK
     places = np.arange(ln_k.size)
     return np.asarray(np.interp(places, places[lit], ln_k[lit]))
 
 
 def _coefficients(planets: dict[str, _Planet], state: dict[str, np.ndarray], size: int) -> np.ndarray:
-    """Best ln k at each wavelength: least cost on a grid, refined by a parabola."""
+    """Return the best ln k at each wavelength: least cost on a grid, refined by a parabola."""
     cost = np.tile(((_GRID_LN_K - _WEAK_LN_K) / _WEAK_SPREAD)[:, None] ** 2, (1, size))
     for name, planet in planets.items():
         trial = planet.model(state[name], np.tile(_GRID_LN_K[:, None], (1, size)))

@@ -16,7 +16,7 @@ _RAREST, _NEVER = 1e-12, 1e30
 
 
 def table_of(found: dict[str, Any], parts: tuple[str, ...]) -> dict[str, FloatArray]:
-    """Columns of all planets of some parts of the cases, with what the calculator of today expects of them."""
+    """Return the columns of all planets of some cases' parts, with what today's calculator expects of them."""
     rows: dict[str, list[FloatArray]] = {}
     for one in found["stacks"]:
         case, count = CASES[one["case"]], len(one["place"])
@@ -54,7 +54,7 @@ def law_of_numbers(numbers: FloatArray, mode: str = "found") -> DetectionLaw:
 
 
 def most_likely(rows: dict[str, FloatArray], mode: str = "found", start: ArrayLike | None = None) -> FloatArray:
-    """Numbers of `law_of_numbers` of maximum likelihood."""
+    """Return the numbers of `law_of_numbers` of maximum likelihood."""
     from scipy.optimize import minimize
 
     hits = rows[mode] > 0.5
@@ -68,7 +68,7 @@ def most_likely(rows: dict[str, FloatArray], mode: str = "found", start: ArrayLi
 
 
 def fitted(rows: dict[str, FloatArray], mode: str = "found") -> dict[str, list[float]]:
-    """Fitted numbers of the law, with errors of a jackknife over cases: their planets share star, band and drift."""
+    """Return the fitted numbers of the law, with errors of a jackknife over cases (star, band and drift)."""
     best, cases = most_likely(rows, mode), np.unique(rows["case"])
     parts = [{name: part[rows["case"] != case] for name, part in rows.items()} for case in cases]
     others, groups = np.array([most_likely(part, mode, best) for part in parts]), len(parts)
@@ -85,14 +85,14 @@ def fitted(rows: dict[str, FloatArray], mode: str = "found") -> dict[str, list[f
 
 
 def middle_of(law: DetectionLaw, rows: dict[str, FloatArray], mode: str = "found") -> FloatArray:
-    """Logarithms of the margins at which half of the planets are found."""
+    """Return the logarithms of the margins at which half of the planets are found."""
     if mode == "placed":
         return np.full(rows["margin"].shape, math.log(law.known_margin))
     return np.log(half_margin(law, False, rows["tails"], rows["inward"], rows["visits"]))
 
 
 def chances(law: DetectionLaw, rows: dict[str, FloatArray], mode: str = "found") -> FloatArray:
-    """Probabilities that a law gives to the planets: by the search, or by photometry at their place alone."""
+    """Return the probabilities that a law gives to planets: by the search, or by photometry at their place alone."""
     expected = rows["margin"], mode == "placed", rows["tails"], rows["inward"]
     alone = law if mode == "found" else law.model_copy(update={"blind_margin": _NEVER, "stack_margin": _NEVER})
     return detection_probability(alone, *expected, visits=rows["visits"])
@@ -102,7 +102,7 @@ LEAST = 400  # planets in a bin
 
 
 def bins_of(law: DetectionLaw, rows: dict[str, FloatArray], mode: str = "found") -> list[list[float]]:
-    """Visits, planets, and their predicted and found fraction in bins of the predicted probability."""
+    """Return the visits, planets, and their predicted and found fraction in bins of the predicted probability."""
     made = []
     for visits in VISITS:
         own = rows["visits"] == visits

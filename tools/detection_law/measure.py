@@ -23,7 +23,7 @@ INJECTED = {1: (150, 1), 4: (150, 1), 16: (40, 4)}  # stacks with planets, and p
 
 
 def nulls(scene: Scene, visits: int, count: int, rng: np.random.Generator) -> dict[str, Any]:
-    """False alarms of stacks without planets; ``spread`` is the sum of the squares of those of a stack, at 3 sigma."""
+    """Return false alarms of stacks without planets; ``spread`` sums the squares of those of a stack, at 3 sigma."""
     found: dict[str, Any] = {"stacks": count, "elements": 0.0, "dof": [], "drift_nm": [], "spread": 0}
     found |= {f"{level:g}": 0 for level in LEVELS}
     for _ in range(count):
@@ -40,7 +40,7 @@ def nulls(scene: Scene, visits: int, count: int, rng: np.random.Generator) -> di
 
 
 def injections(scene: Scene, visits: int, rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Planets put into stacks, whether a blind search finds them, and whether photometry at their place shows them.
+    """Return the planets put into stacks, and whether a blind search, or photometry at their place, finds them.
 
     Their contrasts are such that margins are spread evenly in their logarithm. One stack holds several only where its
     visits tell the noise without them: others raise the noise of a single visit.
@@ -70,7 +70,7 @@ def injections(scene: Scene, visits: int, rng: np.random.Generator) -> list[dict
 
 
 def empty() -> dict[str, Any]:
-    """Nothing measured yet."""
+    """Return the counts of nothing measured yet."""
     machine = f"{platform.machine()}, one core"
     return {"machine": machine, "minutes": {"alarms": 0.0, "planets": 0.0}, "alarms": [], "stacks": []}
 

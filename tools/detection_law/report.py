@@ -17,7 +17,7 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def alarm_rows(found: dict[str, Any]) -> list[list[str]]:
-    """Lines of the table of false alarms, of each number of visits and of all."""
+    """Return the lines of the table of false alarms, of each number of visits and of all."""
     from scipy.stats import norm, poisson
 
     rows = []
@@ -50,7 +50,7 @@ def _alarms_by_case(found: dict[str, Any]) -> list[list[str]]:
 
 
 def clustering(found: dict[str, Any]) -> dict[int, float]:
-    """Variance over mean of the false alarms of a stack at 3 sigma, by visits, each case about its own mean."""
+    """Return variance over mean of a stack's false alarms at 3 sigma, by visits, each case about its own mean."""
     ratios = {}
     for visits in VISITS:
         own = [one for one in found["alarms"] if one["visits"] == visits]
@@ -78,7 +78,7 @@ def _cases(found: dict[str, Any], law: DetectionLaw, mode: str) -> list[list[str
 
 
 def _found(found: dict[str, Any], law: DetectionLaw, mode: str) -> str:
-    """Bins of all parts, and the planets of every case."""
+    """Return the bins of all parts, and the planets of every case."""
     shown = [
         [part, str(line[0]), str(line[1]), f"{line[2]:.3f}", f"{line[3]:.3f}", f"{line[3] - line[2]:+.3f}"]
         for part in ("fit", "test", "frames")
@@ -97,7 +97,7 @@ def _found(found: dict[str, Any], law: DetectionLaw, mode: str) -> str:
 
 
 def _either(found: dict[str, Any]) -> list[list[str]]:
-    """Planets that the search, photometry at the place, either of them and both find, by visits."""
+    """Return the planets that the search, photometry at the place, either of them and both find, by visits."""
     every = table_of(found, ("fit", "test", "frames"))
     rows = []
     for visits in VISITS:
@@ -109,7 +109,7 @@ def _either(found: dict[str, Any]) -> list[list[str]]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """The report."""
+    """Return the report."""
     law, clustered = default_law(), clustering(found)
     rows = [
         [f"`{name}`", f"{value:.3f}" + (f" ± {error:.3f}" if error else ""), f"{getattr(law, name):g}"]

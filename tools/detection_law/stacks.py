@@ -108,7 +108,7 @@ class Field:
         return PlanetTemplate("planet", ((x, y),), (image,), (weights,), (core,), ring, ())
 
     def places(self, rng: np.random.Generator) -> IntArray:
-        """Places of four planets, one a quadrant, no two near each other's mirror image."""
+        """Return the places of four planets, one a quadrant, no two near each other's mirror image."""
         reach = 2.0 * self.psf.geometry.lambda_d_arcsec
         while True:
             chosen = 4 * rng.integers(PLACES // 4, size=4) + np.arange(4)
@@ -118,7 +118,7 @@ class Field:
 
 
 def _pool(psf: Psf, slope: float, seed: int) -> tuple[FloatArray, FloatArray]:
-    """Responses of the pixels of the hole to offsets of 1 nm, to first and to second order."""
+    """Return the responses of the pixels of the hole to offsets of 1 nm, to first and to second order."""
     hole, imager = psf.geometry.hole, psf.imager
     rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
     offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
@@ -147,7 +147,7 @@ class Scene:
         return dataclasses.replace(self, field=self.field.renewed(number))
 
     def visits_of(self, visits: int, rng: np.random.Generator) -> FloatArray:
-        """Science visits less the mean of as many reference visits, electrons, shape (visits, pixels of the hole)."""
+        """Return science visits less the mean of as many references, electrons, (visits, pixels of the hole)."""
         if self.drawn is not None:
             science, reference = (part[rng.choice(len(part), visits, replace=False)] for part in self.drawn)
             return np.asarray(science - reference.mean(axis=0))
@@ -158,13 +158,13 @@ class Scene:
         return np.asarray(light[:visits] - light[visits:].mean(axis=0))
 
     def light_of(self, visits: int, planet_e: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Light of a planet of so many electrons a visit in the pixels of the hole, mean of the visits."""
+        """Return the light of a planet of so many electrons a visit in the pixels of the hole, mean of the visits."""
         drawn = rng.poisson(np.maximum(visits * planet_e, 0.0)).astype(float)
         spread = float(excess_noise_factor2(self.frames.em_gain, self.stages)) - 1.0
         return np.asarray((drawn + np.sqrt(spread * drawn) * rng.standard_normal(drawn.shape)) / visits)
 
     def stack(self, left: FloatArray) -> ReducedStack:
-        """Sum of visits as `visits_of` gives them, with what planets add."""
+        """Return the sum of visits as `visits_of` gives them, with what planets add."""
         hole, visits = self.field.psf.geometry.hole, len(left)
         images = np.zeros((visits, *hole.shape))
         images[:, hole] = left
@@ -176,7 +176,7 @@ class Scene:
         return ReducedStack(images.sum(axis=0), hole, variance, variance, rdi, total_s, gain, self.stages)
 
     def searched(self, stack: ReducedStack, visits: int, sigma: float) -> BlindSearch:
-        """Blind search of a stack."""
+        """Search a stack blind."""
         return search(
             stack,
             self.field.psf,
@@ -188,7 +188,7 @@ class Scene:
         )
 
     def seen_at_place(self, stack: ReducedStack, place: int) -> bool:
-        """Whether photometry at a place exceeds the threshold of small samples; no other planet is in the stack."""
+        """Return whether photometry at a place exceeds the small-sample threshold, in a stack without other planets."""
         strategy, metrics = self.model.strategy, self.model.metrics[self.case.band]
         template = self.field.template(place, strategy.annulus_lambda_d)
         seen = Realisation(stack, None, stack.image_e, stack.image_e)
@@ -223,7 +223,7 @@ def places_arcsec(metrics: PsfMetrics) -> FloatArray:
 
 
 def expected(case: Case, frames: Frames, visits: int) -> dict[str, FloatArray]:
-    """Margin of a planet of contrast 1, share of tails, and element over separation, at every place.
+    """Return the margin of a planet of contrast 1, share of tails, and element over separation, at every place.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def expected(case: Case, frames: Frames, visits: int) -> dict[str, FloatArray]:
 
 
 def scenes() -> Iterator[Scene]:
-    """All cases; those of one star and band share their optics."""
+    """Yield all cases; those of one star and band share their optics."""
     field, key = None, None
     for case in CASES:
         model, target = model_of(case), star_of(case)

@@ -74,7 +74,7 @@ def entries(command: Command) -> list[Entry]:
 
 
 def _paragraphs(help_text: str) -> str:
-    """Help of a command as Markdown: its examples as code."""
+    """Return the help of a command as Markdown: its examples as code."""
     text, _, examples = help_text.partition("Examples:")
     lines = [re.sub(r"\s+", " ", line).strip() for line in re.split(r"\n\s*\n", examples) if line.strip()]
     ran = [line for line in lines if line.startswith("cpic ")]

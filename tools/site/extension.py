@@ -1,4 +1,4 @@
-"""What Sphinx needs of the project: formulas as MathML, names of docstrings as links, figures of reports in pages."""
+"""The project's Sphinx extension: formulas as MathML, names of docstrings as links, figures of reports."""
 
 import inspect
 import pkgutil
@@ -101,7 +101,7 @@ def _explicit(node: Any) -> Any:
 
 
 def _place(target: str, node: Any) -> str | None:
-    """Name or label under which an object is documented; empty where it has none, None where it does not exist."""
+    """Return the name or label that documents an object; empty if it has none, None if it does not exist."""
     exists = False
     for name in _readings(target, node):
         found, item = _named(name)
@@ -114,7 +114,7 @@ def _place(target: str, node: Any) -> str | None:
 
 
 def _named(name: str) -> tuple[bool, Any]:
-    """Whether there is an object of a dotted name, and the object; None for a field that has no value."""
+    """Return whether there is an object of a dotted name, and the object; None for a field that has no value."""
     try:
         return True, pkgutil.resolve_name(name)
     except (ImportError, AttributeError, ValueError):
@@ -129,7 +129,7 @@ def _named(name: str) -> tuple[bool, Any]:
 
 
 def _readings(target: str, node: Any) -> Iterator[str]:
-    """What a name may mean where it stands: in its class, its module, the packages above, the language."""
+    """Yield what a name may mean where it stands: in its class, its module, the packages above, the language."""
     yield target
     home = re.search(r"docstring of ([\w.]+)", str(node.source or getattr(node.parent, "source", "") or ""))
     if home:
@@ -158,7 +158,7 @@ _KEPT: dict[str, Any] = {}
 
 
 def _public() -> dict[str, Any]:
-    """Objects by the name under which they are documented, and models of results by the label of their table."""
+    """Return the objects by their documented name, and models of results by the label of their table."""
     if not _KEPT:
         named = python_api.public()
         named |= python_api.returned(named)

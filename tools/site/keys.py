@@ -70,12 +70,12 @@ def sections(
 
 
 def _choice(field: Any) -> bool:
-    """Whether a key holds one of several kinds of models."""
+    """Return whether a key holds one of several kinds of models."""
     return len(set(models_in(field.annotation))) > 1
 
 
 def _many(annotation: Any) -> str:
-    """Mark of a key that holds several: by name, or one after the other."""
+    """Return the mark of a key that holds several: by name, or one after the other."""
     whole = said_type(annotation)
     return ".*" if "dict of" in whole else "[]" if whole.startswith(("tuple", "list")) else ""
 
@@ -142,7 +142,7 @@ def _effects(model: type[BaseModel]) -> dict[str, str]:
 
 
 def _like(key: str, sources: Mapping[str, Provenance]) -> Provenance | None:
-    """Source of a key that stands for several, such as ``bands.*.qe``: that of the first of them."""
+    """Return the source of a key that stands for several, such as ``bands.*.qe``: that of the first of them."""
     from fnmatch import fnmatchcase
 
     return next((item for name, item in sources.items() if "*" in key and fnmatchcase(name, key)), None)

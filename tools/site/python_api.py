@@ -56,7 +56,7 @@ def returned(named: dict[str, Any]) -> dict[str, Any]:
 
 
 def _types(item: Any) -> Iterator[Any]:
-    """Types of the house that a function returns, or that methods and properties of a class do."""
+    """Yield the types of the house that a function returns, or that methods and properties of a class do."""
     if inspect.isclass(item):
         if item.__module__.split(".")[0] not in FLOORS:
             return
@@ -115,7 +115,7 @@ def directive(name: str, item: Any) -> str:
 
 
 def _model(name: str, item: Any) -> str:
-    """Entry of a configuration: its keys stand in the reference of keys."""
+    """Return the entry of a configuration: its keys stand in the reference of keys."""
     return f".. autoclass:: {name}\n   :members:\n   :exclude-members: model_config, {', '.join(item.model_fields)}\n"
 
 

@@ -1,4 +1,4 @@
-"""When targets can be seen: targets x dates, with what prevents it."""
+"""The calendar of visibility, targets x dates, with what prevents an observation."""
 
 import functools
 import math
@@ -73,12 +73,12 @@ class Visibility:
         return np.asarray(self.blocked_by == 0)
 
     def days(self, target: int) -> dict[str, float]:
-        """Days by what blocks them; under ``""`` those that can be used."""
+        """Return the days by what blocks them; under ``""`` those that can be used."""
         counts = np.bincount(self.blocked_by[target], minlength=len(BLOCKS))
         return {name: float(count * self.step_days) for name, count in zip(BLOCKS, counts, strict=True)}
 
     def runs(self, target: int, *, through: Iterable[str] = ()) -> list[tuple[int, int]]:
-        """First step, and first step behind, of every time without a break in which the target can be seen.
+        """Return the first step, and first step behind, of every time without a break in which the target can be seen.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class Visibility:
 
 
 def slew_s(angle_deg: ArrayLike, config: VisibilityConfig) -> FloatArray:
-    """Time of a slew by an angle until the telescope has settled; thermal settling of the dark hole is not in it.
+    """Return the time of a slew by an angle until the telescope has settled; not the dark hole's thermal settling.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def slew_s(angle_deg: ArrayLike, config: VisibilityConfig) -> FloatArray:
 
 
 def utc_of(mjd: ArrayLike) -> list[str]:
-    """Times of UTC, ISO 8601 to the second."""
+    """Return the times of UTC, ISO 8601 to the second."""
     from astropy.time import Time
 
     with offline_time():
@@ -155,7 +155,7 @@ def visibility(
     n_days: int,
     step_days: float = 1.0,
 ) -> Visibility:
-    """When targets can be seen.
+    """Return when targets can be seen.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def visibility(
 
 
 def _directions(ra_deg: ArrayLike, dec_deg: ArrayLike) -> FloatArray:
-    """Unit vectors, shape (n, 3)."""
+    """Return the unit vectors, shape (n, 3)."""
     given = {"ra_deg": ra_deg, "dec_deg": dec_deg}
     ra, dec = (np.atleast_1d(real_array(name, value, "deg")) for name, value in given.items())
     if ra.ndim != 1 or ra.shape != dec.shape or not len(ra):
@@ -272,7 +272,7 @@ def _angles_deg(cosine: FloatArray) -> FloatArray:
 
 @functools.lru_cache(maxsize=4)
 def _sun_and_moon_km(begin_utc: str, n_steps: int, step_days: float) -> tuple[FloatArray, FloatArray]:
-    """Where Sun and Moon stand in the middle of each step: most of the work of a calendar, the same for all targets."""
+    """Return where Sun and Moon stand in the middle of each step: most of a calendar's work, once for all targets."""
     from astropy.time import Time
 
     with offline_time():
@@ -282,14 +282,14 @@ def _sun_and_moon_km(begin_utc: str, n_steps: int, step_days: float) -> tuple[Fl
 
 
 def _cosines(targets: FloatArray, others: FloatArray) -> FloatArray:
-    """Products of unit vectors, ``(n, 3)`` and ``(d, 3)``: the same bytes for a target whatever others there are."""
+    """Return products of unit vectors, ``(n, 3)`` and ``(d, 3)``: the same bytes whatever other targets there are."""
     return np.asarray(np.einsum("ni,di->nd", targets, others, optimize=False))
 
 
 def _geometry(
     targets: FloatArray, sun: FloatArray, cosine_sun: FloatArray, plane: tuple[Any, Any], allowed: BoolArray
 ) -> Geometry:
-    """Targets and Suns in the planes of the orbits, for the allowed pairs of target and date."""
+    """Return the targets and Suns in the planes of the orbits, for the allowed pairs of target and date."""
     along = [_cosines(targets, axis)[allowed] for axis in plane]
     of_sun = [np.broadcast_to(np.einsum("ij,ij->i", sun, axis), allowed.shape)[allowed] for axis in plane]
     in_plane = np.hypot(*along)
@@ -314,7 +314,7 @@ def visibility_result(
     step_days: float = 1.0,
     catalogue: str = "",
 ) -> VisibilityResult:
-    """When stars can be seen.
+    """Return when stars can be seen.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Solar panels: which roll of the telescope keeps them in the Sun.
+"""The limits of pointing as configuration, and the roll that keeps the solar panels in the Sun.
 
 The normal of the panels, when they are not turned, stands across the boresight; the panels turn about the axis across
 both. With the Sun at the angle ``theta`` from the boresight and the telescope rolled by ``psi`` from where that normal
@@ -9,8 +9,6 @@ and ``90 deg - theta`` away from the normal at ``psi = 0``, which turning does m
 - fixed panels allow ``sin(theta) cos(psi) >= cos(panel_deg)``, which is possible within ``panel_deg`` of 90 deg;
 - panels that turn by at most ``turn`` follow the first rule until they stand at their limit, and then
   ``cos(turn) sin(theta) cos(psi) + sin(turn) |cos(theta)| >= cos(panel_deg)``.
-
-What limits where the telescope points, as configuration: model, preset and loader.
 """
 
 import math
@@ -29,7 +27,7 @@ _TINY = 1e-300
 
 
 def roll_half_range_deg(sun_deg: FloatArray, config: "VisibilityConfig") -> FloatArray:
-    """How far the telescope may roll either way from the best roll.
+    """Return how far the telescope may roll either way from the best roll.
 
     Parameters
     ----------
@@ -89,7 +87,7 @@ class VisibilityConfig(PointingRecord):
         return self.panel_turn_deg if self.panel == "one_axis" else 0.0
 
     def content(self) -> dict[str, Any]:
-        """Everything that decides where the telescope points and what a slew costs, for content hashes."""
+        """Return everything that decides where the telescope points and what a slew costs, for content hashes."""
         return self.model_dump(mode="json", exclude={"name", "description"})
 
 
@@ -97,7 +95,7 @@ VisibilitySource = VisibilityConfig | Mapping[str, Any] | str | Path | None
 
 
 def visibility_names() -> tuple[str, ...]:
-    """Names of the limits of pointing that ship with the package."""
+    """Return the names of the limits of pointing that ship with the package."""
     return preset_names("visibility", package=PACKAGE)
 
 
@@ -147,7 +145,7 @@ def _tree(source: Any) -> dict[str, Any]:
 
 
 def _sun_limit() -> dict[str, Any]:
-    """The Sun's limit of the default instrument, whose sky needs it too, with its source."""
+    """Return the Sun's limit of the default instrument, whose sky needs it too, with its source."""
     instrument = load_instrument()
     origin = instrument.provenance["sky.sun_limit_deg"]
     return {

@@ -1,4 +1,4 @@
-"""Which part of an orbit a target stands clear of the Earth.
+"""The part of an orbit during which a target stands clear of the Earth.
 
 At the place ``u`` of a circular orbit the target stands ``zeta`` from the zenith ``z``, with
 ``cos(zeta) = cos(beta) cos(u - u0)`` where ``beta`` is its angle from the plane of the orbit, and
@@ -49,13 +49,13 @@ class Geometry:
     sun_target: FloatArray
 
     def take(self, rows: NDArray[np.intp]) -> "Geometry":
-        """Some of them."""
+        """Return some of them."""
         return Geometry(self.in_plane[rows], self.sun_ahead[rows], self.sun_aside[rows], self.sun_target[rows])
 
 
 @dataclass(frozen=True, eq=False)
 class _Runs:
-    """What counts of a piece of orbit, in radians: all of it, at its begin, at its end, the longest run; its length."""
+    """The lengths in a piece of orbit, radians: all of it, at its begin, at its end, the longest run; its length."""
 
     total: FloatArray
     begin: FloatArray
@@ -77,7 +77,7 @@ class _Runs:
 def clear_arcs(
     geometry: Geometry, radius_deg: float, dark_limb_deg: float, bright_limb_deg: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Part of the orbit on which each target stands clear of the Earth.
+    """Return the part of the orbit on which each target stands clear of the Earth.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def clear_arcs(
 
 
 def _whole_orbit(geometry: Geometry, core: FloatArray, outer: FloatArray, rho: float, pieces: int) -> _Runs:
-    """One revolution, from where the target comes up to where it comes up again."""
+    """Return one revolution, from where the target comes up to where it comes up again."""
     share = np.linspace(0.0, 1.0, 2 * pieces + 1)[:, None]
     place = core + (outer - core) * share
     cosine, sine = np.cos(place), np.sin(place)
@@ -157,12 +157,12 @@ def _all(length: FloatArray) -> _Runs:
 
 
 def _turned(runs: _Runs) -> _Runs:
-    """The same piece from the other side."""
+    """Return the same piece from the other side."""
     return _Runs(runs.total, runs.end, runs.begin, runs.longest, runs.length)
 
 
 def _flank(sunlit: FloatArray, step: FloatArray) -> list[_Runs]:
-    """Dark runs of the pieces of a flank, from the core outwards.
+    """Return the dark runs of the pieces of a flank, from the core outwards.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which rows of the SIMBAD extract enter the catalogue, and the parallax that each one takes.
+"""Select the rows of the SIMBAD extract that enter the catalogue, and the parallax that each one takes.
 
 1. Cut: spectral type starting with F, G or K, parallax >= 25 mas, V <= 7.5 (no lower limit).
 2. Match to Hipparcos-2 by position at J2000.
