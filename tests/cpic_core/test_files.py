@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given, strategies as st
 
 from cpic_core import (
+    InputError,
     LockHeld,
+    check_writable,
     dump_json,
     exclusive_lock,
     guarded,
@@ -132,3 +134,33 @@ def test_a_guarded_cell_is_no_formula_and_reads_back(text):
     if cell.startswith(("=", "+", "-", "@", "\t", "\r")):
         assert cell == text
         float(cell)  # a number stays as it is
+
+
+@pytest.mark.parametrize(
+    ("name", "folder", "words"),
+    [
+        ("a/b", True, ""),
+        ("a.txt", False, ""),
+        ("file", False, ""),  # which is replaced
+        ("file", True, "a writable folder (Not a directory)"),
+        ("file/a/b", True, "a writable folder (Not a directory)"),
+        ("dangling", True, "a writable folder (No such file or directory)"),
+        (".", False, "a writable file (Is a directory)"),
+        ("a/b", False, "a writable file (No such file or directory)"),
+        ("x" * 300, True, "a writable folder (File name too long)"),
+        ("a\0b", True, "a writable folder (embedded null byte)"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_and_nothing_is_made(tmp_path, name, folder, words):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "dangling").symlink_to("nowhere")
+    before = sorted(tmp_path.rglob("*"))
+    try:
+        check_writable(tmp_path / name, key="--out", folder=folder)
+    except InputError as error:
+        assert str(error).startswith("--out = ")
+        assert str(error).endswith(words)
+        assert words
+    else:
+        assert not words
+    assert sorted(tmp_path.rglob("*")) == before
