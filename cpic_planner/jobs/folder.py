@@ -268,13 +268,15 @@ def open_run_folder(
         same = files is not None and (files.kind, files.config_hash) == (kind, config_hash)
         other = [] if files is None else _other(files.fingerprints[0], mine)
         resumed = same and not other
-        if files is not None and not resumed and files.names() and not force:
+        if files is not None and not resumed and files.names():
             held = f"it holds a {files.kind} of configuration {files.config_hash}"
             asked = f"a folder of configuration {config_hash}"
             if same:
                 held = f"what it holds was made with other {' and '.join(other)}"
                 asked = "a folder of the same code, presets, catalogue and libraries"
-            raise refused(folder, asked, f"{held}; choose another folder, or --force to replace it")
+            if not force:
+                raise refused(folder, asked, f"{held}; choose another folder, or --force to replace it")
+            _LOG.warning("%s: begun anew: %s", folder, held)
         if files is not None:
             _refuse_names(files, products)
         if files is None or not resumed:
