@@ -84,10 +84,12 @@ class Server:
     ----------
     scratch : Path
         Folder for its files.
+    learns : bool
+        Whether it imports what a command has imported. Dask starts no scheduler in a fork of a process that did.
     """
 
-    def __init__(self, scratch):
-        self._scratch, self._learned = Path(scratch), set()
+    def __init__(self, scratch, *, learns=True):
+        self._scratch, self._learned, self._learns = Path(scratch), set(), learns
         self._scratch.mkdir(exist_ok=True)
         self._scratch.chmod(0o777)
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
@@ -118,7 +120,7 @@ class Server:
         given = [str(places.get(stream, stream)) if stream is not None else None for stream in streams]
         request = {"argv": [str(word) for word in argv], "cwd": str(cwd), "streams": given}
         request |= {"proof": str(places["proof"])} | more
-        if argv[0] not in self._learned:
+        if self._learns and argv[0] not in self._learned:
             self._learned.add(argv[0])
             request["learn"] = str(self._scratch / "modules")
         self._process.stdin.write(f"{json.dumps(request)}\n")

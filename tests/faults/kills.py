@@ -80,7 +80,7 @@ def main(argv=None):
         for question in options.commands:
             folder, counts = Path(scratch) / question, Counter()
             folder.mkdir()
-            server = harness.Server(folder / "server")
+            server = harness.Server(folder / "server", learns=options.workers == 1)
             whole, steps, whole_s = whole_run(server, question, folder, options.workers)
             print(f"{question}: {len(steps)} steps, {len(whole)} files, {whole_s:.1f} s", flush=True)
             named, full = ((options.count + 1) // 2, options.full) if options.workers == 1 else (0, 0)

@@ -118,6 +118,8 @@ PLACED = {"bands": ["F520"], "separation_arcsec": 0.5, "time_s": 1e5}
         (lambda: cp.planet_albedo(600.0, model=np.ones(2)), "model = array"),
         (lambda: cp.star_photlam(5.0, "G2V", model="x" * 5000), "grid, blackbody, pickles"),
         (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, quantity=np.ones(2)), "quantity = array"),
+        (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, psf=np.ones(2)), "psf = array([1., 1.])"),
+        (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, psf=NotImplemented), "psf = NotImplemented"),
         (lambda: cp.calibrate("BIAS", exposure_s=np.ones(2)), "exposure_s = [1.0, 1.0] s"),
         (lambda: cp.calibrate("BIAS", switches=np.ones(2)), "switches = array"),
         (lambda: cp.confirm_scene("paper_example", out=HELD, bands="\ud800"), "--out = held"),
