@@ -68,6 +68,7 @@ hostile: $(VENV)/installed  ## send 600 hostile requests to cpic serve; fails wh
 
 kills: $(VENV)/installed  ## kill plan, simulate, whatif and confirm 50 times each; fails where bytes or foreign files change
 	$(BIN)/python tests/faults/kills.py
+	$(BIN)/python tests/faults/kills.py --workers 2 --count 10 --commands simulate plan
 
 flat: $(VENV)/installed  ## run 1000 frames (7 GB) and 5000 universes; fails where open files or memory grow with them
 	$(BIN)/python tests/faults/flat.py

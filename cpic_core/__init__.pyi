@@ -8,6 +8,7 @@ from cpic_core.errors import InputError as InputError, one_line as one_line, sho
 from cpic_core.files import (
     NPZ_ERRORS as NPZ_ERRORS,
     LockHeld as LockHeld,
+    check_writable as check_writable,
     dump_json as dump_json,
     exclusive_lock as exclusive_lock,
     guarded as guarded,

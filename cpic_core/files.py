@@ -86,6 +86,48 @@ def _link_or_rename(temporary: Path, path: Path) -> None:
         temporary.unlink()
 
 
+def check_writable(path: str | Path, *, key: str, folder: bool = False) -> None:
+    """Refuse what could not be written, before there is anything to write; nothing is made.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file in a folder that exists, replaced if it is there; or a folder, made with its parents where it is not.
+    key : str
+        What it is asked for as, for messages.
+    folder : bool
+        Whether it is a folder.
+
+    Raises
+    ------
+    InputError
+        Saying why.
+    """
+    place = Path(path)
+    try:
+        if not folder and place.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        place = _standing(place) if folder else place.parent
+        if not stat.S_ISDIR(place.stat().st_mode):
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        if not os.access(place, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(key, str(path), allowed=f"a writable {'folder' if folder else 'file'}", hint=reason) from None
+
+
+def _standing(place: Path) -> Path:
+    """Return a path, or the first of its parents that is there."""
+    while True:
+        try:
+            place.lstat()
+        except FileNotFoundError:
+            place = place.parent
+        else:
+            return place
+
+
 def write_bytes(path: str | Path, data: bytes) -> Path:
     """Write ``data`` as a `whole_file`.
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, cast
 import typer
 from pydantic import BaseModel
 
-from cpic_core import InputError, dump_json, fingerprint, one_line, write_text
+from cpic_core import InputError, check_writable, dump_json, fingerprint, one_line, write_text
 from cpic_planner import report
 from cpic_planner.cli.progress import is_quiet, progress, rest, write_line
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
@@ -337,6 +337,7 @@ def check_plot(plot: Path | None) -> None:
     """Refuse the file of a figure before any work, where it cannot be written."""
     if plot is not None:
         report.check_figure_name(plot)
+        check_writable(plot, key="--plot")
 
 
 def write_plot(plot: Path, figure: Figure, remark: str = "") -> None:
@@ -354,13 +355,16 @@ def write_plot(plot: Path, figure: Figure, remark: str = "") -> None:
 
 
 def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:
-    """Refuse a file whose name does not end in what is written."""
-    if path is not None and path.suffix not in endings:
+    """Refuse the file of an answer before any work: by a name that does not end in what is written, or its place."""
+    if path is None:
+        return
+    if path.suffix not in endings:
         raise InputError(
             option,
             str(path),
             allowed=f"a name that ends in {' or '.join(filter(None, [', '.join(endings[:-1]), endings[-1]]))}",
         )
+    check_writable(path, key=option)
 
 
 FORM_OF_ENDING = {".json": "json", ".tex": "latex", ".md": "markdown"}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -29,7 +28,7 @@ from catalogs import (
     refresh_stars,
     set_aside,
 )
-from cpic_core import InputError, at_home, write_text
+from cpic_core import InputError, at_home, check_writable, write_text
 from cpic_planner.version import DISTRIBUTION, __version__
 
 _EMBEDDED = Path(catalogs.__file__).resolve().parent
@@ -123,14 +122,14 @@ def target_path(out: str | Path | None) -> Path:
         If ``out`` does not end in ``.ecsv``, lies in the installed package, is a folder, or cannot be written.
     """
     if out is None:
+        check_writable(data_dir(), key="CPIC_DATA_DIR", folder=True)
         return data_dir()
     path = at_home(out)
     if path.suffix != ".ecsv" or path.is_dir():
         raise InputError("--out", str(out), allowed="a file name that ends in .ecsv")
     if path.resolve().is_relative_to(_EMBEDDED):
         raise InputError("--out", str(out), allowed="a place outside the package: its own table never changes")
-    if not path.parent.is_dir():
-        raise InputError("--out", str(out), allowed="a file in a folder that exists")
+    check_writable(path, key="--out")
     return path
 
 
@@ -165,7 +164,6 @@ def refresh_catalog(
         If ``out`` cannot be a place for it.
     """
     place = target_path(out)
-    _check_writable(place)
     made = refresh_stars(service or TapService(), cuts or Cuts(), step=step, tell=tell)
     text = ecsv_text(made, _versions())
     path = _path(place, out is None, "simbad", made.queried_utc, made.refusal)
@@ -199,7 +197,6 @@ def refresh_known_planets(
         If ``out`` cannot be a place for it.
     """
     place = target_path(out)
-    _check_writable(place)
     made = refresh_planets(service or TapService(), step=step, tell=tell)
     text = planets_ecsv(made, _versions())
     path = _path(place, out is None, "archive", made.queried_utc, made.refusal)
@@ -218,21 +215,9 @@ def _write(path: Path, text: str) -> str:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
     except OSError as error:
-        raise _unwritable(path, error.strerror) from None
+        hint = "choose another place with --out or CPIC_DATA_DIR"
+        raise RefreshError(f"cannot write {path}: {error.strerror}", hint) from None
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _check_writable(place: Path) -> None:
-    """Refuse before the long question what would fail after it."""
-    folder = place if place.suffix != ".ecsv" else place.parent
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    if not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise _unwritable(place, f"{folder} is not a writable folder")
-
-
-def _unwritable(path: Path, reason: str | None) -> RefreshError:
-    return RefreshError(f"cannot write {path}: {reason}", "choose another place with --out or CPIC_DATA_DIR")
 
 
 def _versions() -> dict[str, str]:

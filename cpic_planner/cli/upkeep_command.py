@@ -71,8 +71,9 @@ def check(
     """Check Level-0 products against the specification: single files, or whole trees of them.
 
     Names, structure, keywords, times, world coordinates, pixel values, checksums; in a tree also numbers used
-    twice, the folders of parameters, and truth. In the folder of a run, of any kind, also whether one and the same
-    software made all of its parts and products. Exit status: 0 if nothing is against the specification, 1 if
+    twice, the folders of parameters, and truth. In the folder of a run, of any kind, also the chain from its record to
+    its list and from there to every file: checksums, files that are gone, and whether one and the same software
+    made all of its parts and products. Exit status: 0 if nothing is against the specification, 1 if
     something is, 2 for a path that is not there. Warnings (unusual, but allowed) do not count unless --strict.
 
     Examples:

@@ -30,6 +30,7 @@ from typing import Any
 from cpic_core import (
     PROMISES,
     LockHeld,
+    check_writable,
     differing_words,
     dump_json,
     exclusive_lock,
@@ -193,6 +194,26 @@ class RunFolder:
         return f"parts/{safe}-{hashlib.sha256(key.encode()).hexdigest()[:8]}{suffix}"
 
 
+def check_run_folder(path: str | Path, *, products: Sequence[str] = (), force: bool = False) -> None:
+    """Refuse a folder of which no configuration makes the folder of a run, before any work; nothing is made.
+
+    Parameters
+    ----------
+    path, products, force
+        As of `open_run_folder`.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made or written, or holds files that no run wrote (unless ``force``) or that have the name of
+        a product.
+    """
+    folder = Path(path)
+    check_writable(folder, key="--out", folder=True)
+    if folder.exists() and not has_list(folder):
+        _refuse_foreign(folder, products, force)
+
+
 @contextlib.contextmanager
 def open_run_folder(
     path: str | Path,
@@ -229,14 +250,11 @@ def open_run_folder(
         made.
     """
     folder, mine = Path(path), fingerprint or str(own_fingerprint())
+    check_run_folder(folder, products=products, force=force)  # before the lock: not even that is left in somebody's
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if not os.access(folder, os.W_OK):
-            raise PermissionError(13, "not writable")
     except OSError as error:
         raise refused(folder, "a writable folder", error.strerror or "") from None
-    if not has_list(folder):
-        _refuse_foreign(folder, products, force)  # before the lock: not even that is left in somebody's folder
     with contextlib.ExitStack() as stack:
         stack.enter_context(_locked(folder))
         try:
@@ -250,13 +268,15 @@ def open_run_folder(
         same = files is not None and (files.kind, files.config_hash) == (kind, config_hash)
         other = [] if files is None else _other(files.fingerprints[0], mine)
         resumed = same and not other
-        if files is not None and not resumed and files.names() and not force:
+        if files is not None and not resumed and files.names():
             held = f"it holds a {files.kind} of configuration {files.config_hash}"
             asked = f"a folder of configuration {config_hash}"
             if same:
                 held = f"what it holds was made with other {' and '.join(other)}"
                 asked = "a folder of the same code, presets, catalogue and libraries"
-            raise refused(folder, asked, f"{held}; choose another folder, or --force to replace it")
+            if not force:
+                raise refused(folder, asked, f"{held}; choose another folder, or --force to replace it")
+            _LOG.warning("%s: begun anew: %s", folder, held)
         if files is not None:
             _refuse_names(files, products)
         if files is None or not resumed:

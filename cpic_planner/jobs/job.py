@@ -23,7 +23,7 @@ from pydantic import BaseModel
 
 from cpic_core import Advance, InputError, dump_json, fingerprint, untold
 from cpic_planner.jobs.engine import LocalPool, in_this_process, run_tasks
-from cpic_planner.jobs.folder import RunFolder, open_run_folder
+from cpic_planner.jobs.folder import RunFolder, check_run_folder, open_run_folder
 from cpic_planner.jobs.record import RECORD, run_record
 from cpic_planner.version import __version__
 from simulator.config import content_hash
@@ -334,10 +334,12 @@ def run(
         For bad input, or if ``out`` is in use or holds another configuration.
     """
     started, clock = datetime.now(UTC), time.monotonic()
+    products = (job.result_name, RECORD, *job.products)
+    if out is not None:
+        check_run_folder(out, products=products, force=force)  # before the hash, for which some kinds work long
     runner = Runner(job.digest, workers, scheduler, advance)
     if out is None:
         return _finished(_worked(job, runner), runner)
-    products = (job.result_name, RECORD, *job.products)
     with open_run_folder(out, kind=job.kind, config_hash=job.digest, products=products, force=force) as folder:
         runner.output = folder
         result = _worked(job, runner)

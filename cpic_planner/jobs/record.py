@@ -7,8 +7,9 @@ from datetime import UTC, datetime
 from importlib import metadata
 from typing import Any
 
-from cpic_core import fingerprint, promise_of
+from cpic_core import digest_of, fingerprint, promise_of
 from cpic_planner.jobs.folder import RunFolder
+from cpic_planner.jobs.written_files import LIST_NAME
 from cpic_planner.results import FingerprintRecord, RunRecord
 
 RECORD = "run.json"
@@ -35,6 +36,7 @@ def run_record(folder: RunFolder, run: object, **given: Any) -> RunRecord:
         software=FingerprintRecord.of(fingerprint(), processor=list(fingerprint().processor)),
         other_fingerprints=others,
         promise=promise_of(folder.fingerprint, *others),
+        list_sha256=digest_of(folder.path / LIST_NAME),
         **given,
     )
 

@@ -156,6 +156,10 @@ class WrittenFiles:
         """Return the names of the listed files that stand in the folder, as they were written or not."""
         return sorted(name for name in self._contents if os.path.lexists(self.root / name))
 
+    def missing(self) -> list[str]:
+        """Names of the listed files that do not; a run that is not finished may have been stopped before the last."""
+        return sorted(set(self._contents).difference(self.names()))
+
     def refuse_foreign(self, name: str) -> None:
         """Refuse a name under which somebody else's file stands.
 

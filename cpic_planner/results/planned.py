@@ -302,6 +302,7 @@ class RunRecord(RunResult):
         default_factory=list, description="of other processors that took part; nothing but the processor differs"
     )
     promise: str = Field(default="", description="what holds for another run of the same fingerprints")
+    list_sha256: str = Field(default="", description="of the list of the run's files, up to the line of this one")
 
 
 class CandidateRecord(Row):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, as_path, numeric_context, write_bytes
+from cpic_core import FloatArray, InputError, as_path, check_writable, numeric_context, write_bytes
 from simulator.config import InstrumentLike, load_instrument
 from simulator.config.instrument import Instrument
 from simulator.imaging.store import psf_metrics
@@ -36,13 +36,14 @@ def write_coronagraph_table(instrument: InstrumentLike, band: str, path: str | P
     Raises
     ------
     InputError
-        For an unknown instrument or band, or another name.
+        For an unknown instrument or band, another name, or a place that cannot be written.
     OSError
-        If the file cannot be written.
+        If the disk is full or broken.
     """
     place = as_path("path", path)
     if place.suffix != ".csv":
         raise InputError("path", path, allowed="a name that ends in .csv")
+    check_writable(place, key="path")
     chosen = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
     separation, columns = _columns(chosen, band)
     about = (

@@ -221,7 +221,7 @@ def observe(
     number = check_whole("realisation", realisation, 0, MAX_REALISATION)
     star = check_pair("star_offset_arcsec", star_offset_arcsec, MAX_OFFSET_ARCSEC, "arcsec")
     start = checked_utc("start_utc", instrument.mission.start_utc if start_utc is None else start_utc)
-    psf = psf or psf_of_table(instrument, band)
+    psf = psf_of_table(instrument, band) if psf is None else psf
     if psf is not None:
         _check_psf(psf, band, instrument, tolerance)
     if quantity is not None:

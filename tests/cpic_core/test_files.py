@@ -1,6 +1,7 @@
 """Whole files, locks, and arrays in npz files: the same bytes for the same content, and a plain refusal of damage."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ from hypothesis import given, strategies as st
 
 from cpic_core import (
     LockHeld,
+    check_writable,
     dump_json,
     exclusive_lock,
     guarded,
@@ -132,3 +134,28 @@ def test_a_guarded_cell_is_no_formula_and_reads_back(text):
     if cell.startswith(("=", "+", "-", "@", "\t", "\r")):
         assert cell == text
         float(cell)  # a number stays as it is
+
+
+@pytest.mark.parametrize(("name", "folder"), [("a/b", True), (".", True), ("a.txt", False), ("file", False)])
+def test_what_can_be_written_is_not_made(tmp_path, name, folder):
+    (tmp_path / "file").write_text("")  # is replaced
+    check_writable(tmp_path / name, key="--out", folder=folder)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("name", "folder", "words"),
+    [
+        ("file", True, "a writable folder (Not a directory)"),
+        ("file/a/b", True, "a writable folder (Not a directory)"),
+        ("dangling", True, "a writable folder (No such file or directory)"),
+        (".", False, "a writable file (Is a directory)"),
+        ("a/b", False, "a writable file (No such file or directory)"),
+        ("x" * 300, True, "a writable folder (File name too long)"),
+        ("a\0b", True, "a writable folder (embedded null byte)"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(tmp_path, refused, name, folder, words):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "dangling").symlink_to("nowhere")
+    refused(f"--out = .*{re.escape(words)}", check_writable, tmp_path / name, key="--out", folder=folder)

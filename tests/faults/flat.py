@@ -1,8 +1,9 @@
 """Long runs whose open files and memory do not grow with what they do: ``python tests/faults/flat.py`` (``make flat``).
 
-Simulations of 50 and of 1000 whole frames (7 GB), surveys of 500 and of 5000 universes, each in a process of its own
-that is looked at ten times a second. Ends with status 1 where the larger one has more files open at most, or a tenth
-more memory.
+Simulations of 50 and of 1000 whole frames (7 GB), surveys of 500 and of 5000 universes, each in a process of its own,
+without workers, whose sockets come and go. It is looked at a hundred times a second; files count where so many were
+open for a tenth of a second in all, which the import of a module is not. Ends with status 1 where the larger one has
+more files open at most, or a tenth more memory.
 """
 
 import os
@@ -15,11 +16,11 @@ from pathlib import Path
 import harness
 
 RUNS = {
-    "whatif": ("whatif w.yaml --images 0 --universes", 500, 5000),
+    "whatif": ("whatif w.yaml --images 0 --workers 1 --universes", 500, 5000),
     "simulate": ("simulate paper_example --band F520 --exposure-s 17 --em-gain 20 --fidelity quick --frames", 50, 1000),
 }
 _PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 1e6
-EVERY_S = 0.1
+EVERY_S, LASTS = 0.01, 10
 
 
 def looked_at(pid):
@@ -32,19 +33,20 @@ def looked_at(pid):
 
 
 def most(words, number):
-    """Run a command in a folder of its own; returns most open files and most memory (MB)."""
+    """Run a command in a folder of its own; returns the most open files that last, and most memory (MB)."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "w.yaml").write_text(harness.FILES["w.yaml"])
         argv = [*words.split(), str(number), "--out", "run", "-q"]
         run = [sys.executable, "-m", "cpic_planner.cli.main", *argv]
         process = subprocess.Popen(run, cwd=folder, stdout=subprocess.DEVNULL)
-        files, memory_mb = 0, 0.0
+        seen, memory_mb = [], 0.0
         while process.poll() is None:
-            now = looked_at(process.pid)
-            files, memory_mb = max(files, now[0]), max(memory_mb, now[1])
+            files, now_mb = looked_at(process.pid)
+            seen.append(files)
+            memory_mb = max(memory_mb, now_mb)
             time.sleep(EVERY_S)
     assert process.returncode == 0
-    return files, memory_mb
+    return sorted(seen)[-LASTS], memory_mb
 
 
 def main(names):

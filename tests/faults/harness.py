@@ -61,12 +61,17 @@ DECOYS = (
 
 @dataclass(frozen=True)
 class Done:
-    """How a command ended, what it printed, and what the fault itself wrote when it was reached (None: it was not)."""
+    """How a command ended, what it printed, and what the fault itself wrote when it was reached (None: it was not).
+
+    ``workers`` are the processes of its own that it had when it was killed.
+    """
 
     status: int
     signal: int
     cpu_s: float
+    wall_s: float
     memory_mb: float
+    workers: int
     out: str
     err: str
     proof: object
@@ -79,10 +84,12 @@ class Server:
     ----------
     scratch : Path
         Folder for its files.
+    learns : bool
+        Whether it imports what a command has imported. Dask starts no scheduler in a fork of a process that did.
     """
 
-    def __init__(self, scratch):
-        self._scratch, self._learned = Path(scratch), set()
+    def __init__(self, scratch, *, learns=True):
+        self._scratch, self._learned, self._learns = Path(scratch), set(), learns
         self._scratch.mkdir(exist_ok=True)
         self._scratch.chmod(0o777)
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
@@ -105,7 +112,7 @@ class Server:
             Files of stdin, stdout and stderr; None for one that is closed.
         **more
             ``root``, below which steps are counted; ``fault``, a mapping of its ``kind``, ``at`` and what it needs;
-            ``environment``; ``kill_after_s``, processor time; ``most_files`` that it may have open.
+            ``environment``; ``kill_after_s``, processor time, or ``kill_after_wall_s``; ``most_files`` that it may have open.
         """
         places = {name: self._scratch / name for name in ("out", "err", "proof")}
         for path in places.values():
@@ -113,7 +120,7 @@ class Server:
         given = [str(places.get(stream, stream)) if stream is not None else None for stream in streams]
         request = {"argv": [str(word) for word in argv], "cwd": str(cwd), "streams": given}
         request |= {"proof": str(places["proof"])} | more
-        if argv[0] not in self._learned:
+        if self._learns and argv[0] not in self._learned:
             self._learned.add(argv[0])
             request["learn"] = str(self._scratch / "modules")
         self._process.stdin.write(f"{json.dumps(request)}\n")
@@ -150,11 +157,14 @@ class Place:
         Name of one of `QUESTIONS`.
     decoys : bool
         Whether files of somebody else stand in the folder of the run, which is then forced.
+    workers : int
+        Worker processes.
     """
 
-    def __init__(self, folder, question, *, decoys=True):
+    def __init__(self, folder, question, *, decoys=True, workers=1):
         self.folder, self.out = Path(folder), Path(folder) / "run"
         self.argv = ["-q", *QUESTIONS[question].split(), "--out", "run", *["--force"] * decoys]
+        self.argv += ["--workers", str(workers)] if workers > 1 else []
         self.argv = [*self.argv[1:], self.argv[0]]
         beside = self.folder / "beside"
         beside.mkdir(parents=True)

@@ -72,24 +72,33 @@ def run(request):
 
 
 def watched(child, request):
-    """Wait for a process; kill it once it has worked as long as asked. Returns status, signal and time worked (s)."""
-    after_s = request.get("kill_after_s")
-    while after_s is not None:
+    """Wait for a process; kill it once it has worked as long as asked, or once so much time has passed.
+
+    Returns
+    -------
+    dict
+        Status, signal, time worked and passed (s), and how many processes it had of its own when it was killed.
+    """
+    after_s, passed_s, began = request.get("kill_after_s"), request.get("kill_after_wall_s"), time.monotonic()
+    workers = 0
+    while after_s is not None or passed_s is not None:
         done, code, used = os.wait4(child, os.WNOHANG)
         if done:
             break
         with contextlib.suppress(OSError), open(f"/proc/{child}/stat") as file:
             fields = file.read().rpartition(")")[2].split()
-            if (int(fields[11]) + int(fields[12])) * _TICK_S >= after_s:
+            worked_s = (int(fields[11]) + int(fields[12])) * _TICK_S
+            if time.monotonic() - began >= passed_s if after_s is None else worked_s >= after_s:
                 time.sleep(random.random() * _TICK_S)  # within the tick
+                workers = len(open(f"/proc/{child}/task/{child}/children").read().split())
                 os.kill(child, 9)
-                after_s = None
+                after_s = passed_s = None
         time.sleep(0.001)
     else:
         _, code, used = os.wait4(child, 0)
     status, signal = (os.WEXITSTATUS(code), 0) if os.WIFEXITED(code) else (-1, os.WTERMSIG(code))
-    spent = {"cpu_s": used.ru_utime + used.ru_stime, "memory_mb": used.ru_maxrss / 1000}
-    return {"status": status, "signal": signal} | spent
+    spent = {"cpu_s": used.ru_utime + used.ru_stime, "wall_s": time.monotonic() - began}
+    return {"status": status, "signal": signal, "memory_mb": used.ru_maxrss / 1000, "workers": workers} | spent
 
 
 def main():

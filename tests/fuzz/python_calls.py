@@ -1,5 +1,6 @@
 """Cases of the public functions: good calls with one to three arguments of another kind."""
 
+import contextlib
 import functools
 import inspect
 from collections.abc import Iterator
@@ -11,14 +12,25 @@ import pandas as pd
 from hypothesis import strategies as st
 
 import cpic_planner
+from cpic_core import exclusive_lock
 from tests.fuzz.values import OBJECTS, fresh, objects
 from tests.fuzz.watched import Case, of_function
 
 NOWHERE = "/dev/null/nowhere"
-"""No folder can be made there: functions that would work for minutes refuse it after everything else."""
+"""No file or folder can be made there: it is refused before any work."""
+HELD = "held"
+"""A folder that a run holds (`held`): functions that would work for minutes refuse it after everything else."""
 _IMAGES = {"fidelity", "tolerance", "realisations", "images", "out"}
 """Keywords by which the calculator makes images, and folders for them."""
 _SEARCHED = ("contrast_curve", "roc_curve")
+
+
+@contextlib.contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Hold `HELD` below a folder as a run does, so that no other run takes it, ``force`` or not."""
+    (folder / HELD).mkdir()
+    with exclusive_lock(folder / HELD / "run.lock"):
+        yield
 
 
 def good_calls(folder: Path) -> dict[str, dict[str, Any]]:
@@ -44,17 +56,17 @@ def good_calls(folder: Path) -> dict[str, dict[str, Any]]:
         "rank_sensitivity": ranked,
         "explain_rank": {"target": "A one"} | ranked,
         "compare_ranks": {"other": "as_published"} | ranked,
-        "make_plan": {"out": NOWHERE} | ranked,
-        "confirm_scene": {"scene": "paper_example", "out": NOWHERE, "bands": ["F520"]},
+        "make_plan": {"out": HELD} | ranked,
+        "confirm_scene": {"scene": "paper_example", "out": HELD, "bands": ["F520"]},
         "confirm_targets": {"target": "no such star", "bands": ["F520"]},
         "simulate_products": {
             "what": "paper_example",
-            "out": NOWHERE,
+            "out": HELD,
             "band": "F520",
             "exposure_s": 10.0,
             "em_gain": 10.0,
         },
-        "compare_strategies": {"strategies": "survey_default", "out": NOWHERE},
+        "compare_strategies": {"strategies": "survey_default", "out": HELD},
         "contrast_curve": {"target": "tau Cet", "bands": ["F520"], "separation_arcsec": [0.5]},
         "roc_curve": star | {"contrast": 3e-9},
         "star_visibility": {"target": "tau Cet", "n_days": 5},
@@ -144,7 +156,7 @@ def _call(name: str, arguments: dict[str, Any], good: dict[str, Any]) -> Case:
     """A case of a function; what makes it refuse at last stays as it is."""
     if name in ("make_plan", "confirm_scene", "compare_strategies", "observe", "simulate_products", "confirm_targets"):
         last = ("target",) if name == "confirm_targets" else ("visit",)
-        arguments = arguments | {key: value for key, value in good.items() if value is NOWHERE or key in last}
+        arguments = arguments | {key: value for key, value in good.items() if value is HELD or key in last}
     function = getattr(cpic_planner, name)
     return name, arguments, lambda: of_function(lambda: function(**arguments))
 

@@ -19,7 +19,7 @@ from simulator.knobs import dial_of
 from simulator.products import check_level0
 from simulator.products.reading import Report, check_sums, open_units
 from tests.fuzz import product_files, watched
-from tests.fuzz.python_calls import NOWHERE
+from tests.fuzz.python_calls import HELD, NOWHERE, held
 from tests.fuzz.values import STARS
 
 STAR = ("etc", "tau Cet", "--band", "F520")
@@ -118,13 +118,16 @@ PLACED = {"bands": ["F520"], "separation_arcsec": 0.5, "time_s": 1e5}
         (lambda: cp.planet_albedo(600.0, model=np.ones(2)), "model = array"),
         (lambda: cp.star_photlam(5.0, "G2V", model="x" * 5000), "grid, blackbody, pickles"),
         (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, quantity=np.ones(2)), "quantity = array"),
+        (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, psf=np.ones(2)), "psf = array([1., 1.])"),
+        (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, psf=NotImplemented), "psf = NotImplemented"),
         (lambda: cp.calibrate("BIAS", exposure_s=np.ones(2)), "exposure_s = [1.0, 1.0] s"),
         (lambda: cp.calibrate("BIAS", switches=np.ones(2)), "switches = array"),
-        (lambda: cp.confirm_scene("paper_example", out=NOWHERE, bands="\ud800"), "--out = "),
+        (lambda: cp.confirm_scene("paper_example", out=HELD, bands="\ud800"), "--out = held"),
     ],
 )
-def test_values_of_another_type_are_refused_by_functions_and_models(call, words):
-    with pytest.raises(InputError) as caught:
+def test_values_of_another_type_are_refused_by_functions_and_models(call, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with held(tmp_path), pytest.raises(InputError) as caught:
         call()
     watched.check_refusal(str(caught.value))
     assert words in str(caught.value)

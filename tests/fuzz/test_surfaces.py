@@ -45,7 +45,8 @@ def folder(tmp_path, monkeypatch):
     (place / "stars.csv").write_text(STARS)
     monkeypatch.chdir(place)
     monkeypatch.setattr("cpic_planner.cli.progress.SHOW_AFTER_S", 2.0)
-    return place
+    with python_calls.held(place):
+        yield place
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import pytest
 
 import catalogs
 from catalogs import Cuts, RefreshError, TapService, open_catalogue
+from cpic_core import InputError
 from cpic_planner import load_targets, rank_targets, signal_to_noise
 from cpic_planner.cli.refreshed_files import refresh_catalog, target_path
 
@@ -145,7 +146,7 @@ def test_a_full_or_closed_disk_is_a_failure_in_one_line(simbad, data_folder, mon
 def test_a_place_that_cannot_be_written_is_refused_before_the_question(simbad, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("CPIC_DATA_DIR", str(tmp_path / "file" / "data"))
-    with pytest.raises(RefreshError, match="not a writable folder"):
+    with pytest.raises(InputError, match="CPIC_DATA_DIR = .*a writable folder .Not a directory"):
         refresh_catalog(service=service(simbad))
     assert simbad.queries == []
 

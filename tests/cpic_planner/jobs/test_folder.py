@@ -109,7 +109,7 @@ def opened(path, fingerprint, **more):
         ("of older code", "code and presets"),
     ],
 )
-def test_what_other_software_began_is_refused_unless_forced_and_then_begun_anew(tmp_path, other, word):
+def test_what_other_software_began_is_refused_unless_forced_and_then_begun_anew(tmp_path, other, word, caplog):
     with opened(tmp_path, other) as folder:
         folder.save_part("x", {"value": 0.1})
     with pytest.raises(InputError, match=f"made with other {word}.*--force"), opened(tmp_path, MINE):
@@ -117,6 +117,7 @@ def test_what_other_software_began_is_refused_unless_forced_and_then_begun_anew(
     with opened(tmp_path, MINE, force=True) as folder:
         assert not folder.resumed
         assert folder.part("x") is None
+    assert f"{tmp_path}: begun anew: what it holds was made with other {word}" in caplog.text
 
 
 def test_a_part_that_other_software_made_is_done_again(tmp_path):

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from cpic_core import PROMISES, InputError, fingerprint
 from cpic_core.provenance import WORDS
-from cpic_planner.jobs import Cost, Job, Runner, Task, estimate, run
+from cpic_planner.jobs import Cost, Job, Runner, Task, check_tree, estimate, run
 from cpic_planner.jobs.record import host, versions
 from cpic_planner.results import RunRecord
 
@@ -130,12 +130,15 @@ def test_started_again_it_keeps_what_is_finished(whole, tmp_path):
     assert (record["resumed_parts"], record["computed_parts"], record["command"]) == (N - 1, 1, ["squares"])
 
 
-def test_killed_half_way_it_goes_on_and_gives_the_same_bytes(whole, tmp_path):
+@pytest.mark.parametrize("workers", [1, 2])
+def test_killed_half_way_it_goes_on_and_gives_the_same_bytes(whole, tmp_path, workers):
+    """With workers they have tasks in flight when it is killed."""
     out = tmp_path / "again"
     code = (
         f"import sys; sys.path.insert(0, {os.path.dirname(__file__)!r})\n"
         "from cpic_planner.jobs.job import run\nfrom test_job import squares\n"
-        f"run(squares({N}, pause_s=0.2), {str(out)!r})\n"
+        "if __name__ == '__main__':\n"
+        f"    run(squares({N}, pause_s={0.2 * workers}), {str(out)!r}, workers={workers})\n"
     )
     process = subprocess.Popen([sys.executable, "-c", code])
     deadline = time.monotonic() + 60
@@ -144,11 +147,12 @@ def test_killed_half_way_it_goes_on_and_gives_the_same_bytes(whole, tmp_path):
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     assert not (out / "squares.json").exists(), "it had finished before the kill"
-    done = run(squares(N), out)
+    done = run(squares(N), out, workers=workers)
     assert done.resumed_parts >= 2
     assert done.resumed_parts + done.computed_parts == N
     assert products(out) == products(whole[0])
     assert not list(out.glob(".cpic-*"))
+    assert check_tree(out) == []
 
 
 def test_any_number_of_workers_gives_the_same_bytes(whole, tmp_path):

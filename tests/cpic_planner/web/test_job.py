@@ -7,9 +7,14 @@ import time
 from pathlib import Path
 
 import pytest
+from pydantic import BaseModel
 
-from cpic_core import InputError
+from cpic_core import InputError, fingerprint
+from cpic_core.provenance import WORDS
+from cpic_planner.jobs import Job, Task, check_tree
+from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.results import StarImagesResult
+from cpic_planner.web import job
 from cpic_planner.web.asking import IMAGES
 from cpic_planner.web.job import expected
 from cpic_planner.web.job_queue import JobQueue
@@ -86,3 +91,42 @@ def test_what_cannot_be_asked_names_its_parameter():
     with pytest.raises(InputError) as caught:
         expected(IMAGES.canonical((ASKED | {"target": "nowhere"}).items()))
     assert caught.value.key == "target"
+
+
+class Total(BaseModel):
+    config_hash: str
+    total: int
+
+
+def square(number):
+    return {"square": number**2}
+
+
+def squares(pairs):
+    def work(runner):
+        found = runner.finish(square, [Task("square 7", (7,))])
+        return Total(config_hash=runner.digest, total=sum(body["square"] for body in found.values()))
+
+    return Job("squares", 1, dict, work)
+
+
+@pytest.mark.parametrize(("word", "total"), [("code", 49), ("presets", 49), ("libraries", 49), ("processor", 1)])
+def test_what_a_server_of_other_software_began_is_begun_anew_and_said(tmp_path, monkeypatch, caplog, word, total):
+    """A part of it is wrong: another processor alone goes on with it."""
+    words = str(fingerprint()).split("-")
+    words[WORDS.index(word)] = "0" * 8
+    where = {"kind": "squares", "config_hash": squares(()).digest, "fingerprint": "-".join(words)}
+    with open_run_folder(tmp_path / "run", **where) as folder:
+        folder.save_part("square 7", {"square": 1})
+    (tmp_path / "asked.json").write_text('{"pairs": []}')
+    monkeypatch.setattr(job, "job_of", squares)
+    monkeypatch.setattr(job, "end_with", lambda pid: None)
+    monkeypatch.setattr(job.os, "nice", lambda by: 0)
+    job.main("1", str(tmp_path))
+    assert json.loads((tmp_path / "run" / "squares.json").read_text())["total"] == total
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert (record["resumed_parts"], record["computed_parts"]) == ((0, 1) if total == 49 else (1, 0))
+    assert record["fingerprint"] == str(fingerprint())
+    said = f"begun anew: what it holds was made with other {word}" if total == 49 else "another processor takes part"
+    assert said in caplog.text
+    assert check_tree(tmp_path / "run") == []

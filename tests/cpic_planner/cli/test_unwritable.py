@@ -1,0 +1,52 @@
+"""What cannot be written is refused before any work, whatever command is to write it."""
+
+import pytest
+
+from cpic_planner.jobs import Job
+
+NOWHERE = "/dev/null/nowhere"
+SCENE = ("--band", "F520", "--exposure-s", "17", "--em-gain", "20")
+STAR = ("tau Cet", "--band", "F520", "--separation-arcsec", "0.5")
+ANSWERS = {
+    ("rank", "--out", "no/such/ranking.csv"): "cpic_planner.api.prepared",
+    ("rank", "--plot", "no/such/ranking.png"): "cpic_planner.api.prepared",
+    ("etc", *STAR, "--snr", "5", "--plot", "no/such/etc.png"): "cpic_planner.api.answered",
+    ("visibility", "tau Cet", "--out", "no/such/days.csv"): "cpic_planner.api.visibility_of",
+    ("visibility", "tau Cet", "--plot", "no/such/days.png"): "cpic_planner.api.visibility_of",
+    ("known", "eps Eri", "--scene", "no/such/scene.yaml"): "cpic_planner.etc.build_model",
+    ("instrument", "table", "--band", "F662", "--out", "no/such/f662.csv"): "simulator.imaging.written_table._columns",
+    ("catalog", "refresh", "--out", "no/such/stars.ecsv"): "cpic_planner.cli.refreshed_files.refresh_stars",
+}
+"""Commands that write a file, and the first of what they work long at."""
+
+
+def never(*arguments, **keywords):
+    raise AssertionError("it went to work")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("plan",),
+        ("simulate", "paper_example", *SCENE),
+        ("simulate", "--kind", "BIAS"),
+        ("confirm", "paper_example"),
+        ("whatif", "survey_default"),
+        ("tradeoff", "--quick-look", "--scene", "faint"),
+        ("curve", *STAR),
+        ("roc", *STAR, "--contrast", "3e-9"),
+    ],
+    ids=" ".join,
+)
+def test_a_folder(refuses, monkeypatch, tmp_path, arguments):
+    monkeypatch.setattr(Job, "digest", property(never))
+    refuses((*arguments, "--out", NOWHERE), ["--out = /dev/null/nowhere", "a writable folder (Not a directory)"])
+    (tmp_path / "thesis.tex").write_text("precious")
+    refuses((*arguments, "--out", tmp_path), ["an empty folder or one of an earlier run", "thesis.tex"])
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.parametrize("arguments", ANSWERS, ids=" ".join)
+def test_a_file(refuses, monkeypatch, arguments):
+    monkeypatch.setattr(ANSWERS[arguments], never)
+    refuses(arguments, [f"{arguments[-2]} = {arguments[-1]}", "a writable file (No such file or directory)"])
