@@ -14,6 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("cpic_core", "catalogs", "simulator", "cpic_planner", "tools")
 GLOSSARY = "docs/glossary.md"
+STYLE = "docs/style.md"
 MADE = frozenset({"_made", "_build", "notebooks", "reports"})
 
 # A verb that is missing is added here if it is plain.
@@ -149,7 +150,8 @@ def findings(root: Path = ROOT) -> Iterator[str]:
             yield from docstring_fragments(path.relative_to(root).as_posix(), path.read_text(encoding="utf-8"))
     yield from help_findings(help_texts(), replaced)
     pages = [path for path in sorted((root / "docs").rglob("*.md")) if not MADE & set(path.relative_to(root).parts)]
-    for page in [*pages, root / "README.template.md"]:
+    pages.remove(root / STYLE)  # it shows what not to write
+    for page in [*pages, root / "README.template.md", root / "CONTRIBUTING.md"]:
         text = _INSTEAD.sub("", page.read_text(encoding="utf-8"))
         yield from wrong_words(page.relative_to(root).as_posix(), text, replaced)
 

@@ -1,5 +1,6 @@
 """The check of words finds planted fragments and words that the glossary replaces, and nothing in the repository."""
 
+import re
 import subprocess
 import sys
 
@@ -97,3 +98,17 @@ def test_every_command_and_its_options_are_read():
     places = [where for where, _, _ in words.help_texts()]
     assert {"cpic", "cpic etc", "cpic catalog refresh"} <= set(places)
     assert any(where.startswith("cpic etc --snr") for where in places)
+
+
+def test_phrases_that_the_style_page_refuses_are_gone():
+    style = (words.ROOT / words.STYLE).read_text(encoding="utf-8")
+    table = style.partition("## Do and don't")[2].partition("\n## ")[0]
+    refused = [line.split("|")[2].strip().rstrip(".") for line in table.splitlines() if line.startswith("| ")][2:]
+    assert len(refused) == 20
+    files = [*(words.ROOT / "cpic_planner").rglob("*.*"), *(words.ROOT / "docs").rglob("*.md")]
+    read = [
+        file for file in files if file.suffix in {".py", ".md", ".j2", ".yaml"} and file != words.ROOT / words.STYLE
+    ]
+    kept = [file for file in read if not words.MADE & set(file.parts)]
+    text = " ".join(re.sub(r"\s+", " ", file.read_text("utf-8")) for file in kept)
+    assert [phrase for phrase in refused if phrase in text] == []
