@@ -47,11 +47,12 @@ browser: $(VENV)/installed  ## do what a visitor of the pages does, in Chromium 
 		echo "Playwright could not be installed: what needs it is skipped" >&2
 	$(BIN)/python -m pytest -q -m browser tests/browser $(PYTEST)
 
-lint: $(VENV)/installed  ## check style, types, who imports whom, and the figures of the README
+lint: $(VENV)/installed  ## check style, types, who imports whom, words, and the figures of the README
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m tools.words
 	$(BIN)/python -m tools.readme --check
 
 mutants: $(VENV)/installed  ## change the code in one place at a time; fails where no test sees it (SEED, MUTANTS, WORKERS)

@@ -18,7 +18,7 @@ URL_VARIABLE = "CPIC_SIMBAD_URL"
 
 @dataclass(frozen=True)
 class Cuts:
-    """Which stars are asked for.
+    """The cuts that say which stars are asked for.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ def bracket(nodes: np.ndarray, values: ArrayLike) -> tuple[np.ndarray, np.ndarra
 
 
 class GridFlags(NamedTuple):
-    """Which values lie outside the grid and are clamped to its edge, boolean arrays of one shape."""
+    """Marks of values that lie outside the grid and are clamped to its edge, boolean arrays of one shape."""
 
     teff_k: np.ndarray
     log_g: np.ndarray

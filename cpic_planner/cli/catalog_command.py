@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from catalogs import Column, StoredTable
 
 
-HELP = "The tables of stars and planets: what ships with the package, and fresh ones from their archives."
+HELP = "Show the tables of stars and planets that ship with the package, and fetch fresh ones from their archives."
 app = typer.Typer(help=HELP, invoke_without_command=True)
 
 _REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}

@@ -29,7 +29,8 @@ def etc(
     explain: Annotated[
         bool,
         typer.Option(
-            "--explain", help="Say more: probabilities, visits and orbits, which EM gains spare what of the frame."
+            "--explain",
+            help="Say more: probabilities, visits and orbits, and the EM gain that each saturation limit allows.",
         ),
     ] = False,
     plot: Annotated[

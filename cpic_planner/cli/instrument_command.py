@@ -13,7 +13,7 @@ from cpic_planner import report
 from cpic_planner.cli.options import Output, help_alone, note, shown
 from cpic_planner.cli.progress import heard
 
-HELP = "What an instrument is, which of its values --set can change, and how two instruments differ."
+HELP = "Show what an instrument is, which of its values --set can change, and how two instruments differ."
 app = typer.Typer(help=HELP, invoke_without_command=True)
 app.callback(invoke_without_command=True)(help_alone)
 

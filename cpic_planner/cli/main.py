@@ -34,7 +34,7 @@ or findings of cpic check; 2 a question that cannot be asked, with one line that
 with --strict; 130 interrupted."""
 app = typer.Typer(
     name="cpic",
-    help="Exposure times, survey planning and simulated images for CPI-C, the coronagraph of the 2 m CSST.",
+    help="Compute exposure times, plan surveys and simulate images for CPI-C, the coronagraph of the 2 m CSST.",
     epilog=f"{' '.join(EXIT_HELP.split())} cpic COMMAND --help says more.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,

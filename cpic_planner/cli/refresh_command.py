@@ -32,7 +32,7 @@ def refresh(
     v_mag_max: Annotated[
         float | None,
         typer.Option(
-            "--v-mag-max", help="Faintest V of the stars; rankings end at 7, the rest is margin [default: 7.5]."
+            "--v-mag-max", help="Faintest V of the stars; rankings end at 7, the rest is a reserve [default: 7.5]."
         ),
     ] = None,
     parallax_min_mas: Annotated[

@@ -46,8 +46,8 @@ def curve(question: CurveQuestion, output: Answer, plot: PlotOption = None, dry_
     azimuths, and searches for them blind: the fraction recovered stands beside the one that the law of detection
     expects.
 
-    --plot draws the curves, and for each band the map of completeness: the chance that the programme finds a planet
-    of a separation and contrast, at any position angle. --out writes report.html, curve.json, curve.csv,
+    --plot draws the curves, and for each band the map of completeness: the probability that the programme finds a
+    planet of a separation and contrast, at any position angle. --out writes report.html, curve.json, curve.csv,
     completeness.csv, recovered.csv and run.json; stopped half way, it continues when started again on the same folder.
     The result is the same for any number of workers.
 

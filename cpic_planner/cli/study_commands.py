@@ -28,7 +28,7 @@ def whatif(
     """Compare survey strategies over the same synthetic universes: planets found, time used, and how sure that is.
 
     STRATEGIES is a preset (survey_default) or a YAML file. Every strategy gets a calendar from the visibility of
-    its stars; then it is played in made-up universes (--universes), each with its own planets, drift of calibration
+    its stars; then it is played in synthetic universes (--universes), each with its own planets, drift of calibration
     and luck, the same for all strategies, so that differences are known far better than yields. A sample of the
     detections is simulated as images and searched blind. Writes whatif.json, universes.parquet, detections.parquet,
     stars.parquet, orbits.parquet (how well positions determine the orbits of the planets found), targets.csv,

@@ -15,7 +15,7 @@ from cpic_planner.cli.options import JsonOption, Output, help_alone, print_json
 from cpic_planner.cli.progress import heard
 
 app = typer.Typer(
-    help="What the disk cache holds, and how to empty it. Emptying it is always safe. The environment variables "
+    help="Show what the disk cache holds, and empty it. Emptying it is always safe. The environment variables "
     "CPIC_CACHE_DIR and CPIC_CACHE_MAX_MB say where it is and how large it may become (2000 MB without the second); "
     "what was not used for longest is removed first.",
     invoke_without_command=True,

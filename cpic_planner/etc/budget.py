@@ -36,7 +36,7 @@ EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_ga
 
 @dataclass(frozen=True)
 class Binding:
-    """Which limit binds the exposure and the gain of one case, and the gains that spare more or less."""
+    """The limits that bind the exposure and the gain of one case, and the gain that each limit allows."""
 
     exposure: str
     gain: str

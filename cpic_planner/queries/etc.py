@@ -105,7 +105,7 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
     )
     contrast: Numbers | None = asked(
         None,
-        "Planet-to-star ratio instead of a planet model; repeat for several (as many as separations, or one of them).",
+        "Contrast of the planet instead of a model of it; repeat for several (as many as separations, or one of them).",
         accepts="float or sequence of float",
     )
     planet: shared.ReferencePlanet | tuple[shared.ReferencePlanet, ...] = asked(

@@ -304,7 +304,7 @@ class RankedQuestion(shared.InstrumentQuestion, FilteredQuestion, CountedPlanets
         le=1e9,
     )
     seed: shared.Seed = asked(1, "Seed of every random number.")
-    score: ScoreName = asked(DEFAULT_SCORE, "Ranking metric.")
+    score: ScoreName = asked(DEFAULT_SCORE, "Score that orders the stars.")
     instruments: int | None = asked(
         None,
         "Rank the stars under so many instruments too, drawn from {ensemble}: how sure each rank is, how often each "

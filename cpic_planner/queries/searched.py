@@ -113,7 +113,7 @@ class RocQuestion(SearchedQuestion):
         gt=0,
         le=120,
     )
-    contrast: float | None = asked(None, "Planet-to-star ratio, instead of a planet model.", gt=0, le=1)
+    contrast: float | None = asked(None, "Contrast of the planet, instead of a model of it.", gt=0, le=1)
     planet: shared.ReferencePlanet = shared.asked_planet("The planet that is looked for.")
 
     @model_validator(mode="after")

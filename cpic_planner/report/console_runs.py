@@ -297,7 +297,7 @@ _STRATEGIES = row_cells(
     bound=Cells(
         "bound %",
         lambda item: decimals(100.0 * item.schedule.distance, 1),
-        legend="how far the calendar is below what no calendar can pass",
+        legend="optimality gap: planets lost relative to the best possible calendar, at most",
     ),
     alarms=Cells(
         "alarms",

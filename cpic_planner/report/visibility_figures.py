@@ -118,7 +118,7 @@ def visibility_figure(result: VisibilityResult) -> Figure:
 
 
 def _edges(result: VisibilityResult) -> FloatArray:
-    """Begin of every step and end of the last, dates of matplotlib."""
+    """Return the begin of every step and the end of the last, dates of matplotlib."""
     middle = _days(result.mjd)
     return np.concatenate([middle, middle[-1:] + result.step_days]) - 0.5 * result.step_days
 

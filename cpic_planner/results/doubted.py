@@ -65,7 +65,7 @@ class DoubtDecision(Result):
 
 
 class DoubtRecord(Result):
-    """Which plan to take while a number is not known."""
+    """The plan to take while a number is not known."""
 
     key: str = Field(description="the number as it was asked for: drift")
     quantity: Literal["planets", "new_planets"] = Field(description="what the choice is made by")

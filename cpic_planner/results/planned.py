@@ -241,7 +241,7 @@ class NotImagedRow(Row):
 
 
 class ScheduleImages(Result):
-    """Which visits of a schedule were confirmed with images."""
+    """The visits of a schedule that were confirmed with images."""
 
     source: str = Field(description="number of visits, strategy, name and checksum of the file")
     n_visits: int = Field(description="lines without an outcome: visits still to be made")

@@ -317,7 +317,7 @@ class FactRow(Row):
 
 
 class FactsRecord(Result):
-    """Which fact moved which number."""
+    """The facts that moved numbers, and the numbers."""
 
     facts: list[TakenBack] = Field(description="the last one is all of them at once, where there are several")
     rows: list[FactRow]

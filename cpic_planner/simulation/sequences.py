@@ -169,7 +169,7 @@ class PlannedSequence:
 
 
 def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
-    """Number and date the sequences of a simulation.
+    """Give the sequences of a simulation their numbers and dates.
 
     Sequences without a begin of their own follow each other at once, those of an entry on the sky after the
     ``overhead_s`` of its instrument, which is that of a visit; the first begins with the mission. Visits of a programme

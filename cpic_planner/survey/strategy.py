@@ -29,7 +29,7 @@ Names = Annotated[tuple[str, ...], BeforeValidator(_listed)]
 
 
 class TargetCuts(FrozenModel):
-    """Which stars a survey may look at.
+    """The stars that a survey may look at.
 
     ``names`` are the only stars, if given; ``max_targets`` the most that are visited, best first by planets expected
     per hour of the first visit; ``known_planets`` ``only`` leaves stars with a known planet, ``first`` visits them

@@ -53,7 +53,7 @@ _HINTS = {
     "distance_pc": "Instead of the catalogue's; 10 pc for a star of your own without one.",
     "separation_arcsec": "Projected, on the diagonal of a quadrant; several between commas. Without: the best place.",
     "separation_au": "The same in au, at the distance of the star; several between commas.",
-    "contrast": "Planet-to-star ratio instead of a planet model; several between commas, as many as separations.",
+    "contrast": "Contrast of the planet instead of a model of it; several between commas, as many as separations.",
     "bands": "Without any: all four of the visible camera.",
     "set": "By a key of cpic instrument keys.",
     "sigma": "Instead of an SNR: significance of noise without the planet.",

@@ -10,18 +10,23 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import itertools
 import json
 import os
+import platform
+import re
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 LEAST = (3, 11)
+STATED = re.compile(r"Python :: 3\.(\d+)")
 KINDS = ("wheel", "sdist", "lowest")
 QUESTIONS = {
     "etc": ("etc", "tau Cet", "--snr", "5", "--json"),
@@ -38,12 +43,12 @@ def run(command: list[str], **about: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, check=False, capture_output=True, text=True, **about)
 
 
-def interpreters() -> list[Path]:
-    """Return one interpreter of each version from the least that the project states, ascending."""
+def interpreters() -> dict[tuple[int, ...], Path]:
+    """Return one interpreter of each version that is found on the path and among pyenv's, ascending."""
     folders = [Path(part) for part in os.environ.get("PATH", "").split(os.pathsep)]
     folders += sorted(Path.home().glob(".pyenv/versions/*/bin"))
     found: dict[tuple[int, ...], Path] = {}
-    for minor in range(LEAST[1], 30):
+    for minor in range(30):
         for path in (folder / f"python3.{minor}" for folder in folders):
             code = "import sys, ensurepip; print(*sys.version_info[:2])"
             if not path.exists():
@@ -51,7 +56,29 @@ def interpreters() -> list[Path]:
             answer = run([str(path), "-c", code])
             if answer.returncode == 0:
                 found.setdefault(tuple(int(part) for part in answer.stdout.split()), path)
-    return [found[version] for version in sorted(found) if version >= LEAST]
+    return dict(sorted(found.items()))
+
+
+def not_tried(rows: list[dict[str, object]], found: Iterable[tuple[int, ...]]) -> str:
+    """Return which interpreters were not tried and why, as a sentence; empty where all that the package states were.
+
+    Parameters
+    ----------
+    rows : list of dict
+        What was seen.
+    found : iterable of tuple of int
+        Versions of the interpreters of this machine.
+    """
+    versions = set(found)
+    tried_ones = {tuple(int(part) for part in str(row["python"]).split(".")[:2]) for row in rows}
+    stated = {LEAST, *((3, int(minor)) for minor in STATED.findall((ROOT / "pyproject.toml").read_text()))}
+    parts = {
+        "older than 3.11": sorted(version for version in versions if version < LEAST),
+        "not asked for": sorted(version for version in versions - tried_ones if version >= LEAST),
+        "not on this machine": sorted(stated - versions - tried_ones),
+    }
+    named = [f"{', '.join('.'.join(map(str, v)) for v in ones)} ({why})" for why, ones in parts.items() if ones]
+    return f"Not tried: {'; '.join(named)}; other systems than {platform.system()}." if named else ""
 
 
 def built(folder: Path) -> dict[str, Path]:
@@ -99,8 +126,8 @@ def size_mb(folder: Path) -> float:
     return sum(path.lstat().st_size for path in folder.rglob("*") if path.is_file()) / 1e6
 
 
-def report(rows: list[dict[str, object]], files: dict[str, Path]) -> str:
-    """Return the text of the report."""
+def report(rows: list[dict[str, object]], files: dict[str, Path], left_out: str) -> str:
+    """Return the text of the report; ``left_out`` is what `not_tried` says."""
     names = ("python", "kind", "install_s", "installed_mb", "etc_s", "rank_s", "plan_s", "answer_s", "failed")
     heads = (
         "Python",
@@ -127,6 +154,8 @@ without a network; the first of each kind compiles and fills caches. Times are w
 other work; `answer` is the time for SNR 5 that the first question gave, the same in every environment.
 
 {table}
+
+{left_out}
 """
 
 
@@ -136,16 +165,16 @@ def main() -> None:
     parser.add_argument("--python", type=Path, action="append", help="an interpreter (all that are found)")
     parser.add_argument("--kind", choices=KINDS, action="append", help="what is installed (all)")
     asked = parser.parse_args()
-    rows = []
+    rows: list[dict[str, object]] = []
+    found = interpreters()
+    pythons = asked.python or [path for version, path in found.items() if version >= LEAST]
     with tempfile.TemporaryDirectory() as name:
         files = built(Path(name))
-        for python in asked.python or interpreters():
-            for kind in asked.kind or KINDS:
-                with tempfile.TemporaryDirectory() as folder:
-                    rows.append(tried(python, kind, files, Path(folder)))
-                print(json.dumps(rows[-1]), flush=True)
-        text = report(rows, files)
-    (HERE / "report.md").write_text(text, encoding="utf-8")
+        for python, kind in itertools.product(pythons, asked.kind or KINDS):
+            with tempfile.TemporaryDirectory() as folder:
+                rows.append(tried(python, kind, files, Path(folder)))
+            print(json.dumps(rows[-1]), flush=True)
+            (HERE / "report.md").write_text(report(rows, files, not_tried(rows, found)), encoding="utf-8")
     if any("failed" in row for row in rows):
         sys.exit("an environment does not answer: see the report")
 

@@ -34,7 +34,7 @@ MAX_VISIT = 999_999
 
 @dataclass(frozen=True)
 class Visit:
-    """Which visit of a programme a sequence is: what its random streams are named by.
+    """The visit of a programme that a sequence is; its random streams are named by it.
 
     Attributes
     ----------

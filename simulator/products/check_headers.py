@@ -64,7 +64,7 @@ def profile_of(header: Header) -> Profile:
 
 
 def check_spellings(report: Report, header: Header, hdu: int, profile: Profile) -> None:
-    """Warn of keywords that stand under another spelling only than those of the profile.
+    """Warn where a keyword stands under another spelling only than those of the profile.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ class Keyword:
 
 @dataclass(frozen=True)
 class Profile:
-    """Which spelling of a keyword is written, and which are written beside it."""
+    """The spelling in which a keyword is written, and those that are written beside it."""
 
     name: str
     spelled: Mapping[str, str]

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 MADE = {"_made", "_build", "reports", "notebooks"}
@@ -65,3 +66,11 @@ def test_every_page_is_in_the_table_of_contents():
     }
     assert pages - {"index"} <= listed
     assert len(pages) > 35
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/cite.md"])
+def test_the_line_to_cite_is_that_of_the_citation_file(page):
+    cited = yaml.safe_load((DOCS.parent / "CITATION.cff").read_text(encoding="utf-8"))
+    text = re.sub(r"[\s>]+", " ", (DOCS.parent / page).read_text(encoding="utf-8"))
+    assert f"{cited['authors'][0]['name']}, *{cited['title']}*," in text
+    assert "CITATION.cff" in text

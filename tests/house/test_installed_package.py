@@ -1,7 +1,9 @@
 """The wheel, installed where nothing else of the project is, does the main job from another folder."""
 
+import fnmatch
 import json
 import os
+import re
 import site
 import subprocess
 import sys
@@ -94,7 +96,25 @@ def test_wheel_holds_what_it_needs_and_nothing_else(wheel):
     missing = [name for name in tracked if name not in names]
     assert missing == []
     assert any(name.endswith("licenses/LICENSE") for name in names)
-    assert any(name.endswith("STARS_LICENCE.md") and "dist-info" in name for name in names)
+    for licence in ("STARS_LICENCE.md", "DATA_LICENCES.md"):
+        assert any(name.endswith(licence) and "dist-info" in name for name in names)
+
+
+def test_every_data_file_of_the_wheel_has_one_entry_with_its_licence(wheel):
+    text = (ROOT / "catalogs/data/DATA_LICENCES.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([^`]+)` \| (.+) \| (.+) \|$", text, re.MULTILINE)
+    data = [
+        name
+        for name in zipfile.ZipFile(wheel).namelist()
+        if ".dist-info/" not in name and not name.endswith((".py", ".pyi", "py.typed"))
+    ]
+    entries = {name: [row for row in rows if fnmatch.fnmatchcase(name, row[0])] for name in data}
+    assert len(data) > 100
+    assert {name: found for name, found in entries.items() if len(found) != 1} == {}
+    assert [row[0] for row in rows if not fnmatch.filter(data, row[0])] == []
+    built = json.loads((ROOT / "catalogs/data/PROVENANCE.json").read_text(encoding="utf-8"))["files"]
+    for file in built:
+        assert entries[f"catalogs/data/{file['data_file']}"][0][2] == file["licence"]
 
 
 def test_etc_from_another_folder(installed, tmp_path):

@@ -12,8 +12,20 @@ from pathlib import Path
 from cpic_planner import __version__
 from tools import readme
 from tools.site import columns, commands, keys, products, python_api, schemas, words
+from tools.words import GLOSSARY, replaced_words
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
+def terms() -> str:
+    """Return the terms of the glossary that replace other words, with those words."""
+    replaced = replaced_words((ROOT / GLOSSARY).read_text(encoding="utf-8"))
+    lines = ["| write | instead of |", "| --- | --- |"]
+    for term in dict.fromkeys(replaced.values()):
+        lines.append(f"| {{term}}`{term}` | {', '.join(other for other, word in replaced.items() if word == term)} |")
+    return "\n".join(lines) + "\n"
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "commands": commands.page,
     "python": python_api.page,
@@ -23,6 +35,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "keywords": products.page,
     "words": words.page,
     "units": words.units,
+    "terms": terms,
 }
 """Generated parts of pages by name; a page includes them from ``_made``."""
 _FIGURE = re.compile(r"\{\{ (\w+)\.(\w+) \}\}")

@@ -86,7 +86,7 @@ def test_in_short_a_legend_and_two_sentences_stand_under_the_strategies(compared
     result = compared(["a", "b"])
     text = shown(print_whatif, result, width=110, full=False)
     below = " ".join(text[text.index("interval: of the mean") :].split())
-    assert "bound %: how far the calendar is below what no calendar can pass" in below
+    assert "bound %: optimality gap: planets lost relative to the best possible calendar, at most" in below
     told = below[below.index("Difference with") :]
     assert len(re.findall(r"[a-z)]\.(?:\s|$)", told)) <= 2
     assert "configuration" not in told

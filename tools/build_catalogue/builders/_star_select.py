@@ -132,7 +132,7 @@ def _sep(a: Row, b: Row) -> float:
 
 
 def _share_parallaxes(rows: list[Row]) -> None:
-    """Number the bound systems and give every member the parallax of the best."""
+    """Give numbers to the bound systems, and give every member the parallax of the best."""
     members = [_member(row) for row in rows]
     systems = group_systems(members)
     for row, system, taken in zip(rows, systems, adopt_parallaxes(members, systems), strict=True):
