@@ -157,7 +157,7 @@ class WrittenFiles:
         return sorted(name for name in self._contents if os.path.lexists(self.root / name))
 
     def missing(self) -> list[str]:
-        """Names of the listed files that do not; a run that is not finished may have been stopped before the last."""
+        """Return the names of the listed files that do not stand there; a run that was stopped lacks its last ones."""
         return sorted(set(self._contents).difference(self.names()))
 
     def refuse_foreign(self, name: str) -> None:
