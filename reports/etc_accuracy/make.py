@@ -346,7 +346,7 @@ def verdict_table(trials: list[Row], frames: list[Row], curves: list[Curve], flo
                 f"{longest:.6f} times at most",
                 met(longest <= COST_ASKED),
             ],
-            ["feasible for one of the two only", "none", str(single), met(not single)],
+            ["cases in which only one of the two finds a solution", "none", str(single), met(not single)],
             ["slope of the contrast limit without any offset", "-1/2", f"-1/2 to {steepest:.0e}", met(steepest < 1e-6)],
             ["plateaus of the contrast limit against images", "10 %", f"{apart:+.1%} at most", met(abs(apart) < 0.1)],
             [

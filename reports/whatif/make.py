@@ -169,8 +169,8 @@ def report(found: dict[str, Any]) -> str:
         decision.text(found["decision"]),
         *facts_part(),
         "## What an assumed contrast means\n\n"
-        "A brighter dark hole than the instrument's is that of a mirror whose actuators are off at random, and the "
-        "optics are measured with it. A planet around ε Eri at eight places, "
+        "A brighter dark hole than the instrument's is that of a mirror whose actuators have random errors, "
+        "and the metrics of the optics are recomputed. A planet around ε Eri at eight places, "
         f"{optics.REALISATIONS} images each, made with that mirror: predicted over recovered SNR. *By scaled light*: "
         "what the same prediction would be if the light of the nominal hole, which differs across the band, were "
         "multiplied instead. A darker hole is scaled, since no optics are known for it.\n\n"

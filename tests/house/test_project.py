@@ -46,6 +46,19 @@ def test_locked_versions_are_those_that_the_suite_runs_with():
     assert hashes >= len(locked)
 
 
+@pytest.mark.parametrize(
+    "package", "numpy scipy astropy astroquery synphot hcipy pandas photutils sep matplotlib".split()
+)
+def test_the_packages_that_serve_users_come_with_the_ordinary_install_and_are_used(package):
+    ordinary, extras = text("pyproject.toml").split("\ndependencies = [")[1].split("\n[project.optional-dependencies]")
+    assert f'"{package}>=' in ordinary
+    assert f'"{package}>=' not in extras.partition("\n[project.scripts]")[0]
+    assert package in _pins("constraints-lowest.txt")
+    used = re.compile(rf"^\s*(?:import|from) {package}\b|load_quietly\(\"{package}[\".]", re.MULTILINE)
+    folders = ("cpic_core", "catalogs", "simulator", "cpic_planner")
+    assert any(used.search(path.read_text("utf-8")) for folder in folders for path in (ROOT / folder).rglob("*.py"))
+
+
 @pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "ARCHITECTURE.md"])
 def test_commands_and_files_of_a_page_exist(page):
     page_text = text(page)

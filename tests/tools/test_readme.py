@@ -21,7 +21,6 @@ def test_every_group_is_quoted_and_says_something():
             assert f"{{{{ {group}.{name} }}}}" in quoted, (group, name)
             assert text
     assert all(table.count("\n") >= 5 for table in readme.tables().values())
-    assert "|  | +" not in readme.tables()["etc_accuracy"]
 
 
 def test_the_shortcuts_of_the_ledger_hold():

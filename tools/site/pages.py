@@ -11,7 +11,7 @@ from pathlib import Path
 
 from cpic_planner import __version__
 from tools import readme
-from tools.site import columns, commands, keys, products, python_api, schemas, words
+from tools.site import columns, commands, keys, products, python_api, schemas, validation, words
 from tools.words import GLOSSARY, replaced_words
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,10 +36,10 @@ PARTS: dict[str, Callable[[], str]] = {
     "words": words.page,
     "units": words.units,
     "terms": terms,
+    "validation": validation.page,
 }
 """Generated parts of pages by name; a page includes them from ``_made``."""
 _FIGURE = re.compile(r"\{\{ (\w+)\.(\w+) \}\}")
-_ASKED = re.compile(r"^\|\s+\| asked \| found \| met \|$", re.MULTILINE)
 _RUN = re.compile(r"^```\{run\}\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?:|#)([^)\s]+)\)")
 
@@ -165,11 +165,4 @@ def with_figures(text: str) -> str:
 
 @functools.cache
 def _figures(group: str) -> readme.Figures:
-    return _asked() if group == "asked" else readme.FIGURES[group]()
-
-
-def _asked() -> readme.Figures:
-    """Return the table of each report that says what was asked and what was found."""
-    texts = {path.parent.name: path.read_text(encoding="utf-8") for path in (ROOT / "reports").glob("*/report.md")}
-    headings = {name: _ASKED.search(text) for name, text in texts.items()}
-    return {name: readme.table_of(texts[name], found[0]) for name, found in headings.items() if found}
+    return readme.FIGURES[group]()

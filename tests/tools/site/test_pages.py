@@ -8,7 +8,7 @@ from tools.site import pages
 
 def test_figures_of_reports_stand_by_their_names():
     assert pages.with_figures("of {{ plan.stars }} stars") == f"of {readme.plan()['stars']} stars"
-    assert "| yes |" in pages.with_figures("{{ asked.etc_accuracy }}")
+    assert "| yes |" in pages.with_figures("{{ table.whatif }}")
     with pytest.raises(KeyError):
         pages.with_figures("{{ plan.nothing }}")
 
