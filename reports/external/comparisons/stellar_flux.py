@@ -70,10 +70,9 @@ def _sun_rows(sun: dict[str, Any]) -> Iterable[Row]:
     for band, value in zip(sun["bands"], ours, strict=True):
         what = f"Sun at 1 au (ph/s/cm2/nm), {band['low_nm']:g} to {band['high_nm']:g} nm ({band['name']})"
         red = band["low_nm"] > 600.0
-        why = (
-            "the level of the grid is that of this Sun" if red else "scaled in V; lines and level of model atmospheres"
-        )
-        yield Row(what, band["photons"], float(value), 0.01 if red else 0.03, why)
+        why = "the level of the grid is that of this Sun" if red else "scaled in V"
+        tolerance = 0.01 if red else 0.03
+        yield Row(what, band["photons"], float(value), tolerance, f"{why}; lines of model atmospheres")
     photons = {band["name"]: band["photons"] for band in sun["bands"]}
     twin = Star(SOLAR_TWIN, 1000).light() / Star(SOLAR_TWIN, 500).light()
     what = f"light at 1000 over that at 500 nm: the Sun, and {SOLAR_TWIN} (18 Sco)"

@@ -131,7 +131,7 @@ _COOL_BANDS = ("GROUND_COUSINS_R", "GROUND_COUSINS_I", "SDSS_z", "2MASS_J")
 _COOL_SHARE = 0.45  # of BT-NextGen in these bands of cool dwarfs
 _COOL_TEFF_K = (4600.0, 5200.0)  # whole share below, none above
 _DWARF_LOG_G = 4.0
-# Light of ACES at the Sun's V over that of the Sun: solves for the bins of the TSIS-1 HSRS (Coddington et al. 2021) that
+# What ACES has more of than the Sun, at its V: from the bins of the TSIS-1 HSRS (Coddington et al. 2021) that
 # `reports/external` records.
 _RED_EXCESS = {
     "GROUND_COUSINS_R": 0.003,
@@ -187,8 +187,8 @@ def _provenance() -> ProvenanceEntry:
             "R I, z, J H: PHOENIX-ACES at the same node (log g 3.5 for lower gravities) times the CK04 ratio to solar "
             "metallicity and log g 3.5 or above, interpolated linearly in Teff. R, I, z and J relative to y of dwarfs "
             "(log g 4 or above) are drawn towards BT-NextGen: by 45 % up to 4600 K, falling to 0 at 5200 K. From there "
-            "on R, I, z, J and H are divided by what ACES has more of than the Sun measured by TSIS-1 (0.3, 1.6, 1.4, 2.7 "
-            "and 4.5 %), below 4600 K by nothing, between the two by a part. The "
+            "R, I, z, J and H are divided by what ACES has more of than the Sun of TSIS-1 (0.3, 1.6, 1.4, 2.7 and "
+            "4.5 %), below 4600 K by nothing, between the two by a part. The "
             "factor on the line structure, linear in log wavelength between the bands and constant beyond, gives each "
             "node these band fluxes exactly."
         ),
