@@ -155,7 +155,7 @@ def _v_minus(teff_k: float, log_g: float, metallicity: float = 0.0) -> dict[str,
     """Colours of the grid in Cousins' I and 2MASS J (a top-hat of its mean and width), zero points from the Sun.
 
     The Sun is the grid's own, which is that of TSIS-1 within 1 per cent (tests/external/test_stellar_flux.py):
-    CALSPEC's of 2001 has 2 to 4 per cent more light between 750 and 900 nm.
+    CALSPEC's of 2001 has 2 per cent more light near 830 nm.
     """
     curve = Curve(np.arange(700.0, 921.0, 10.0), np.array(COUSINS_I) / 1000.0)
     bands = Passbands.from_bands(
