@@ -37,6 +37,7 @@ _READ = (
     "distance_pc",
     "teff_k",
     "teff_k_src",
+    "log_g",
     "log_g_src",
     "metallicity",
     "mass_msun",
@@ -135,7 +136,10 @@ def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_
         for row in rows
         if math.isfinite(row.angular_diameter_mas)
     ]
-    luminosity = median(fluxes) if fluxes else physics.luminosity_from_v(old["v_mag"], old["distance_pc"], teff_k)
+    known_log_g = physics.usual_gravity(old["sp_type"]) if old["log_g_src"] == physics.GRAVITY_SOURCE else old["log_g"]
+    light = {"metallicity": new.get("metallicity", old["metallicity"]), "log_g": new.get("log_g", known_log_g)}
+    by_v = physics.luminosity_from_v(old["v_mag"], old["distance_pc"], teff_k, **light)
+    luminosity = median(fluxes) if fluxes else by_v
     new["luminosity_lsun"] = luminosity
     new["luminosity_lsun_src"] = _DIAMETER_SOURCE if fluxes else physics.LUMINOSITY_SOURCE
     new["radius_rsun"] = physics.radius_from_luminosity(luminosity, teff_k)

@@ -260,7 +260,10 @@ def _fill(
         flags.add("teff_disagreement")
     row["teff_k"], row["teff_k_src"] = found
     v_mag, distance_pc = float(str(row["v_mag"])), float(str(row["distance_pc"]))
-    luminosity = stellar_physics.luminosity_from_v(v_mag, distance_pc, teff)
+    measured_log_g = best("log_g")
+    log_g = measured_log_g[0] if measured_log_g else stellar_physics.usual_gravity(sp_type)
+    metallicity = float(str(row["metallicity"]))
+    luminosity = stellar_physics.luminosity_from_v(v_mag, distance_pc, teff, metallicity, log_g)
     same_v = known is not None and abs(v_mag - float(str(known["v_mag"]))) < _SAME_V_MAG
     mass_found = old("mass_msun", ("ExoCat-1", "Takeda")) if same_v else None
     radius = stellar_physics.radius_from_luminosity(luminosity, teff)
@@ -268,7 +271,7 @@ def _fill(
     row["luminosity_lsun"], row["luminosity_lsun_src"] = luminosity, stellar_physics.LUMINOSITY_SOURCE
     row["radius_rsun"], row["radius_rsun_src"] = radius, stellar_physics.RADIUS_SOURCE
     row["mass_msun"], row["mass_msun_src"] = mass, mass_src
-    row["log_g"], row["log_g_src"] = best("log_g") or (
+    row["log_g"], row["log_g_src"] = measured_log_g or (
         stellar_physics.gravity(mass, radius),
         stellar_physics.GRAVITY_SOURCE,
     )

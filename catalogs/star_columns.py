@@ -37,7 +37,7 @@ COLUMNS: tuple[Column, ...] = (
     _float("pm_dec_mas_yr", "mas/yr", 2, "proper motion in declination"),
     _src("pm", "the proper motion"),
     _float("parallax_mas", "mas", 2, "adopted parallax; bound pairs share the better one"),
-    _float("parallax_err_mas", "mas", 2, "its standard error (Hipparcos-2)"),
+    _float("parallax_err_mas", "mas", 2, "its standard error"),
     _src("parallax", "the adopted parallax; shared:<name> when it is a companion's"),
     _src("parallax_err", "its standard error"),
     _float("parallax_own_mas", "mas", 2, "the star's own parallax in the SIMBAD extract"),

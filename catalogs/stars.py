@@ -35,7 +35,6 @@ _KINDS: dict[str, type] = {"int": np.int64, "bool": np.bool_, "float": np.float6
 #: What the descriptions of the embedded table say of its own sources, said of any table.
 _DESCRIPTIONS = {
     "simbad_id": "SIMBAD's main identifier, blank if not listed",
-    "parallax_err_mas": "its standard error",
     "parallax_own_mas": "the star's own parallax as listed",
     "sp_type": "spectral type as listed, white space normalised",
     "spectral_class": "letter of the spectral type, blank if it has none",

@@ -6,7 +6,8 @@ The shipped table is built with them, a refreshed one and a user's own table are
   where stars with known temperatures still agree) and 0.78 < V-Ks < 3.15; at other B-V the black-body relation of
   Ballesteros 2012, EPL 97, 34008. Made for dwarfs and subgiants; that from B-V is used for giants too.
 - Bolometric correction from Teff: Flower 1996, ApJ 469, 355, coefficients as corrected by Torres 2010, AJ 140, 1158,
-  with M_bol,sun = 4.73, the value that belongs to them.
+  with M_bol,sun = 4.73, the value that belongs to them; what it leaves out, metallicity and gravity, is a small table
+  from the spectra of the stellar grid (:data:`_BC_BESIDES_MAG`).
 - Mass of dwarfs and subgiants from luminosity: Eker et al. 2018, MNRAS 479, 5491. Giants: 1.5 Msun assumed.
 - log g = 4.438 + log M - 2 log R (solar units), R from L and Teff with Teff,sun = 5772 K (IAU 2015 resolution B3).
 """
@@ -24,6 +25,8 @@ from catalogs.coordinates import ecliptic
 from catalogs.spectral_types import parse_spectral_type
 from cpic_core import InputError, NDArray
 
+DWARF_LOG_G = 4.5
+GIANT_LOG_G = 2.5
 GIANT_MASS_MSUN = 1.5
 """Mass given to every giant, solar masses (assumed)."""
 TEFF_TOLERANCE_K = 600.0
@@ -31,7 +34,7 @@ TEFF_TOLERANCE_K = 600.0
 TEFF_DISAGREEMENT_K = 200.0
 """Estimates of a temperature that are farther than this from the adopted one disagree with it."""
 INFRARED_SOURCE = "derived:V-Ks (Casagrande et al. 2010)"
-LUMINOSITY_SOURCE = "derived:V, BC (Flower 1996; Torres 2010)"
+LUMINOSITY_SOURCE = "derived:V, BC (Flower 1996; Torres 2010; own spectra)"
 RADIUS_SOURCE = "derived:luminosity and Teff (Stefan-Boltzmann)"
 MASS_SOURCE = "derived:luminosity (Eker et al. 2018)"
 GRAVITY_SOURCE = "derived:mass and radius"
@@ -40,6 +43,31 @@ COOLEST_BC_K = 3500.0
 """Below this temperature the bolometric correction runs away: 1.6 and 3.6 times too bright for Lalande 21185 (3560 K)
 and Barnard's star (3200 K), and more than a hundred times at 2400 K."""
 _M_BOL_SUN = 4.73
+_BC_LOG_G = (2.5, 3.5, 4.5)
+_BC_METALLICITY = (-1.0, -0.5, 0.0, 0.5)
+_BC_TEFF_K = (4400.0, 4800.0, 5200.0, 5600.0, 6000.0, 6400.0, 6800.0, 7200.0, 7600.0, 8000.0)
+_BC_BESIDES_MAG = (
+    (
+        (0.097, 0.038, -0.010, -0.039, -0.050, -0.038, -0.017, -0.011, -0.008, -0.023),
+        (0.099, 0.051, 0.012, -0.010, -0.018, -0.008, 0.010, 0.011, 0.011, -0.005),
+        (0.094, 0.059, 0.030, 0.018, 0.016, 0.027, 0.043, 0.041, 0.038, 0.019),
+        (0.078, 0.060, 0.042, 0.040, 0.046, 0.062, 0.079, 0.075, 0.070, 0.049),
+    ),
+    (
+        (0.101, 0.039, -0.014, -0.054, -0.082, -0.083, -0.070, -0.063, -0.048, -0.050),
+        (0.096, 0.048, 0.006, -0.023, -0.044, -0.046, -0.036, -0.034, -0.023, -0.029),
+        (0.087, 0.055, 0.024, 0.006, -0.005, -0.003, 0.006, 0.005, 0.011, 0.000),
+        (0.067, 0.060, 0.039, 0.029, 0.028, 0.037, 0.050, 0.048, 0.050, 0.037),
+    ),
+    (
+        (0.0, 0.0, -0.012, -0.050, -0.089, -0.110, -0.118, -0.114, -0.099, -0.087),
+        (0.0, 0.0, 0.005, -0.021, -0.049, -0.068, -0.078, -0.077, -0.067, -0.060),
+        (0.0, 0.0, 0.020, 0.005, -0.011, -0.021, -0.028, -0.030, -0.024, -0.023),
+        (0.0, 0.0, 0.034, 0.029, 0.022, 0.023, 0.023, 0.023, 0.027, 0.023),
+    ),
+)
+"""To be added to Flower's correction, mag, by gravity, metallicity and temperature: that of the stellar grid (sigma T^4
+over V, 1 Lsun for the Sun at V = -26.76) less Flower's. Cool dwarfs keep Flower's: the grid is too bright in V."""
 _ARCSEC_AU_RSUN = 149597870.7 / 695700.0
 """Radii of the Sun (IAU 2015 resolution B3) that an angle of one arcsec spans at one parsec."""
 _TEFF_SUN_K = 5772.0
@@ -77,6 +105,11 @@ def luminosity_class(sp_type: str) -> str:
 def is_giant(sp_type: str) -> bool:
     """Tell whether the luminosity class is III-IV or brighter."""
     return luminosity_class(sp_type) in _GIANTS
+
+
+def usual_gravity(sp_type: str) -> float:
+    """Return the log g (cm/s2) by which the luminosity of a star of this type is found where none is measured."""
+    return GIANT_LOG_G if is_giant(sp_type) else DWARF_LOG_G
 
 
 def has_giant_scale(sp_type: str) -> bool:
@@ -177,14 +210,27 @@ def temperatures_disagree(adopted_k: float, others_k: Iterable[float]) -> bool:
     return any(abs(other - adopted_k) > TEFF_DISAGREEMENT_K for other in others_k)
 
 
-def bolometric_correction(teff_k: float) -> float:
-    """Return BC_V (mag) of Flower 1996 as corrected by Torres 2010."""
+def bolometric_correction(teff_k: float, metallicity: float = 0.0, log_g: float = DWARF_LOG_G) -> float:
+    """Return BC_V (mag): Flower 1996 as corrected by Torres 2010, and what metallicity and gravity add to it.
+
+    Luminosities of 104 dwarfs with measured bolometric magnitudes (Casagrande et al. 2006) are right to 0.1 % in the
+    median, scatter 1.0 %; without the addition those of the poor in metals are 4 % low, above 6200 K 12 %.
+
+    Parameters
+    ----------
+    teff_k : float
+        Effective temperature, K, above 0.
+    metallicity, log_g : float
+        [Fe/H] and log10 of the surface gravity (cm/s2), dex; beyond the table of the addition its edge is taken.
+    """
     x = float(np.log10(_positive("teff_k", teff_k, "K")))
     series, middle = (_COOL, 3.6) if x < 3.70 else (_WARM, 3.8) if x < 3.90 else (_HOT, 4.3)
     total = 0.0
     for coefficient in reversed(_about(series, middle)):
         total = total * (x - middle) + coefficient
-    return total
+    besides = [[np.interp(teff_k, _BC_TEFF_K, line) for line in table] for table in _BC_BESIDES_MAG]
+    by_gravity = [np.interp(metallicity, _BC_METALLICITY, values) for values in besides]
+    return total + float(np.interp(log_g, _BC_LOG_G, by_gravity))
 
 
 @functools.cache
@@ -200,7 +246,9 @@ def _about(series: tuple[float, ...], middle: float) -> tuple[float, ...]:
     )
 
 
-def luminosity_from_v(v_mag: float, distance_pc: float, teff_k: float) -> float:
+def luminosity_from_v(
+    v_mag: float, distance_pc: float, teff_k: float, metallicity: float = 0.0, log_g: float = DWARF_LOG_G
+) -> float:
     """Return the bolometric luminosity (Lsun) of a star of apparent V (mag), distance (pc) and temperature (K).
 
     Parameters
@@ -210,9 +258,12 @@ def luminosity_from_v(v_mag: float, distance_pc: float, teff_k: float) -> float:
     distance_pc : float
         Distance, pc, above 0.
     teff_k : float
-        Effective temperature, K, above 0; the bolometric correction is that of Flower 1996 and Torres 2010.
+        Effective temperature, K, above 0.
+    metallicity, log_g : float
+        [Fe/H] and log10 of the surface gravity (cm/s2), dex, for the bolometric correction.
     """
-    m_bol = v_mag - 5.0 * np.log10(_positive("distance_pc", distance_pc, "pc") / 10.0) + bolometric_correction(teff_k)
+    modulus = 5.0 * np.log10(_positive("distance_pc", distance_pc, "pc") / 10.0)
+    m_bol = v_mag - modulus + bolometric_correction(teff_k, metallicity, log_g)
     return float(10.0 ** (-0.4 * (m_bol - _M_BOL_SUN)))
 
 

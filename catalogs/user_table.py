@@ -201,7 +201,11 @@ def _physics(row: Row, given: Row, listed: str, where: str) -> set[str]:
         flags.add("luminosity_extrapolated")
     row["luminosity_lsun_src"] = listed if luminosity else stellar_physics.LUMINOSITY_SOURCE
     row["luminosity_lsun"] = luminosity or stellar_physics.luminosity_from_v(
-        row["v_mag"], row["distance_pc"], row["teff_k"]
+        row["v_mag"],
+        row["distance_pc"],
+        row["teff_k"],
+        row["metallicity"],
+        given.get("log_g", stellar_physics.usual_gravity(sp_type)),
     )
     row["radius_rsun"] = stellar_physics.radius_from_luminosity(row["luminosity_lsun"], row["teff_k"])
     row["radius_rsun_src"] = stellar_physics.RADIUS_SOURCE

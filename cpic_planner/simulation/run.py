@@ -23,7 +23,7 @@ from simulator.products import (
     write_level0,
 )
 
-RESULT_VERSION = 2
+RESULT_VERSION = 3
 """Raised when the same configuration gives other frames, so that old folders are not continued."""
 
 

@@ -131,11 +131,20 @@ FLOWER = {
 }
 
 
+BESIDES_K = (4800.0, 5200.0, 5600.0, 6000.0, 6400.0, 6800.0, 7200.0, 7600.0, 8000.0)
+BESIDES_MAG = (0.0, 0.020, 0.005, -0.011, -0.021, -0.028, -0.030, -0.024, -0.023)
+"""What the spectra of dwarfs of the Sun's metallicity add, between these temperatures by straight lines."""
+
+
 def correction(teff: mpf) -> mpf:
-    """Torres 2010, table 1; his coefficients are the doubles of the code."""
+    """Torres 2010, table 1; his coefficients are the doubles of the code. Beside it, what our spectra add."""
     x = mp.log10(teff)
     series = next(row for limit, row in FLOWER.items() if x < limit)
-    return mp.fsum(mpf(float(c)) * x**n for n, c in enumerate(series))
+    inside = min(max(teff, mpf(BESIDES_K[0])), mpf(BESIDES_K[-1]))
+    left = max(n for n, node in enumerate(BESIDES_K[:-1]) if node <= inside)
+    (low, high), (first, last) = ((mpf(v) for v in row[left : left + 2]) for row in (BESIDES_K, BESIDES_MAG))
+    besides = first + (inside - low) / (high - low) * (last - first)
+    return besides + mp.fsum(mpf(float(c)) * x**n for n, c in enumerate(series))
 
 
 def luminosity(v_mag: mpf, distance: mpf, teff: mpf) -> mpf:

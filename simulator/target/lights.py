@@ -245,7 +245,9 @@ class LitStar:
             allowed = "a value, where the insolation of a planet follows from the star's luminosity"
             hint = "or give luminosity_lsun, or the planet's insolation_au"
             raise InputError(key, "missing", allowed=allowed, hint=hint)
-        return luminosity_from_v(star.v_mag, star.distance_pc, teff), ("luminosity_derived",)
+        known = {"metallicity": star.metallicity, "log_g": star.log_g}
+        given = {key: value for key, value in known.items() if value is not None}
+        return luminosity_from_v(star.v_mag, star.distance_pc, teff, **given), ("luminosity_derived",)
 
     def rate_e_s_cm2(self, band: Band) -> float:
         """Return the detected electrons per second and cm2 of the telescope."""

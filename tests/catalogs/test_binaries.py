@@ -152,9 +152,10 @@ def test_better_grades_have_smaller_errors() -> None:
 
 
 @pytest.mark.parametrize(
-    ("star", "arcsec"), [("alf CMi", 0.80), ("70 Oph A", 0.58), ("ksi Boo A", 0.63), ("alf Cen A", 2.06)]
+    ("star", "arcsec"), [("alf CMi", 0.80), ("70 Oph A", 0.58), ("ksi Boo A", 0.62), ("alf Cen A", 2.06)]
 )
 def test_limits_are_those_of_the_sheet(star: str, arcsec: float) -> None:
+    """The sheet has 0.63 for ksi Boo A with the parallax of Hipparcos; Gaia's asks for 1.7 % more mass."""
     limit = stability_limit(star)
     row = load_stars().row(load_stars().column("name").tolist().index(star))
     assert limit is not None
@@ -182,7 +183,7 @@ def test_masses_are_published_or_by_keplers_third_law() -> None:
     au_m, year_s, gm_sun = 1.495978707e11, 365.25 * 86400.0, 1.32712440018e20
     orbit = orbits_by_star()["70 Oph A"]
     total = 4.0 * math.pi**2 * (oph.semi_major_axis_au * au_m) ** 3 / (gm_sun * (orbit.period_yr * year_s) ** 2)
-    assert total == pytest.approx(1.58, abs=0.02)
+    assert total == pytest.approx(1.58 * (196.66 / 195.56) ** 3, abs=0.02), "published at 196.66 mas"
     assert oph.mass_ratio == pytest.approx(1.0 - float(row["mass_msun"]) / total, abs=1e-4)
     assert "Kepler" in oph.source
 

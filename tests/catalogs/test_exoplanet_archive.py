@@ -52,7 +52,7 @@ def test_a_host_is_known_by_any_of_its_names_and_others_are_not_kept(read, recor
     [
         ({"hip_name": "HIP 8102"}, "star of eps Eri b = eps Eri, tau Cet"),
         ({"ra": 53.3}, "arcsec from eps Eri"),
-        ({"sy_dist": 30.0}, "at 9.33 of its distance"),
+        ({"sy_dist": 30.0}, "at 9.32 of its distance"),
         ({"soltype": "Published Candidate"}, "soltype = Published Candidate"),
         ({"pl_orbper": None, "pl_orbsmax": None}, "period_days or semi_major_axis_au"),
         ({"pl_bmassj": None}, "mass_mjup or msini_mjup or radius_rjup"),

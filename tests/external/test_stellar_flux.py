@@ -24,9 +24,54 @@ def _light_of(model: str) -> dict[str, float]:
 def test_the_sun_as_tsis_measured_it():
     ours = _light_of("grid")
     assert ours["500 nm"] / PHOTONS["500 nm"] == pytest.approx(1.0, abs=0.01)
-    assert ours["1000 nm"] / PHOTONS["1000 nm"] == pytest.approx(1.0, abs=0.02)
-    for name in ("F520", "F662", "F720", "F850", "F1265"):
-        assert ours[name] / PHOTONS[name] == pytest.approx(1.0, abs=0.03)
+    assert ours["F520"] / PHOTONS["F520"] == pytest.approx(1.0, abs=0.03)
+    for name in ("F662", "F720", "F850", "1000 nm", "F1265", "F1425", "F1542"):
+        assert ours[name] / PHOTONS[name] == pytest.approx(1.0, abs=0.01)
+
+
+#: Temperature (K), [Fe/H], V-I (Cousins) and V-J (2MASS): Casagrande et al. 2006, MNRAS 373, 13, table 1, every second
+#: of the dwarfs above 5200 K whose J is not saturated.
+DWARFS = (
+    (5219.0, -0.57, 0.833, 1.470),  # HD 11130
+    (5226.0, -0.54, 0.866, 1.500),  # HD 132142
+    (5251.0, -0.69, 0.788, 1.480),  # HD 144579
+    (5260.0, 0.27, 0.836, 1.452),  # HD 87007
+    (5288.0, -0.28, 0.848, 1.430),  # HD 11020
+    (5306.0, -0.16, 0.850, 1.390),  # HD 222335
+    (5372.0, -0.17, 0.806, 1.369),  # HD 89813
+    (5416.0, -0.20, 0.788, 1.365),  # HD 98281
+    (5428.0, 0.23, 0.791, 1.348),  # HD 106156
+    (5485.0, -0.34, 0.771, 1.340),  # HD 215500
+    (5568.0, -0.50, 0.750, 1.300),  # HD 8638
+    (5625.0, 0.02, 0.732, 1.210),  # HD 59468
+    (5643.0, -0.24, 0.746, 1.238),  # HD 114094
+    (5771.0, -0.96, 0.696, 1.184),  # BD-01 306
+    (5839.0, -0.88, 0.650, 1.155),  # HD 59374
+    (5905.0, -1.09, 0.678, 1.142),  # HD 193901
+    (5978.0, 0.12, 0.640, 1.070),  # HD 73524
+    (6025.0, -1.69, 0.647, 1.107),  # HD 34328
+    (6091.0, -1.49, 0.636, 1.088),  # HD 94028
+    (6200.0, 0.22, 0.595, 0.940),  # HD 179949
+    (6273.0, -1.54, 0.602, 1.016),  # HD 166913
+    (6324.0, -1.87, 0.580, 0.996),  # HD 218502
+    (6556.0, -0.60, 0.517, 0.867),  # HD 37792
+)
+J_ZERO_MAG = -0.025
+"""Of Vega in J of 2MASS, by the spectra of CALSPEC (Maiz Apellaniz & Pantaleoni Gonzalez 2018, A&A 616, L7)."""
+
+
+def test_dwarfs_have_the_light_of_their_photometry_in_the_red():
+    """No excess at any temperature: what was taken from the Sun holds for F and G stars."""
+    recorded = comparison.recorded("stellar_flux")
+    apart = []
+    for teff_k, metallicity, v_i, v_j in DWARFS:
+        spectrum = stellar_spectrum(5.0, teff_k=teff_k, log_g=4.5, metallicity=metallicity)
+        ours = stellar_flux._magnitudes(spectrum, recorded)
+        apart.append((5.0 - ours["I"] - v_i, 5.0 - ours["J"] - J_ZERO_MAG - v_j))
+    teff = np.array([dwarf[0] for dwarf in DWARFS])
+    for part in (teff < 5500.0, teff >= 5500.0):
+        assert part.sum() > 7
+        assert np.median(np.array(apart)[part], axis=0) == pytest.approx([0.0, 0.0], abs=0.015)
 
 
 @pytest.mark.parametrize(("model", "excess"), [("pickles", 0.089), ("blackbody", 0.083)])

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from photutils.aperture import CircularAperture
 
+from catalogs import load_reference_spectrum
 from cpic_planner.etc import Programme, aperture_rates, build_model, companion_saturates
 from cpic_planner.etc.noise import residual_law
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from simulator import load_instrument, star_photlam
+from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
 from simulator.config import Drift
 from simulator.imaging import single_band_psf, visit_frames
 from simulator.imaging.psf import wide_on_axis
@@ -44,6 +46,15 @@ def electrons(v_mag, teff_k=5772.0):
     source = star_photlam(v_mag, teff_k=teff_k, log_g=4.4, metallicity=0.0)
     angstrom = np.linspace(10 * (CENTRE_NM - WIDTH_NM / 2), 10 * (CENTRE_NM + WIDTH_NM / 2), 20_001)
     return AREA_CM2 * T_OPT * QE * np.trapezoid(source(angstrom).value, angstrom)
+
+
+def sunlight(v_mag):
+    """Detected electrons per second of the measured Sun at this V on the clear 2 m disc."""
+    sun = load_reference_spectrum("sun")
+    scale = 10.0 ** (-0.4 * v_mag) * vega_v_photon_rate() / v_photon_rate(sun.wavelength_nm, sun.photlam)
+    nm = np.linspace(CENTRE_NM - WIDTH_NM / 2, CENTRE_NM + WIDTH_NM / 2, 20_001)
+    photlam = np.interp(nm, sun.wavelength_nm, sun.photlam)
+    return AREA_CM2 * T_OPT * QE * scale * np.trapezoid(photlam, 10.0 * nm)
 
 
 def aperture_sum(image, x, y, radius=RADIUS):
@@ -174,7 +185,7 @@ def test_sky_dust_and_dark_current():
     instrument = INSTRUMENT.changed({"sky": sky, "detector": {"dark_293k_e_s": 0.0}})
     rates, star_e_s = of(model(instrument=instrument), targets(3.0)), electrons(3.0)
     passed = 0.3283  # energy behind the shipped apodizer: its squared transmission over the disc
-    sky = electrons(21.0) * np.pi * RADIUS**2 * passed  # 21 mag/arcsec2, of the Sun's colour
+    sky = sunlight(21.0) * np.pi * RADIUS**2 * passed  # 21 mag/arcsec2, of the Sun's colour
     assert rates.sky_e_s.item() == pytest.approx(sky, rel=0.01)
     # One zodi is 22 mag/arcsec2 at 1 au from a star of M_V 4.83 (Stark et al. 2014), as r^-2.
     at_one_arcsec = 3.0 * 10 ** (-0.4 * (22.0 - 4.83)) / 100.0

@@ -64,7 +64,7 @@ def fill_companions(people: Sequence[Identity], stars: Sequence[SimbadStar], rem
 
 
 def _consistent(person: Identity, star: SimbadStar) -> bool:
-    own = person.row.parallax_mas
+    own = person.row.sample_parallax_mas  # of the same time as that of the entry
     return abs(star.parallax_mas - own) < _PARALLAX_TOLERANCE * own
 
 

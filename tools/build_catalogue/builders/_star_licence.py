@@ -25,6 +25,11 @@ You may share, use and adapt the tables if you
 This work has made use of the SIMBAD database, operated at CDS, Strasbourg, France
 (Wenger et al. 2000, A&AS 143, 9). The extract is the one distributed with EXOSIMS (Savransky et al.).
 
+Parallaxes are partly those of the European Space Agency (ESA) mission Gaia (<https://www.cosmos.esa.int/gaia>),
+processed by the Gaia Data Processing and Analysis Consortium (DPAC,
+<https://www.cosmos.esa.int/web/gaia/dpac/consortium>). Funding for the DPAC has been provided by national institutions,
+in particular the institutions participating in the Gaia Multilateral Agreement.
+
 Further sources, each public: Hipparcos, the new reduction (van Leeuwen 2007, A&A 474, 653; ESA); ExoCat-1
 (Turnbull 2015, arXiv:1510.01731) and system aliases from the NASA Exoplanet Archive, which is operated by the
 California Institute of Technology, under contract with the National Aeronautics and Space Administration under the

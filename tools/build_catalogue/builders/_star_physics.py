@@ -26,6 +26,7 @@ from catalogs.stellar_physics import (
     radius_from_luminosity,
     subtype_medians,
     temperatures_disagree,
+    usual_gravity,
 )
 from tools.build_catalogue.builders._star_identity import Identity
 
@@ -123,12 +124,15 @@ def _infrared(person: Identity, metallicity: float) -> float:
 def _luminosity_radius_mass(person: Identity) -> None:
     row, values, exocat = person.row, person.row.values, person.exocat
     teff = float(values["teff_k"])  # type: ignore[arg-type]
-    luminosity = luminosity_from_v(row.star.v_mag, 1000.0 / row.parallax_mas, teff)
+    trusted = exocat is not None and not row.flags & {"v_conflict", "teff_conflict"}
+    log_g = exocat.number("st_logg") if exocat and trusted else float("nan")
+    light_log_g = log_g if np.isfinite(log_g) else usual_gravity(row.star.sp_type)
+    metallicity = float(values["metallicity"])  # type: ignore[arg-type]
+    luminosity = luminosity_from_v(row.star.v_mag, 1000.0 / row.parallax_mas, teff, metallicity, light_log_g)
     radius = radius_from_luminosity(luminosity, teff)
     values["luminosity_lsun"], values["luminosity_lsun_src"] = luminosity, LUMINOSITY_SOURCE
     values["radius_rsun"], values["radius_rsun_src"] = (radius, RADIUS_SOURCE)
 
-    trusted = exocat is not None and not row.flags & {"v_conflict", "teff_conflict"}
     mass = exocat.number("st_mass") if exocat and trusted else float("nan")
     mass_src = "derived:ExoCat-1"
     if exocat and np.isfinite(mass) and exocat.values["st_masssrc"] == "2007ApJS..168..297T":
@@ -137,7 +141,6 @@ def _luminosity_radius_mass(person: Identity) -> None:
         mass, mass_src = mass_of(row.star.sp_type, luminosity)
     values["mass_msun"], values["mass_msun_src"] = mass, mass_src
 
-    log_g = exocat.number("st_logg") if exocat and trusted else float("nan")
     if np.isfinite(log_g):
         values["log_g"], values["log_g_src"] = log_g, "measured"
     else:

@@ -14,7 +14,13 @@ the ACES nor the CK04 grid: its lines are those of BT-NextGen.
 Dwarfs below 5200 K are too blue in V-R, V-I and V-J in ACES (by 0.05 to 0.1 mag in V-I from 4600 K on), too red in
 BT-NextGen. Their bands R, I, z and J relative to y are therefore a weighted mean of the two: the weight of BT-NextGen
 is chosen so that V-I and V-J lie between the measured sequences of Casagrande et al. 2010 (A&A 512, A54) and Pecaut &
-Mamajek 2013. H agrees in ACES. Giants are left as they were: no such calibration was used for them.
+Mamajek 2013. Giants are left as they were: no such calibration was used for them.
+
+From 5200 K on ACES is too bright in the red: at the Sun's V by up to 4.5 % against the Sun that TSIS-1 has measured to
+0.3 % (`_RED_EXCESS`), and by as much against the photometry of 44 dwarfs of 5200 to 6500 K (Casagrande et al. 2006,
+MNRAS 373, 13, with the zero points of 2MASS of Maiz Apellaniz & Pantaleoni Gonzalez 2018, A&A 616, L7): by 2.4 % in I,
+2.8 in J and 6.0 in H, in the median, without a trend with temperature; 0.7, 0 and 1.3 % are left. Dwarfs of 4600 K
+show no such excess: there the level stays, and between the two a part of it is taken out.
 """
 
 import io
@@ -125,6 +131,15 @@ _COOL_BANDS = ("GROUND_COUSINS_R", "GROUND_COUSINS_I", "SDSS_z", "2MASS_J")
 _COOL_SHARE = 0.45  # of BT-NextGen in these bands of cool dwarfs
 _COOL_TEFF_K = (4600.0, 5200.0)  # whole share below, none above
 _DWARF_LOG_G = 4.0
+# What ACES has more of than the Sun, at its V: from the bins of the TSIS-1 HSRS (Coddington et al. 2021) that
+# `reports/external` records.
+_RED_EXCESS = {
+    "GROUND_COUSINS_R": 0.003,
+    "GROUND_COUSINS_I": 0.016,
+    "SDSS_z": 0.014,
+    "2MASS_J": 0.027,
+    "2MASS_H": 0.045,
+}
 
 _TEFF_RANGE_K = (3500.0, 8000.0)
 _LOG_G_RANGE = (3.5, 5.0)
@@ -139,7 +154,7 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
     trend = _Broadband(sources.read(_ARIADNE, _CK04_FILE))
     base = np.maximum(trend.log_g, line_log_g[0])
     aces, next_gen = (_solar(_Broadband(sources.read(_ARIADNE, path)), teff, base, path) for path in _LEVEL_FILES)
-    target = _targets(teff, trend, base, _cool_dwarfs(teff, trend.log_g, aces, next_gen))
+    target = _targets(teff, trend, base, _as_the_sun(teff, _cool_dwarfs(teff, trend.log_g, aces, next_gen)))
     filters = [_filter(sources.read(_PYPHOT, _FILTER_FOLDER + name)) for name, _ in _BANDS.values()]
     knots_nm = np.round([_mean_wavelength(*curve[:2]) for curve in filters], 2)
     line = np.searchsorted(line_log_g, np.maximum(trend.log_g, line_log_g[0]))
@@ -171,7 +186,9 @@ def _provenance() -> ProvenanceEntry:
             "Line structure: BT-NextGen, Teff 3500-8000 K, log g 3.5-5.0, 300-1750 nm, solar. Band fluxes in U, v b y, "
             "R I, z, J H: PHOENIX-ACES at the same node (log g 3.5 for lower gravities) times the CK04 ratio to solar "
             "metallicity and log g 3.5 or above, interpolated linearly in Teff. R, I, z and J relative to y of dwarfs "
-            "(log g 4 or above) are drawn towards BT-NextGen: by 45 % up to 4600 K, falling to 0 at 5200 K. The "
+            "(log g 4 or above) are drawn towards BT-NextGen: by 45 % up to 4600 K, falling to 0 at 5200 K. From there "
+            "R, I, z, J and H are divided by what ACES has more of than the Sun of TSIS-1 (0.3, 1.6, 1.4, 2.7 and "
+            "4.5 %), below 4600 K by nothing, between the two by a part. The "
             "factor on the line structure, linear in log wavelength between the bands and constant beyond, gives each "
             "node these band fluxes exactly."
         ),
@@ -232,6 +249,13 @@ def _cool_dwarfs(teff: np.ndarray, log_g: np.ndarray, aces: np.ndarray, next_gen
     level = aces.copy()
     level[..., red] *= 1.0 + share[..., None] * (other / own - 1.0)
     return level
+
+
+def _as_the_sun(teff: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """Return the fluxes with the excess of the red bands taken out: whole above the cool dwarfs, none below."""
+    excess = np.array([_RED_EXCESS.get(band, 0.0) for band in _BANDS])
+    share = np.interp(teff, _COOL_TEFF_K, (0.0, 1.0))
+    return np.asarray(level / (1.0 + share[:, None, None] * excess))
 
 
 def _targets(teff: np.ndarray, trend: _Broadband, base: np.ndarray, levels: np.ndarray) -> np.ndarray:
