@@ -157,13 +157,17 @@ def _schema(asking: Asking[Any], option: Option) -> dict[str, Any]:
 
 def _limits(model: type[Question], path: Sequence[str]) -> dict[str, Any]:
     """Return the range of a number of a question; nothing for what is made of several options."""
-    whole = model.model_json_schema()
-    node: Any = whole
+    node: Any = (whole := _schema_of(model))
     for name in path:
         node = next(
             (part["properties"][name] for part in _parts(whole, node) if name in part.get("properties", {})), {}
         )
     return {word: part[word] for part in _parts(whole, node) for word in _WITHIN if word in part}
+
+
+@functools.cache
+def _schema_of(model: type[Question]) -> dict[str, Any]:
+    return model.model_json_schema()
 
 
 def _parts(whole: dict[str, Any], node: dict[str, Any]) -> list[dict[str, Any]]:

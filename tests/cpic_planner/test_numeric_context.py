@@ -34,6 +34,7 @@ told("a product", product.read_bytes())
 """
 
 
+@pytest.mark.long
 def test_bytes_do_not_depend_on_the_number_of_threads_nor_on_where_and_when(tmp_path):
     """`test_same_bytes` has every command, and one setting after the other."""
     clean = {name: value for name, value in os.environ.items() if name not in THREAD_VARIABLES}

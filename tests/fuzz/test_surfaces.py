@@ -27,13 +27,13 @@ from tests.fuzz.values import STARS
 PROVES = ["cpic_core", "catalogs", "simulator.config", "simulator.products", "cpic_planner.queries", "cpic_planner.cli"]
 PROVES += ["cpic_planner.api", "cpic_planner.jobs", "cpic_planner.etc", "cpic_planner.targets"]
 SURFACES: dict[str, tuple[ModuleType, int]] = {
-    "command line": (command_line, 60),
-    "yaml": (settings_files, 120),
-    "tables": (table_files, 150),
-    "products": (product_files, 80),
-    "python": (python_calls, 200),
+    "command line": (command_line, 30),
+    "yaml": (settings_files, 60),
+    "tables": (table_files, 75),
+    "products": (product_files, 40),
+    "python": (python_calls, 100),
 }
-"""Cases of each surface, and how many run with every change: about two seconds each."""
+"""Cases of each surface, and how many run with every change: about a second each."""
 LONG = 5000
 
 

@@ -279,6 +279,8 @@ def test_examples_of_the_help_work(capsys, tmp_path, monkeypatch):
     from cpic_planner.cli.etc_command import etc
 
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("cpic_planner.confirm.etc_images.AIM", 0.3)  # images as few as will do
+    monkeypatch.setattr("cpic_planner.confirm.etc_images.FEWEST", 2)
     (tmp_path / "my_stars.csv").write_text("name,distance_pc,v_mag,sp_type\nmy star,5,4,G2V\n")
     examples = re.findall(r"^  cpic (.*)$", inspect.getdoc(etc), re.M)
     assert len(examples) >= 9

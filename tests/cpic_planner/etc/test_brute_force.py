@@ -52,7 +52,9 @@ def checked(oracles, problem, level):
     return frames
 
 
-@pytest.mark.parametrize("level", [0.3, 1.0, 5.0, 8.0, 20.0])
+@pytest.mark.parametrize(
+    "level", [0.3, 5.0, *(pytest.param(level, marks=pytest.mark.long) for level in (1.0, 8.0, 20.0))]
+)
 def test_no_setting_takes_less_time(oracles, level):
     problem = oracles.random_problems.random_problem(40, CAMERA, seed=int(10 * level))
     frames = checked(oracles, problem, level)
@@ -91,7 +93,9 @@ def checked_visit(oracles, problem, visit_s):
     assert got.visit_s.max() <= visit_s * (1.0 + 1e-12)
 
 
-@pytest.mark.parametrize("visit_s", [3.0, 300.0, 3600.0, 1e6])
+@pytest.mark.parametrize(
+    "visit_s", [3.0, 3600.0, *(pytest.param(visit_s, marks=pytest.mark.long) for visit_s in (300.0, 1e6))]
+)
 def test_no_setting_reaches_more_in_a_visit(oracles, visit_s):
     checked_visit(oracles, oracles.random_problems.random_problem(20, CAMERA, seed=7), visit_s)
 

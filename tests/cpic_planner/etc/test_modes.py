@@ -45,7 +45,7 @@ def model(instrument=INSTRUMENT, bands=None, **strategy):
 @pytest.mark.parametrize(
     "strategy",
     [
-        {"visits": 20, "n_modes": 4, "mode": "photon_counting"},
+        pytest.param({"visits": 20, "n_modes": 4, "mode": "photon_counting"}, marks=pytest.mark.long),
         {"visits": 20, "n_modes": 4, "library": "roll"},
         {"visits": 6, "n_modes": 3, "library": "brighter_twin", "reference_visits": 9, "search": "known_place"},
     ],

@@ -63,7 +63,14 @@ def test_table_is_the_register_blurred_by_the_read_noise(gain, stages, read_nois
     assert np.all((law.e >= 0) & (law.e <= 1))
 
 
-@pytest.mark.parametrize(("gain", "sigma"), [(300.0, 3.0), (300.0, 5.0), (1000.0, 3.0), (1000.0, 5.0)])
+@pytest.mark.parametrize(
+    ("gain", "sigma"),
+    [
+        (300.0, 3.0),
+        (1000.0, 5.0),
+        *(pytest.param(*one, marks=pytest.mark.long) for one in ((300.0, 5.0), (1000.0, 3.0))),
+    ],
+)
 def test_counts_and_scatter_match_monte_carlo(gain, sigma):
     """Photons through the register, read noise, threshold; the mean of many pixels inverted by bisection."""
     rng, read_noise, stacks = np.random.default_rng(11), 110.0, 200

@@ -46,7 +46,7 @@ INSTRUMENTS = {
 }
 
 
-OFTEN = ("default", "counting", "roll", "few references", "large drift", "overhead")
+OFTEN = ("default", "counting", "few references", "large drift")
 """Strategies and instruments with terms of their own in the closed forms; the others are long proofs."""
 
 

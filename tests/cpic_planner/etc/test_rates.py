@@ -291,7 +291,8 @@ def test_light_beside_the_hole_that_the_register_carries_into_it(light):
     assert of(model(), targets(3.0)).register_tail_e_s.item() == pytest.approx(electrons(3.0) * worst, rel=0.02)
 
 
-def test_speckles_are_those_of_pairs_of_visits(light):
+@pytest.mark.parametrize("n_pairs", [20, pytest.param(60, marks=pytest.mark.long)])
+def test_speckles_are_those_of_pairs_of_visits(light, n_pairs):
     """Frozen offsets of 0.05 nm: rms of aperture sums in the annulus of the difference of two visits."""
     drift = Drift(visit_nm=0.05, walk_nm_per_sqrt_hour=0.0, psd_slope=2.5)
     setup, star_e_s = model(), electrons(3.0)
@@ -299,7 +300,7 @@ def test_speckles_are_those_of_pairs_of_visits(light):
     angles = np.deg2rad(45 + np.arange(4) * 90 + np.array([[-12], [0], [12]])).ravel()
     spots = [(r * np.cos(a), r * np.sin(a)) for r in place + LAMBDA_D * np.array([-0.8, 0.0, 0.8]) for a in angles]
     squares = []
-    for k in range(60):
+    for k in range(n_pairs):
         one, other = (
             visit_frames(light.psf, drift, 1, 1.0, *map(np.random.default_rng, ((k, i, 1), (k, i, 2))))[0]
             for i in (1, 2)
@@ -307,7 +308,7 @@ def test_speckles_are_those_of_pairs_of_visits(light):
         sums = [aperture_sum(one - other, x, y) for x, y in spots]
         squares.append(np.var(sums))
     found = of(setup, targets(3.0)).speckle.averaging().law()
-    error = np.std(squares) / np.sqrt(60) / np.mean(squares)
+    error = np.std(squares) / np.sqrt(n_pairs) / np.mean(squares)
     assert found.k0[0, 0] == pytest.approx(star_e_s**2 * np.mean(squares), rel=0.15 + 3 * error)
     walking = of(
         model(instrument=INSTRUMENT.changed({"drift": {"walk_nm_per_sqrt_hour": 0.0}})), targets(3.0)

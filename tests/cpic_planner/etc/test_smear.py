@@ -51,9 +51,14 @@ def test_apertures_collect_what_whole_frames_do(band, sky_mag):
     np.testing.assert_allclose(rates.smear_e[0], seen[pixel + middle, pixel + middle], rtol=0.01)
 
 
-@pytest.mark.parametrize("band", ["F520", "F850"])
 @pytest.mark.parametrize(
-    ("separation", "pa_deg"), [(6.0, 4.0), (4.0, 200.0)], ids=["companion in the columns", "companion beside them"]
+    ("band", "separation", "pa_deg"),
+    [
+        pytest.param("F520", 6.0, 4.0, id="companion in the columns"),
+        pytest.param("F850", 4.0, 200.0, id="companion beside them"),
+        pytest.param("F850", 6.0, 4.0, id="companion in the columns in the red", marks=pytest.mark.long),
+        pytest.param("F520", 4.0, 200.0, id="companion beside them in the green", marks=pytest.mark.long),
+    ],
 )
 def test_companions_smear_into_the_apertures_that_measure_the_noise(band, separation, pa_deg):
     """Mean over the whole apertures of the annulus that are not at the planet."""

@@ -40,7 +40,7 @@ def with_method(problem, method):
     return replace(problem, strategy=rules.model_copy(update={"scheduler": scheduler}))
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000), needed=st.integers(1, 3), limits=LIMITS)
 def test_values_and_bounds_hold_the_optimum_between_them(problems, seed, needed, limits):
     problem = problems.random_problem(seed, needed=needed, **limits)
@@ -120,7 +120,7 @@ def test_more_of_seven_stars_with_twenty_visits(problems, record_property):
     assert tops.mean() <= 1.5
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10_000), needed=st.integers(1, 3), limits=LIMITS, nodes=st.sampled_from([0, 3, 12]))
 def test_bounds_are_true_wherever_the_search_ends(problems, seed, needed, limits, nodes):
     """With no search tree at all it is the cuts that bound a star; with a few nodes, whichever is lower."""
@@ -153,7 +153,7 @@ def test_a_problem_that_the_programme_solves_better(problems):
     assert found["greedy"].bound >= 1.0
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(seed=st.integers(0, 10_000), needed=st.integers(1, 2), least=st.sampled_from([0.02, 0.1, 0.3]))
 def test_bounds_hold_where_visits_have_to_be_worth_something(problems, seed, needed, least):
     """Visits of less worth are never made, and what is made is within the bound."""
@@ -170,7 +170,7 @@ def test_bounds_hold_where_visits_have_to_be_worth_something(problems, seed, nee
             assert problems.outcomes(problem.stars[star], 1, [visit]) >= least - 1e-9
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 10_000), budget_h=st.floats(4.0, 12.0))
 def test_stars_that_come_first_are_served_as_well_as_they_can_be(problems, seed, budget_h):
     """The first star gets the best of all its schedules, whatever that costs the other one."""

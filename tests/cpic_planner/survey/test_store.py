@@ -86,7 +86,7 @@ DAMAGES = {
         st.tuples(st.integers(0, N_PARTS - 1), st.sampled_from([None, None, *sorted(DAMAGES)])), max_size=2 * N_PARTS
     )
 )
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_any_history_ends_in_the_same_bytes(undisturbed, steps):
     """Parts written in any order, some twice, some damaged afterwards; then a run that does what is not whole."""
     with tempfile.TemporaryDirectory() as place:

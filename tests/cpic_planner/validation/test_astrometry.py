@@ -142,11 +142,11 @@ def test_parity_is_the_instruments(field: Field) -> None:
 
 # All four bands on draws of the whole chain: reports/blind_validator.
 @pytest.mark.parametrize(("psf", "white", "speckle", "snr"), [("F520", 3.0, 10.0, 12.0)], indirect=["psf"])
-@pytest.mark.parametrize("n_draws", [150, pytest.param(500, marks=pytest.mark.long)])
-def test_pulls(field: Field, white: float, speckle: float, snr: float, n_draws: int) -> None:
+@pytest.mark.parametrize(("n_draws", "within"), [(50, 0.4), pytest.param(500, 0.1, marks=pytest.mark.long)])
+def test_pulls(field: Field, white: float, speckle: float, snr: float, n_draws: int, within: float) -> None:
     """Deviation over error of separation and position angle: width 1.0 +- 0.1, mean 0.
 
-    The standard error of a width is 3 % over 500 draws, 6 % over 150. The flux is biased by about 1 / SNR^2, a pull of
+    The standard error of a width is 3 % over 500 draws, 10 % over 50. The flux is biased by about 1 / SNR^2, a pull of
     1 / SNR.
     """
     rng = np.random.default_rng(11)
@@ -178,7 +178,7 @@ def test_pulls(field: Field, white: float, speckle: float, snr: float, n_draws: 
     assert values[:, 2].mean() > 0.99
     assert np.median(values[:, 3]) == pytest.approx(snr, rel=0.3)
     kept = values[values[:, 2] > 0, :2]
-    assert kept.std(axis=0) == pytest.approx([1.0, 1.0], abs=0.1)
+    assert kept.std(axis=0) == pytest.approx([1.0, 1.0], abs=within)
     assert np.abs(kept.mean(axis=0)).max() < 4.0 * kept.std(axis=0).max() / math.sqrt(len(kept))
 
 
@@ -281,12 +281,13 @@ def test_a_variance_of_zero_among_others_is_refused(refused, field: Field) -> No
 
 
 @pytest.mark.parametrize("psf", ["F520"], indirect=True)
-def test_mean_of_bands(field: Field) -> None:
+@pytest.mark.parametrize("n_draws", [20, pytest.param(60, marks=pytest.mark.long)])
+def test_mean_of_bands(field: Field, n_draws: int) -> None:
     rng = np.random.default_rng(8)
     pulls, chi2 = [], []
     x, y, image = field.places(rng, 1)[0]
     truth = np.array([-x, y]) * field.scale  # east is -x
-    for _ in range(60):
+    for _ in range(n_draws):
         found = []
         for flux, roll in ((1e6, 0.0), (4e5, 20.0)):
             light, variance = field.noise(rng, 100.0, 0.0)
@@ -301,9 +302,9 @@ def test_mean_of_bands(field: Field) -> None:
         chi2.append(mean.chi2)
         assert mean.separation_error_arcsec < min(one.separation_error_arcsec for one in found)
         assert mean.degrees_of_freedom == 2
-    # 120 pulls: the width is known to 6.5 %; chi2 of 2 has a mean known to 0.26.
-    assert np.std(pulls) == pytest.approx(1.0, abs=0.26)
-    assert np.mean(chi2) == pytest.approx(2.0, abs=1.05)
+    # Two pulls a draw; the scatter of chi2 of 2 degrees of freedom is 2.
+    assert np.std(pulls) == pytest.approx(1.0, abs=4.0 / math.sqrt(4 * n_draws))
+    assert np.mean(chi2) == pytest.approx(2.0, abs=8.0 / math.sqrt(n_draws))
     assert mean.p_value == pytest.approx(math.exp(-0.5 * mean.chi2))
     assert mean.pa_deg == pytest.approx(math.degrees(math.atan2(-x, y)) % 360, abs=1.0)
 

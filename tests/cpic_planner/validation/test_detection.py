@@ -60,8 +60,9 @@ def flux_error(psf, sigma_e=10.0):
     return sigma_e / math.sqrt(float(np.sum(filter_kernel(psf) ** 2)))
 
 
-def test_white_noise_gives_the_false_alarms_that_were_asked_for(psf, still):
-    n, found, elements = 120, 0, 0.0
+@pytest.mark.parametrize("n", [40, pytest.param(120, marks=pytest.mark.long)])
+def test_white_noise_gives_the_false_alarms_that_were_asked_for(psf, still, n):
+    found, elements = 0, 0.0
     for seed in range(n):
         answer = search(white(psf, seed), psf, still, star_rate_e_s=STAR_E_S, sigma=3.0)
         found += len(answer.detections)
@@ -71,14 +72,15 @@ def test_white_noise_gives_the_false_alarms_that_were_asked_for(psf, still):
     assert abs(found - expected) < 4.0 * math.sqrt(expected)
 
 
-def test_wings_of_a_companion_are_noise_where_they_fall(psf, still):
+@pytest.mark.parametrize("n", [25, pytest.param(80, marks=pytest.mark.long)])
+def test_wings_of_a_companion_are_noise_where_they_fall(psf, still, n):
     """Noise in stripes as wide as three resolution elements, twice as strong in one as in the next: as many alarms."""
     hole, geometry = psf.metrics.hole, psf.geometry
     row, column = np.indices(hole.shape)
     period = 6.0 * geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
     sigma_e = 10.0 * 4.0 ** (0.5 * np.sin(2.0 * np.pi * (row + column) / math.sqrt(2.0) / period))
     found, elements = 0, 0.0
-    for seed in range(80):
+    for seed in range(n):
         rng = np.random.default_rng(seed)
         stack = replace(residual(psf, sigma_e * rng.standard_normal(hole.shape)), white_variance_e2=hole * sigma_e**2)
         answer = search(stack, psf, still, star_rate_e_s=STAR_E_S, sigma=3.0)

@@ -28,14 +28,15 @@ def task_of(library="same_star_planet_free", still=True, star="tau Cet", **chang
     return task
 
 
-def test_sums_and_frames_reduce_to_the_same_image():
+@pytest.mark.parametrize(("n_sums", "n_frames"), [(10, 1), pytest.param(40, 5, marks=pytest.mark.long)])
+def test_sums_and_frames_reduce_to_the_same_image(n_sums, n_frames):
     """Mean residual over realisations: the planet as the subtraction leaves it, from sums and from every frame."""
     task = replace(task_of(), n_frames=12)
     visits = visit_pair(task)
     assert visits.stackable.status.value == "ok"
-    every = [realise_frames(visit_pair(task, full=True, realisation=number))[0].reduced for number in range(5)]
+    every = [realise_frames(visit_pair(task, full=True, realisation=number))[0].reduced for number in range(n_frames)]
     means = {
-        "sums": np.mean([visits.draw(number).reduced.image_e for number in range(40)], axis=0),
+        "sums": np.mean([visits.draw(number).reduced.image_e for number in range(n_sums)], axis=0),
         "frames": np.mean([stack.image_e for stack in every], axis=0),
     }
     planet = visits.science.truth.sources[1]
@@ -43,7 +44,7 @@ def test_sums_and_frames_reduce_to_the_same_image():
     bright = every[0].region & (light > 0.3 * light.max())
     # The planet's own electrons, with the excess noise of the register, besides what the stack states.
     noise = np.sqrt(visits.draw(0).reduced.white_variance_e2[bright].sum() + 2 * light[bright].sum())
-    for name, runs in (("sums", 40), ("frames", 5)):
+    for name, runs in (("sums", n_sums), ("frames", n_frames)):
         assert means[name][bright].sum() == pytest.approx(light[bright].sum(), abs=4 * noise / np.sqrt(runs)), name
 
 

@@ -57,7 +57,10 @@ def test_photon_transfer(varied, mode) -> None:
     assert noise == pytest.approx(det.read_noise_e, rel=0.02)
 
 
-@pytest.mark.parametrize("mode", MODES)
+# Most of the time goes into the reads along a ramp, whose level and noise `test_photon_transfer` has as well.
+@pytest.mark.parametrize(
+    "mode", [pytest.param(mode, marks=[pytest.mark.long] * (mode == "up_the_ramp")) for mode in MODES]
+)
 def test_mean_frame_is_the_expected_one(varied, mode) -> None:
     det = varied(on=("interpixel_capacitance",), readout_mode=mode, n_reads=5)
     camera = InfraredCamera(det)

@@ -56,7 +56,7 @@ def test_rate_is_that_of_sticks_thrown_on_a_disc():
     ("model", "band"),
     [
         ("physical", "F520"),
-        ("physical", "F1265"),
+        pytest.param("physical", "F1265", marks=pytest.mark.long),
         pytest.param("paper", "F520", marks=pytest.mark.long),
         ("template", "F662"),
     ],

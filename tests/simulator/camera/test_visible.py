@@ -35,8 +35,10 @@ def test_all_switches_off_is_plain_arithmetic(detector):
         assert camera.expected_adu(exposure) == pytest.approx(exact)
 
 
-@pytest.mark.parametrize("gain", [pytest.param(1.0, marks=pytest.mark.long), 20.0])
-def test_mean_of_frames_is_the_expected_map_with_every_effect_on(detector, gain):
+@pytest.mark.parametrize(
+    ("gain", "n_frames"), [(20.0, 100), *(pytest.param(gain, 300, marks=pytest.mark.long) for gain in (1.0, 20.0))]
+)
+def test_mean_of_frames_is_the_expected_map_with_every_effect_on(detector, gain, n_frames):
     # What is common to a frame does not average over pixels: it has a test of its own.
     camera = VisibleCamera(detector.switched(on=("register_clock_charge",), off=("interference", "bias_drift")))
     rates = np.full((60, 80), 3.0)
@@ -44,7 +46,7 @@ def test_mean_of_frames_is_the_expected_map_with_every_effect_on(detector, gain)
     exposure = camera.prepare(rates, 10.0, gain)  # cosmic rays come with their rate only
     # 300 frames: the mean over 4800 pixels is known to 1/1200 of a pixel's scatter in a frame, its pull's width to 1 %,
     # so that what is allowed below is still 4.5 of the one and 5 of the other.
-    seen = frames(camera, exposure, 300)
+    seen = frames(camera, exposure, n_frames)
     expected = camera.expected_adu(exposure)
     pull = (seen.mean(axis=0) - expected) / (seen.std(axis=0) / np.sqrt(len(seen)))
     assert abs(pull.mean()) < 4.5 / np.sqrt(pull.size)
@@ -239,7 +241,7 @@ def test_light_beyond_a_window_is_one_finite_number_a_column(refused, detector, 
     refused("beyond_e_s", camera.prepare, np.ones((6, 5)), 2.0, 1.0, first_pixel=(108, 100), beyond_e_s=beyond)
 
 
-@pytest.mark.parametrize("gain", [1.0, 2.0, 300.0])
+@pytest.mark.parametrize("gain", [1.0, pytest.param(2.0, marks=pytest.mark.long), 300.0])
 def test_photon_transfer_of_the_whole_camera(detector, gain):
     """Pairs of flats, as at the bench: conversion to 1 %, read noise and excess noise to 2 %."""
     camera = VisibleCamera(detector.switched(off=("nonlinearity", "bad_pixels", "bad_columns", "interference")))

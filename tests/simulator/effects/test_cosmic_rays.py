@@ -71,18 +71,19 @@ def test_number_of_middles_is_poisson(config):
     assert counts.mean() < total.mean() < grown
 
 
-def test_number_that_touches_the_array_is_that_of_its_outline(cosmic):
+@pytest.mark.parametrize("draws", [25, pytest.param(100, marks=pytest.mark.long)])
+def test_number_that_touches_the_array_is_that_of_its_outline(cosmic, draws):
     # Segments of half-length h and direction phi touch a box where their middle lies in the box grown by their extent,
     # less two corners: area = (a + |dx|)(b + |dy|) - |dx dy|.
     config = cosmic("paper", paper={"width_um": 0.1, "width_rms": 0.0})
     shape, n = (60, 40), 200.0
     rng = np.random.default_rng(6)
     area = 2400 * (PIXEL_UM * 1e-4) ** 2
-    touched = sum(draw(config, rng, shape=shape, exposure_s=n / area).n_events for _ in range(100))
+    touched = sum(draw(config, rng, shape=shape, exposure_s=n / area).n_events for _ in range(draws))
     mu2 = 1 - np.random.default_rng(7).random(2_000_000) * (1 - (100 / 20000) ** 2)
     projected = 100 * np.sqrt(1 / mu2 - 1) / PIXEL_UM
     mean_extent = 2 / np.pi * projected.mean()
-    expected = 100 * n * (1 + mean_extent * (60 + 40) / 2400)
+    expected = draws * n * (1 + mean_extent * (60 + 40) / 2400)
     # Tracks that clip a corner by a fraction of a point leave nothing: a few in a thousand.
     assert abs(touched - expected) < 4.5 * np.sqrt(expected) + 0.006 * expected
 

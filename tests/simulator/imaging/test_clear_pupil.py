@@ -6,8 +6,14 @@ import pytest
 from simulator.imaging.clear_pupil import airy, disc_light
 
 
-@pytest.mark.parametrize("obstruction", [0.0, 0.2, 0.36])
-@pytest.mark.parametrize("width", [0.0, 0.2])
+@pytest.mark.parametrize(
+    ("width", "obstruction"),
+    [
+        (0.0, 0.2),
+        (0.2, 0.36),
+        *(pytest.param(*one, marks=pytest.mark.long) for one in ((0.0, 0.0), (0.0, 0.36), (0.2, 0.0), (0.2, 0.2))),
+    ],
+)
 def test_all_the_light_is_somewhere(obstruction, width):
     """Within 200 lambda/D all but the wings' 2 / (pi^2 u), which obstruction raises by (1 + e) / (1 - e^2)."""
     u = np.linspace(0.0, 200.0, 400_001)

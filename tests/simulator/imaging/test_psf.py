@@ -196,7 +196,7 @@ def test_places_out_of_the_field_leave_next_to_nothing(psfs):
     assert 0 <= image.min() <= image.max() < 1e-12
 
 
-@pytest.mark.parametrize("band", ["F520", "F850"])
+@pytest.mark.parametrize("band", ["F850", pytest.param("F520", marks=pytest.mark.long)])
 def test_standard_settings_agree_with_the_reference(psfs, references, band):
     standard, reference = psfs[band], references[band]
     peak = reference.off_axis.max()

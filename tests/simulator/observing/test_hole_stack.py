@@ -57,6 +57,7 @@ def test_mean_and_variance_are_those_of_the_frames():
     assert np.mean(pull**2) == pytest.approx(1.0, abs=4 * np.sqrt((np.mean(pull**4) - 1) / pixels))
 
 
+@pytest.mark.long
 def test_sums_scatter_as_sums_of_frames_do():
     """Aperture-sized sums with drift, from both chains: same mean, same variance."""
     found, hole = {}, sequence().psf.metrics.hole

@@ -160,7 +160,9 @@ class Seen:
         return np.nanmean(self.sums(self.psf.geometry.annulus(separation, half_width) & far, x, y))
 
 
-@pytest.mark.parametrize("band", ["F520", "F662", "F720", "F850"])
+@pytest.mark.parametrize(
+    "band", ["F520", "F850", *(pytest.param(band, marks=pytest.mark.long) for band in ("F662", "F720"))]
+)
 def test_the_mean_light_is_that_of_apertures_of_images(band):
     """5 % rms: 2.5 % of a noise that is made of nothing else."""
     model, ratio = build_model(INSTRUMENT, [band]), []
