@@ -247,8 +247,10 @@ class _Process:
 
     def _ready_line(self) -> "Connection[Any, Any]":
         """Return the connection to the process that is there, or to a new one."""
-        if self._child is not None and self._child.poll() is None and self._line is not None:
-            return self._line
+        line, child = self._line, self._child
+        # Nothing is on its way to us: a line with something to read is one that an idle process has closed.
+        if child is not None and line is not None and child.poll() is None and not line.poll(0.0):
+            return line
         self.end()
         ours, theirs = socket.socketpair()
         with theirs:

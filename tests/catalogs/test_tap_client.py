@@ -1,7 +1,10 @@
 """One client for every service: an answer counts only when it is whole, and the time and the bytes are kept to."""
 
 import pickle
+import subprocess
+import sys
 import time
+from multiprocessing import Pipe
 
 import pytest
 
@@ -158,7 +161,9 @@ def test_an_interruption_ends_the_process_and_the_next_question_has_its_own_answ
     connection = type(tap_client._PROCESS._ready_line())
 
     def interrupt(line, timeout):
-        raise KeyboardInterrupt
+        if timeout > 0:  # while it waits for the answer
+            raise KeyboardInterrupt
+        return False
 
     with monkeypatch.context() as patched:
         patched.setattr(connection, "poll", interrupt)
@@ -173,6 +178,16 @@ def test_a_process_that_died_is_replaced(simbad):
     tap_client._PROCESS._child.kill()
     tap_client._PROCESS._child.wait()
     assert "* tau Cet" in asked(simbad)["main_id"]
+
+
+def test_an_idle_process_that_is_about_to_end_is_replaced(simbad):
+    """It has closed the line, and takes its time to be gone."""
+    line, theirs = Pipe()
+    theirs.close()
+    tap_client._PROCESS.end()
+    tap_client._PROCESS._line = line
+    tap_client._PROCESS._child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    assert asked(simbad, retries=0)
 
 
 @pytest.mark.parametrize("mode", ["", "silent limit"])
