@@ -112,7 +112,8 @@ class Server:
             Files of stdin, stdout and stderr; None for one that is closed.
         **more
             ``root``, below which steps are counted; ``fault``, a mapping of its ``kind``, ``at`` and what it needs;
-            ``environment``; ``kill_after_s``, processor time, or ``kill_after_wall_s``; ``most_files`` that it may have open.
+            ``environment``; ``kill_after_s``, processor time, or ``kill_after_wall_s``; ``most_files`` that it may have
+            open.
         """
         places = {name: self._scratch / name for name in ("out", "err", "proof")}
         for path in places.values():

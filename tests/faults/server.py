@@ -90,7 +90,8 @@ def watched(child, request):
             worked_s = (int(fields[11]) + int(fields[12])) * _TICK_S
             if time.monotonic() - began >= passed_s if after_s is None else worked_s >= after_s:
                 time.sleep(random.random() * _TICK_S)  # within the tick
-                workers = len(open(f"/proc/{child}/task/{child}/children").read().split())
+                with open(f"/proc/{child}/task/{child}/children") as file:
+                    workers = len(file.read().split())
                 os.kill(child, 9)
                 after_s = passed_s = None
         time.sleep(0.001)
