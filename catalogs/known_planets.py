@@ -41,7 +41,7 @@ from catalogs.known_planet_table import (
 )
 from catalogs.table_cells import Row, Rows, read_rows
 from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
-from cpic_core import InputError, NDArray
+from cpic_core import InputError, NDArray, check_flag
 
 DATA_FILE = "known_planets.csv"
 UPDATES_FILE = "known_planets_updates.csv"
@@ -98,8 +98,7 @@ def load_known_planets(source: str | Path = "snapshot", *, candidates: bool = Fa
     >>> float(before.number("eccentricity")[before.row_of("eps Eri b")])
     0.702
     """
-    if not isinstance(candidates, bool | np.bool_):
-        raise InputError("candidates", repr(candidates), allowed="True or False")
+    check_flag("candidates", candidates)
     base, name = split_source(source)
     table = _with_file(base, name) if name else _base(base)[1]
     return table.with_candidates() if candidates else table

@@ -147,6 +147,26 @@ def write_bytes(path: str | Path, data: bytes) -> Path:
     return Path(path)
 
 
+def utf8(text: str) -> bytes:
+    r"""Return a text as bytes.
+
+    What UTF-8 has no bytes for, lone surrogates, which stand for other bytes in names of files and in arguments of
+    commands, are written as escapes; JSON reads these back.
+
+    Parameters
+    ----------
+    text : str
+
+    Examples
+    --------
+    >>> import os
+    >>> from cpic_core import utf8
+    >>> utf8("é"), utf8(os.fsdecode(b"\xff"))
+    (b'\xc3\xa9', b'\\udcff')
+    """
+    return text.encode("utf-8", "backslashreplace")
+
+
 def write_text(path: str | Path, text: str) -> Path:
     """Write text as UTF-8 bytes; see `write_bytes`.
 
@@ -156,7 +176,7 @@ def write_text(path: str | Path, text: str) -> Path:
     text : str
         Content of the file.
     """
-    return write_bytes(path, text.encode())
+    return write_bytes(path, utf8(text))
 
 
 def dump_json(tree: Any) -> str:

@@ -138,6 +138,19 @@ def check_whole(name: str, value: Any, low: int, high: int) -> int:
     return int(number)
 
 
+def check_flag(name: str, value: Any) -> bool:
+    """Return a switch that Python code gives.
+
+    Raises
+    ------
+    InputError
+        Unless it is True or False.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(name, value, allowed="True or False")
+    return bool(value)
+
+
 def check_word(name: str, value: Any, words: Collection[str]) -> None:
     """Refuse what is none of some words.
 

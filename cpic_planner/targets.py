@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from catalogs import POSITION_ERROR, Catalogue, StarTable, open_catalogue, resolve_star, stability_limit, stars_at
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_number, check_word
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_flag, check_number, check_word
 from cpic_planner.queries import default_instrument
 from simulator.config import checked_utc, julian_year
 
@@ -376,8 +376,7 @@ def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
         if key not in known:
             raise InputError(key, cuts[key], allowed="no such cut", hint=f"known cuts: {', '.join(known)}")
     for key in {"dwarfs_only", "singles_only"} & set(cuts):
-        if not isinstance(cuts[key], bool | np.bool_):
-            raise InputError(key, cuts[key], allowed="true or false")
+        check_flag(key, cuts[key])
     catalogue = as_catalogue(source)
     where = {name: cuts.pop(name) for name in ("companions", "date_utc") if name in cuts}
     table = _sample(catalogue, **cuts)

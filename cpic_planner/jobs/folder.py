@@ -37,6 +37,7 @@ from cpic_core import (
     fingerprint as own_fingerprint,
     parse_json,
     read_file,
+    utf8,
     write_bytes,
 )
 from cpic_planner.jobs.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list, refused, set_aside
@@ -110,7 +111,7 @@ class RunFolder:
             Plain data of a finished piece.
         """
         text = dump_json(body)
-        self._save(key, ".json", text.encode())
+        self._save(key, ".json", utf8(text))
         return dict(parse_json(text))
 
     def save_blob(self, key: str, content: bytes) -> None:
@@ -160,7 +161,7 @@ class RunFolder:
         text : str
             Content of the file.
         """
-        return self.write_bytes(name, text.encode())
+        return self.write_bytes(name, utf8(text))
 
     def write_bytes(self, name: str, content: bytes) -> Path:
         """Write one product that is no text whole.
@@ -191,7 +192,7 @@ class RunFolder:
 
     def _part_name(self, key: str, suffix: str) -> str:
         safe = "".join(char if char.isalnum() or char in "-_" else "_" for char in key)
-        return f"parts/{safe}-{hashlib.sha256(key.encode()).hexdigest()[:8]}{suffix}"
+        return f"parts/{safe}-{hashlib.sha256(utf8(key)).hexdigest()[:8]}{suffix}"
 
 
 def check_run_folder(path: str | Path, *, products: Sequence[str] = (), force: bool = False) -> None:

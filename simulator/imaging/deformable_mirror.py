@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, numeric_context
+from cpic_core import FloatArray, InputError, NDArray, check_whole, numeric_context
 from simulator.band_integrals import LENGTHS_NM
 from simulator.config.map_files import read_maps, real_map
 
@@ -191,7 +191,7 @@ def load_dm_surface(path: str | Path, samples: int | None = None, *, unit: str |
         raise InputError("dm_surface", name, unit="nm", allowed=f"heights within {MAX_SURFACE_NM:g} nm", hint=hint)
     if samples is None:
         return surface
-    repeat, rest = divmod(samples, len(surface))
+    repeat, rest = divmod(check_whole("samples", samples, 1, MAX_SIDE), len(surface))
     if rest or repeat < 1:
         allowed = f"a map whose side divides the {samples} pupil samples"
         raise InputError("dm_surface", name, allowed=allowed, hint=f"its side is {len(surface)}")
@@ -212,6 +212,6 @@ def _factor(name: str, found: str | None, asked: str | None) -> float:
     raise InputError("dm_surface unit", "missing", allowed="BUNIT in the header, or the argument unit", hint=name)
 
 
-def _nm_per(unit: str) -> float | None:
-    """Return the nanometres per unit of length, None for another unit. Capitals matter in short names (Mm, mm)."""
-    return UNITS_NM.get(unit, _LONG_NAMES.get(unit.lower()))
+def _nm_per(unit: object) -> float | None:
+    """Return the nanometres per unit of length, None for another unit. Only long names are free of capitals: Mm is not mm."""
+    return UNITS_NM.get(unit, _LONG_NAMES.get(unit.lower())) if isinstance(unit, str) else None

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray, as_path, numeric_context
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, as_path, check_word, numeric_context
 from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
 from simulator.config.map_files import real_map
 from simulator.imaging.geometry import BandGeometry
@@ -233,6 +233,8 @@ def load_psf(
     ('F662', (137, 137))
     """
     chosen = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
+    if band is not None:
+        check_word("band", band, chosen.bands)
     found = read_stamps(path)
     name = _band(path, found.band, band, chosen)
     flags: list[str] = []

@@ -216,6 +216,8 @@ def single_band_psf(
     if not isinstance(instrument, Instrument):
         instrument = load_instrument(instrument)
     light = stellar_spectrum(0.0, spectrum) if isinstance(spectrum, str) else spectrum
+    if not (light is None or isinstance(light, Spectrum)):
+        raise InputError("spectrum", spectrum, allowed="a spectral type or a Spectrum")
     built = build_imager(instrument, band, fidelity, spectrum=light)
     if built.knobs.stamp_pixels % 2 == 0:
         raise InputError("stamp_pixels", built.knobs.stamp_pixels, unit="px", allowed="an odd number")

@@ -217,6 +217,8 @@ def observe(
         ("kind", kind, SkyKind),
     ):
         check_word(name, value, get_args(allowed))
+    if not isinstance(timing, Timing):
+        raise InputError("timing", timing, allowed="a Timing")
     frames = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
     number = check_whole("realisation", realisation, 0, MAX_REALISATION)
     star = check_pair("star_offset_arcsec", star_offset_arcsec, MAX_OFFSET_ARCSEC, "arcsec")
@@ -253,12 +255,12 @@ def observe(
             timing=timing,
         )
         instrument = choice.drifting(instrument)
-        switches = {**(switches or {}), **choice.switches}
+        switches = {**({} if switches is None else switches), **choice.switches}
         epochs = min(epochs, choice.epochs)
         knobs = choice.knobs
     left_out = () if choice is None else choice.left_out
     switched = instrument.switched(switches, camera=channel.name)
-    optics = psf or single_band_psf(band, fidelity=knobs, instrument=instrument)
+    optics = single_band_psf(band, fidelity=knobs, instrument=instrument) if psf is None else psf
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     area = window_of(optics, instrument, full=full)
     one = Visit(scene.name, kind, role, band, number, turn, timing)

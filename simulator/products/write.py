@@ -11,7 +11,18 @@ from typing import IO, Any
 
 import numpy as np
 
-from cpic_core import InputError, dump_json, fingerprint, numeric_context, whole_file, write_text
+from cpic_core import (
+    InputError,
+    as_path,
+    check_flag,
+    check_writable,
+    dump_json,
+    fingerprint,
+    numeric_context,
+    utf8,
+    whole_file,
+    write_text,
+)
 from simulator.camera import Frame
 from simulator.config import Detector
 from simulator.products.ephemeris import Ephemeris, SequenceTimes, ephemeris, sequence_times
@@ -62,7 +73,7 @@ def params_of(
         "attitude.csv": _attitude(sequence, utc, sky),
         "temperature.csv": _table(("utc", "detector_k"), zip(utc, warmth, strict=True)),
     }
-    sums = {file: sum_of(text.encode()) for file, text in others.items()}
+    sums = {file: sum_of(utf8(text)) for file, text in others.items()}
     return {CONFIGURATION_FILE: dump_json(_configuration(sequence, name, times, primary) | {"files": sums})} | others
 
 
@@ -177,12 +188,17 @@ def write_level0(
     n_frames = int(observation.n_frames)
     times = sequence_times(observation.start_utc, observation.exposure_s, observation.readout_s, n_frames)
     name = product_name(observation, times, obsid)
-    root = Path(out_dir)
+    root = as_path("out_dir", out_dir)
+    for key, value in (("overwrite", overwrite), ("truth", truth)):
+        check_flag(key, value)
+    if progress is not None and not callable(progress):
+        raise InputError("progress", progress, allowed="a function of two whole numbers")
+    check_writable(root, key="out_dir", folder=True)
     refuse_taken(root, name, overwrite=overwrite)
     sky = ephemeris(observation.instrument.mission.orbit, log_times(times), star_deg(observation))
     primary, shared = sequence_values(observation, name, times, sky)
     params = params_of(observation, name, times, sky, primary)
-    primary[SUM_KEYWORD] = sum_of(params[CONFIGURATION_FILE].encode())[:16]
+    primary[SUM_KEYWORD] = sum_of(utf8(params[CONFIGURATION_FILE]))[:16]
     header = [*header_cards(primary, table, profile), *ledger_cards(observation)]
 
     folders = [(root / place).parent for place in (name.file, name.truth, name.params)]

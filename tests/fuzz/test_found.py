@@ -19,10 +19,18 @@ from simulator.knobs import dial_of
 from simulator.products import check_level0
 from simulator.products.reading import Report, check_sums, open_units
 from tests.fuzz import product_files, watched
-from tests.fuzz.python_calls import HELD, NOWHERE, held
+from tests.fuzz.python_calls import HELD, NOWHERE, held, prepare
 from tests.fuzz.values import STARS
+from tests.simulator.products.conftest import FakeSequence
 
 STAR = ("etc", "tau Cet", "--band", "F520")
+SMALL_SIMULATION = {
+    "kind": "simulation",
+    "name": "small",
+    "instrument": {"detector": {"n_columns": 60, "n_rows": 50, "star_column": 30, "star_row": 25}},
+    "defaults": {"frames": 1},
+    "sequences": [{"kind": "BIAS"}],
+}
 OWN = ("etc", "--v-mag", "5", "--sp-type", "G2V", "--band", "F520", "--snr", "5")
 
 
@@ -118,6 +126,16 @@ PLACED = {"bands": ["F520"], "separation_arcsec": 0.5, "time_s": 1e5}
         (lambda: cp.planet_albedo(600.0, model=np.ones(2)), "model = array"),
         (lambda: cp.star_photlam(5.0, "G2V", model="x" * 5000), "grid, blackbody, pickles"),
         (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, quantity=np.ones(2)), "quantity = array"),
+        (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, timing=None), "timing = None"),
+        (lambda: cp.single_band_psf("F520", fidelity="quick", spectrum=0), "spectrum = 0"),
+        (lambda: cp.load_psf("psf.npz", band=np.ones(2)), "band = array([1., 1.])"),
+        (lambda: cp.load_dm_surface("surface.npz", unit=True), "dm_surface unit = True"),
+        (lambda: cp.load_dm_surface("surface.npz", samples="x"), "samples = x"),
+        (lambda: cp.write_level0(FakeSequence(), "out", truth=np.ones(2)), "truth = array([1., 1.])"),
+        (lambda: cp.write_level0(FakeSequence(), "out", overwrite=NotImplemented), "overwrite = NotImplemented"),
+        (lambda: cp.write_level0(FakeSequence(), "out", progress=5), "progress = 5"),
+        (lambda: cp.write_level0(FakeSequence(), b"out"), "out_dir = b'out'"),
+        (lambda: cp.write_level0(FakeSequence(), NOWHERE), "a writable folder"),
         (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, psf=np.ones(2)), "psf = array([1., 1.])"),
         (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, psf=NotImplemented), "psf = NotImplemented"),
         (lambda: cp.calibrate("BIAS", exposure_s=np.ones(2)), "exposure_s = [1.0, 1.0] s"),
@@ -127,6 +145,7 @@ PLACED = {"bands": ["F520"], "separation_arcsec": 0.5, "time_s": 1e5}
 )
 def test_values_of_another_type_are_refused_by_functions_and_models(call, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    prepare(tmp_path)
     with held(tmp_path), pytest.raises(InputError) as caught:
         call()
     watched.check_refusal(str(caught.value))
@@ -234,3 +253,18 @@ def test_small_files_are_read_without_the_memory_of_the_largest(tmp_path):
     where = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": str(Path(cp.__file__).parents[1])}}
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False, **where)
     assert done.stdout.strip() == "1", done.stderr
+
+
+def test_names_that_are_no_utf_8_are_written_and_read_back(tmp_path, monkeypatch):
+    """A folder may have any name, and run.json has the command."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "x.yaml").write_text(json.dumps(SMALL_SIMULATION))
+    name = os.fsdecode(b"run \xff")
+    command = [sys.executable, "-m", "cpic_planner.cli.main", "simulate", "x.yaml", "--out", name, "-q"]
+    done = subprocess.run(command, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert json.loads((tmp_path / name / "run.json").read_text())["command"][3] == name
+    assert main(["check", name]) == 0
+    small = {"name": "\ud800"} | SMALL_SIMULATION["instrument"]
+    cp.write_level0(cp.calibrate("BIAS", n_frames=1, em_gain=1.0, instrument=small), "level0")
+    assert check_level0("level0") == []

@@ -22,7 +22,6 @@ from hypothesis import HealthCheck, given, settings
 import cpic_planner
 from cpic_core import InputError
 from tests.fuzz import command_line, product_files, python_calls, settings_files, table_files, watched
-from tests.fuzz.values import STARS
 
 PROVES = ["cpic_core", "catalogs", "simulator.config", "simulator.products", "cpic_planner.queries", "cpic_planner.cli"]
 PROVES += ["cpic_planner.api", "cpic_planner.jobs", "cpic_planner.etc", "cpic_planner.targets"]
@@ -42,7 +41,7 @@ def folder(tmp_path, monkeypatch):
     """The only folder that cases know, and lines of progress as users get them."""
     place = tmp_path / "a" / "b"
     place.mkdir(parents=True)
-    (place / "stars.csv").write_text(STARS)
+    python_calls.prepare(place)
     monkeypatch.chdir(place)
     monkeypatch.setattr("cpic_planner.cli.progress.SHOW_AFTER_S", 2.0)
     with python_calls.held(place):
