@@ -135,7 +135,13 @@ def _without_words(text: str) -> str:
 
 
 def _tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
+    return _parsed(path.read_text(encoding="utf-8"))
+
+
+@functools.cache
+def _parsed(text: str) -> ast.Module:
+    """Return the syntax tree of a file; many proofs import by the same stubs."""
+    return ast.parse(text)
 
 
 def _plain(node: object) -> object:

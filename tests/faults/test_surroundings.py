@@ -36,8 +36,9 @@ def test_an_answer_that_is_lost_is_a_failure(server, tmp_path, argv):
     assert "No space left on device" in done.err
 
 
-@pytest.mark.parametrize("error", ["err", None, "/dev/full"])
-@pytest.mark.parametrize("out", ["out", None, "/dev/full"])
+@pytest.mark.parametrize(
+    ("out", "error"), [("out", "err"), (None, "/dev/full"), ("/dev/full", None), (None, None), ("/dev/full", "err")]
+)
 def test_a_bad_question_ends_with_2_whoever_listens(server, tmp_path, out, error):
     done = server.run(BAD, tmp_path, streams=(NULL, out, error))
     assert (done.status, done.out) == (2, "")

@@ -34,7 +34,7 @@ STARS = (
     "p Eri",
 )
 ROLLS = (0.0, 40.0)
-SNR, DATE, REALISATIONS, FEWER = 15.0, "2028-07-01", 40, 20
+SNR, DATE, REALISATIONS, FEWER = 15.0, "2028-07-01", 40, 10
 MODEL = build_model(load_instrument())
 
 

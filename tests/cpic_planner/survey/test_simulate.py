@@ -239,7 +239,7 @@ def test_reserve_visits_displace_no_planned_one(small, sharp_tree):
     planned = [(v.star, v.option, v.slot) for v in with_reserve.schedule.visits if not v.reserve]
     assert planned == [(v.star, v.option, v.slot) for v in without.schedule.visits]
     assert len(with_reserve.schedule.visits) > len(planned)
-    few, more = (simulate_survey(survey, block=0, n=400, seed=1) for survey in (without, with_reserve))
+    few, more = (simulate_survey(survey, block=0, n=150, seed=1) for survey in (without, with_reserve))
     assert np.all(more.universes["stars_with_planet"] >= few.universes["stars_with_planet"])
     assert more.universes["stars_with_planet"].sum() > few.universes["stars_with_planet"].sum()
     assert np.all(more.universes["search_h"] <= 45.0 + 1e-6)

@@ -53,6 +53,7 @@ def test_other_places_and_gains_agree() -> None:
     assert true > 1e8
 
 
+@pytest.mark.long
 def test_whole_frames_serve_too() -> None:
     seen = observe_off_mask(SCENE, "F850", n_frames=2, window="full").unwrap()
     star = star_flux_off_mask(seen).unwrap()

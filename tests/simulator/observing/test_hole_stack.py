@@ -40,11 +40,12 @@ def sequence(changes=None, **settings):
     return observe(given.pop("scene", scene()), instrument=instrument, **given)
 
 
-def test_mean_and_variance_are_those_of_the_frames():
+@pytest.mark.parametrize("n_draws", [40, pytest.param(120, marks=pytest.mark.long)])
+def test_mean_and_variance_are_those_of_the_frames(n_draws):
     observation = sequence(STILL, fidelity="standard")
     stacks = hole_stacks(observation)
     hole = stacks.region
-    draws = np.array([stacks.draw(number).sum(axis=0)[hole] for number in range(120)])
+    draws = np.array([stacks.draw(number).sum(axis=0)[hole] for number in range(n_draws)])
     detector = observation.instrument.detector
     charge = observation.mean_rate_map[hole] * 10.0 + detector.dark_e_s * 10.0 + detector.cic_e
     mean = 20 * charge

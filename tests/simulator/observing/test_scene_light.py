@@ -48,7 +48,7 @@ DISC = {"kind": "disc", "name": "d", "contrast": 0.01, "inner_arcsec": 0.5, "out
         ({}, {}, (0.0, 0.0), 1e-6),
         (STRAY, {}, (0.0, 0.0), 1e-6),
         ({}, {"stars": [COMPANION]}, (0.0, 0.0), 1e-6),
-        ({}, {"extended": [DISC]}, (0.0, 0.0), 1e-6),
+        pytest.param({}, {"extended": [DISC]}, (0.0, 0.0), 1e-6, marks=pytest.mark.long),
         ({}, {}, (0.3, 0.3), 0.01),  # the core has other settings on a whole frame
     ],
     ids=["star", "stray light", "companion", "disc", "star off the mask"],

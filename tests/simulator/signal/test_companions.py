@@ -72,7 +72,11 @@ def seen_rms(model, band, scene, separation_arcsec):
     return sums[whole & (near < strategy.annulus_lambda_d * metrics.lambda_d_arcsec)].std()
 
 
-@pytest.mark.parametrize(("band", "strategy"), [("F520", ROLL), ("F850", STAR)], ids=["roll", "reference star"])
+@pytest.mark.parametrize(
+    ("band", "strategy"),
+    [pytest.param("F520", ROLL, marks=pytest.mark.long), ("F850", STAR)],
+    ids=["roll", "reference star"],
+)
 def test_the_rms_is_that_of_images(band, strategy):
     """To a factor of 1.4 for half of the places and of 2 for most, without a bias of more than 1.3."""
     model, ratio = build_model(INSTRUMENT, [band], strategy), []
