@@ -213,5 +213,5 @@ def _factor(name: str, found: str | None, asked: str | None) -> float:
 
 
 def _nm_per(unit: object) -> float | None:
-    """Return the nanometres per unit of length, None for another unit. Only long names are free of capitals: Mm is not mm."""
+    """Return the nanometres per unit of length, None for another unit. Capitals matter in short names (Mm, mm)."""
     return UNITS_NM.get(unit, _LONG_NAMES.get(unit.lower())) if isinstance(unit, str) else None
