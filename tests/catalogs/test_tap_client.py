@@ -107,7 +107,14 @@ def test_an_answer_larger_than_allowed_packed_or_not_is_refused(simbad, mode, ma
     assert len(simbad.queries) == 1
 
 
-@pytest.mark.parametrize("mode", ["trickled header", "continue", "redirect slowly", "many rows"])
+@pytest.mark.parametrize(
+    "mode",
+    [
+        "redirect slowly",
+        "many rows",
+        *(pytest.param(mode, marks=pytest.mark.long) for mode in ("trickled header", "continue")),
+    ],
+)
 def test_a_service_that_does_not_end_is_left_when_the_time_is_up(simbad, mode):
     simbad.mode = mode
     with pytest.raises(RefreshError, match=r"within 0\.1 s"):

@@ -168,7 +168,10 @@ def test_examples_of_the_help_are_accepted(capsys, tmp_path, monkeypatch):
     examples = re.findall(r"^  cpic (.*)$", inspect.getdoc(known_command.known), re.M)
     assert len(examples) >= 6
     for example in examples:
-        assert main([*shlex.split(example), *ROUGH]) == 0, example
+        words = shlex.split(example)
+        # All stars take seconds each time.
+        few = ["--v-mag-max", "4.5"] if words[1:2] == [] or words[1].startswith("-") else []
+        assert main([*words, *few, *ROUGH]) == 0, example
     capsys.readouterr()
     assert (tmp_path / "separation.png").exists()
     assert (tmp_path / "eps_eri.yaml").exists()

@@ -63,7 +63,18 @@ def test_summary_lists_everything(simbad, data_folder):
     assert len(summary["queries"]) == 2
 
 
-FAILURES = ["500", "drop", "hang", "html", "garbage", "cut", "short", "error", "server limit", "404"]
+FAILURES = [
+    "500",
+    "drop",
+    pytest.param("hang", marks=pytest.mark.long),
+    "html",
+    "garbage",
+    "cut",
+    "short",
+    "error",
+    "server limit",
+    "404",
+]
 
 
 @pytest.mark.parametrize("mode", FAILURES)

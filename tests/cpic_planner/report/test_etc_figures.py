@@ -116,7 +116,7 @@ def test_axes_of_a_figure_do_not_overlap(model, star, answers, curves):
     assert all(box.x0 >= -1 and box.x1 <= whole.width + 1 and box.y0 >= -1 for box in boxes)
 
 
-@pytest.mark.parametrize("ending", ["svg", "pdf"])
+@pytest.mark.parametrize("ending", ["svg", pytest.param("pdf", marks=pytest.mark.long)])
 def test_files_are_the_same_every_time(rank, tmp_path, ending):
     first = write_figure(rank_figure(rank), tmp_path / f"a.{ending}").read_bytes()
     again = write_figure(rank_figure(rank), tmp_path / f"b.{ending}").read_bytes()

@@ -54,6 +54,7 @@ def test_axes_name_contrast_and_limit(pictures):
     assert "5σ" in pictures["contrast"].caption
 
 
+@pytest.mark.long
 def test_same_bytes_twice(plan, rank, limits, holes, panels, pictures):
     again = plan_figures(plan, rank, limits=limits, holes=holes)
     assert {key: picture.uri for key, picture in again.items()} == {
@@ -116,7 +117,13 @@ def test_a_picture_does_not_depend_on_those_before_it_on_the_same_sheet(panels):
 
 
 @pytest.mark.parametrize(
-    ("outer_arcsec", "factor"), [(0.21, 1e-9), (0.21, 3e7), (0.45, 1.0), (0.707, 1.0), (12.0, 1e-9), (12.0, 3e7)]
+    ("outer_arcsec", "factor"),
+    [
+        (0.21, 3e7),
+        (0.707, 1.0),
+        (12.0, 1e-9),
+        *(pytest.param(*one, marks=pytest.mark.long) for one in ((0.21, 1e-9), (0.45, 1.0), (12.0, 3e7))),
+    ],
 )
 def test_words_of_the_panels_stay_inside_and_apart(panels, outer_arcsec, factor):
     one = next(iter(panels.values()))

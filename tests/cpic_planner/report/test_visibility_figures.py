@@ -152,6 +152,7 @@ def test_stars_and_limits_of_every_kind_can_be_drawn():
     assert {float(line.get_ydata()[0]) for line in bottom.lines[2:]} == {50.0, 20.0, 65.0, 115.0}
 
 
+@pytest.mark.long
 def test_files_are_the_same_every_time(calendar, tmp_path):
     """As PNG; other figures are tested as SVG and PDF."""
     first, again = (write_figure(visibility_figure(calendar), tmp_path / f"{name}.png").read_bytes() for name in "ab")

@@ -9,7 +9,7 @@ ALL = ["yields", "differences", "curves", "time", "calendar", "sky", "detections
     ("names", "empty", "keys"),
     [
         (["one", "two"], False, ALL),
-        (["one"], False, [key for key in ALL if key != "differences"]),
+        pytest.param(["one"], False, [key for key in ALL if key != "differences"], marks=pytest.mark.long),
         (["one", "two"], True, ["yields", "differences", "curves", "time", "convergence"]),
         (["one drift=x1 (0.05 nm)", "one drift=0.1 nm"], False, ["sweep", *ALL]),
     ],

@@ -29,6 +29,7 @@ def address_of(told):
     return told.headers["location"]
 
 
+@pytest.mark.long
 def test_a_job_runs_to_its_result_which_is_that_of_python(browser, tmp_path):
     with JobQueue(tmp_path) as queue:
         queue.start()

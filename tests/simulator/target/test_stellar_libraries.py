@@ -297,6 +297,7 @@ def test_what_is_not_a_tree_is_refused(refused, tmp_path: Path) -> None:
     refused("INDEX and FILENAME", tree_photlam, tmp_path, 5000.0, 4.5, 0.0)
 
 
+@pytest.mark.long
 def test_it_agrees_with_stsynphot(root: Path, tree: Path) -> None:
     code = (
         "import sys, warnings; warnings.simplefilter('ignore')\n"

@@ -47,6 +47,7 @@ def test_bands_are_means_over_the_model_spectrum():
     assert ours[list(BANDS_NM).index("albedo_661nm")] == pytest.approx(spectrum.mean(), abs=3e-3)
 
 
+@pytest.mark.long
 def test_own_spectra_are_recovered():
     measured, grid = synthetic()
     found = fit_parameters(measured, grid.wavelength_nm, grid.methane_per_km_am)
