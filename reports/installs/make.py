@@ -70,13 +70,16 @@ def not_tried(rows: list[dict[str, object]], found: Iterable[tuple[int, ...]]) -
         Versions of the interpreters of this machine.
     """
     versions = set(found)
-    tried_ones = {tuple(int(part) for part in str(row["python"]).split(".")[:2]) for row in rows}
+    tried_ones = {(tuple(int(part) for part in str(row["python"]).split(".")[:2]), row["kind"]) for row in rows}
+    seen = {version for version, _ in tried_ones}
     stated = {LEAST, *((3, int(minor)) for minor in STATED.findall((ROOT / "pyproject.toml").read_text()))}
     parts = {
         "older than 3.11": sorted(version for version in versions if version < LEAST),
-        "not asked for": sorted(version for version in versions - tried_ones if version >= LEAST),
-        "not on this machine": sorted(stated - versions - tried_ones),
+        "not asked for": sorted(version for version in versions - seen if version >= LEAST),
+        "not on this machine": sorted(stated - versions - seen),
     }
+    for kind in KINDS:
+        parts[f"{kind} not asked for"] = sorted(version for version in seen if (version, kind) not in tried_ones)
     named = [f"{', '.join('.'.join(map(str, v)) for v in ones)} ({why})" for why, ones in parts.items() if ones]
     return f"Not tried: {'; '.join(named)}; other systems than {platform.system()}." if named else ""
 
