@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray, as_path, check_word, numeric_context
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, as_path, check_number, check_word, numeric_context
 from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
 from simulator.config.map_files import real_map
 from simulator.imaging.geometry import BandGeometry
@@ -375,7 +375,8 @@ def _check_centre(path: str | Path, image: FloatArray) -> None:
 def _scale(path: str | Path, total: float, energy: float | None, flags: list[str]) -> float:
     """Return the factor on the images, 1 if they keep their own normalisation."""
     if energy is not None:
-        if not (math.isfinite(energy) and 0 < energy <= 1):
+        energy = check_number("energy", energy)
+        if not 0 < energy <= 1:
             raise InputError("energy", energy, allowed="above 0, at most 1: the sum of off_axis")
         flags.append("energy_scaled")
         return energy / total

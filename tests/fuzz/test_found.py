@@ -129,6 +129,8 @@ PLACED = {"bands": ["F520"], "separation_arcsec": 0.5, "time_s": 1e5}
         (lambda: cp.observe("paper_example", band="F520", exposure_s=1.0, timing=None), "timing = None"),
         (lambda: cp.single_band_psf("F520", fidelity="quick", spectrum=0), "spectrum = 0"),
         (lambda: cp.load_psf("psf.npz", band=np.ones(2)), "band = array([1., 1.])"),
+        (lambda: cp.load_psf("psf.npz", energy=1j), "energy = 1j"),
+        (lambda: cp.load_psf("psf.npz", energy=10**400), "energy = 1"),
         (lambda: cp.load_dm_surface("surface.npz", unit=True), "dm_surface unit = True"),
         (lambda: cp.load_dm_surface("surface.npz", samples="x"), "samples = x"),
         (lambda: cp.write_level0(FakeSequence(), "out", truth=np.ones(2)), "truth = array([1., 1.])"),
