@@ -21,6 +21,8 @@ GRID_POINTS = 121
 KEPT_LOG = 12.5
 FILLED_SHARE = 0.5
 MAX_ZOOMS = 12
+# A narrow valley that crosses the grid aslant has a least at many of its points; from so many of them a fit goes downhill.
+STARTS = 6
 LEVELS = (0.68, 0.95)
 
 
@@ -196,11 +198,15 @@ def fit_albedo(
     cells = _cells(*axes)
     posterior = np.exp(log_posterior - log_posterior.max())
     posterior /= float((posterior * cells).sum())
-    place = np.unravel_index(int(np.argmin(terms(contrast)[0])), cells.shape)
-    best = np.array([axes[0][place[0]], axes[1][place[1]]])
+    starts = _lowest(terms(contrast)[0], *axes)
+    best = starts[0]
     if len(names) >= N_PARAMETERS:
+
+        def chi2_at(place: FloatArray) -> float:
+            return float(terms(model.contrast_grid(place[:1], place[1:]))[0][0, 0])
+
         steps = [float(axis[1] - axis[0]) for axis in axes]
-        best = _polished(best, steps, ranges, lambda p: float(terms(model.contrast_grid(p[:1], p[1:]))[0][0, 0]))
+        best = min((_polished(start, steps, ranges, chi2_at) for start in starts), key=chi2_at)
     contrast = model.contrast(best[0], best[1])
     chi2, _, grey = (float(part) for part in terms(contrast))
     mean, covariance = _moments(posterior * cells, *axes)
@@ -282,6 +288,15 @@ def _around(axis: FloatArray, kept: BoolArray) -> FloatArray:
     inside = np.flatnonzero(kept)
     low, high = max(inside[0] - 2, 0), min(inside[-1] + 2, axis.size - 1)
     return np.linspace(axis[low], axis[high], axis.size)
+
+
+def _lowest(values: FloatArray, first: FloatArray, second: FloatArray) -> list[FloatArray]:
+    """Return the places of the lowest points of a grid, no two of them neighbours."""
+    from scipy.ndimage import minimum_filter
+
+    row, column = np.nonzero(values == minimum_filter(values, size=3, mode="nearest"))
+    order = np.argsort(values[row, column], kind="stable")[:STARTS]
+    return [np.array([first[row[k]], second[column[k]]]) for k in order]
 
 
 def _polished(

@@ -36,13 +36,19 @@ def test_an_answer_that_is_lost_is_a_failure(server, tmp_path, argv):
     assert "No space left on device" in done.err
 
 
+def refused_in(text):
+    """Return the lines of a refusal; a slow machine may be told of progress before it."""
+    return [line for line in text.splitlines() if not line.endswith(" s so far)")]
+
+
 @pytest.mark.parametrize(
     ("out", "error"), [("out", "err"), (None, "/dev/full"), ("/dev/full", None), (None, None), ("/dev/full", "err")]
 )
 def test_a_bad_question_ends_with_2_whoever_listens(server, tmp_path, out, error):
     done = server.run(BAD, tmp_path, streams=(NULL, out, error))
     assert (done.status, done.out) == (2, "")
-    assert done.err == ("cpic: --snr = -5.0: not accepted; allowed: 1e-06 to 1e+06\n" if error == "err" else "")
+    said = "cpic: --snr = -5.0: not accepted; allowed: 1e-06 to 1e+06"
+    assert refused_in(done.err) == ([said] if error == "err" else [])
 
 
 def test_a_user_without_a_home_loses_only_what_is_kept_there(harness, server, whole, tmp_path):
@@ -68,8 +74,8 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
         command = ["setpriv", "--bounding-set=-dac_override,-dac_read_search", *command]
     done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "a writable folder (Permission denied)" in done.stderr
+    (said,) = refused_in(done.stderr)
+    assert "a writable folder (Permission denied)" in said
     assert list(place.iterdir()) == []
 
 
