@@ -45,7 +45,8 @@ def test_a_line_holds_what_the_question_answers(model, star, curves, answers):
     for i in (60, 70, 89):
         one = signal_to_noise(fixed, star, time_s=float(line.time_s[i]), separation_arcsec=0.6, bands=["F520"])[0]
         assert line.snr[i] == pytest.approx(one.value, rel=1e-12)
-        assert line.significance[i] == pytest.approx(one.significance, rel=1e-12)
+        # The best frames are those of the SNR, which is flat there: rounding leaves them open by the root of 1e-16.
+        assert line.significance[i] == pytest.approx(one.significance, rel=1e-8)
         assert line.threshold == pytest.approx(one.threshold, rel=1e-12)
     assert [line.label for line in curves.times] == BANDS
 
