@@ -21,7 +21,7 @@ GRID_POINTS = 121
 KEPT_LOG = 12.5
 FILLED_SHARE = 0.5
 MAX_ZOOMS = 12
-# A narrow valley that crosses the grid aslant has a least at many of its points; from so many of them a fit goes downhill.
+# A narrow valley that crosses the grid aslant has many lowest points; from so many of them a fit goes downhill.
 STARTS = 6
 LEVELS = (0.68, 0.95)
 
