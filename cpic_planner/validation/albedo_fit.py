@@ -23,6 +23,7 @@ FILLED_SHARE = 0.5
 MAX_ZOOMS = 12
 # A narrow valley that crosses the grid aslant has many lowest points; from so many of them a fit goes downhill.
 STARTS = 6
+SAME_CHI2 = 1e-3
 LEVELS = (0.68, 0.95)
 
 
@@ -206,7 +207,10 @@ def fit_albedo(
             return float(terms(model.contrast_grid(place[:1], place[1:]))[0][0, 0])
 
         steps = [float(axis[1] - axis[0]) for axis in axes]
-        best = min((_polished(start, steps, ranges, chi2_at) for start in starts), key=chi2_at)
+        ends = [_polished(start, steps, ranges, chi2_at) for start in starts]
+        least = min(chi2_at(end) for end in ends)
+        # Not the very least: rounding must not choose between ends of one valley.
+        best = next(end for end in ends if chi2_at(end) <= least + SAME_CHI2)
     contrast = model.contrast(best[0], best[1])
     chi2, _, grey = (float(part) for part in terms(contrast))
     mean, covariance = _moments(posterior * cells, *axes)
