@@ -119,6 +119,8 @@ def distance(one, other):
         return 0.0
     if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in (one, other)):
         return float("inf")
+    if 0.0 in (one, other) and abs(one - other) <= 2.0**-50:  # what is left where two equal numbers are subtracted
+        return 0.0
     return abs(one - other) / max(abs(one), abs(other))
 
 
