@@ -23,7 +23,7 @@ _CARD, _MOST_CARDS = 80, 10_000
 _FINGERPRINT = re.compile(rb"# - \{fingerprint: (\S+)\}\s*")
 _UNREADABLE = (InputError, OSError, ValueError, LookupError, TypeError)
 Stated = Mapping[str, Any]
-"""What a file says of itself: ``fingerprint``, and ``config_hash`` where it can only be that of the run."""
+"""Statements of a file about itself: ``fingerprint``, and ``config_hash`` where it can only be that of the run."""
 
 
 def check_tree(path: str | Path) -> list[Finding]:

@@ -61,7 +61,7 @@ DECOYS = (
 
 @dataclass(frozen=True)
 class Done:
-    """How a command ended, what it printed, and what the fault itself wrote when it was reached (None: it was not).
+    """The end of a command, its output, and what the fault wrote when it was reached (None where it was not).
 
     ``workers`` are the processes of its own that it had when it was killed.
     """

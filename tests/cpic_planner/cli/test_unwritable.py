@@ -1,4 +1,4 @@
-"""What cannot be written is refused before any work, whatever command is to write it."""
+"""Every command refuses an output that cannot be written before it does any work."""
 
 import pytest
 
