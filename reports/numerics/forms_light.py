@@ -133,7 +133,7 @@ FLOWER = {
 
 BESIDES_K = (4800.0, 5200.0, 5600.0, 6000.0, 6400.0, 6800.0, 7200.0, 7600.0, 8000.0)
 BESIDES_MAG = (0.0, 0.020, 0.005, -0.011, -0.021, -0.028, -0.030, -0.024, -0.023)
-"""Magnitudes that the spectra of dwarfs of the Sun's metallicity add at these temperatures, straight lines between."""
+"""Magnitudes that spectra of dwarfs of solar metallicity add at these temperatures, with straight lines between."""
 
 
 def correction(teff: mpf) -> mpf:
