@@ -57,7 +57,7 @@ DWARFS = (
     (6556.0, -0.60, 0.517, 0.867),  # HD 37792
 )
 J_ZERO_MAG = -0.025
-"""Magnitude of Vega in J of 2MASS, by the spectra of CALSPEC (Maiz Apellaniz & Pantaleoni Gonzalez 2018, A&A 616, L7)."""
+"""Vega in J of 2MASS, mag, by the spectra of CALSPEC (Maiz Apellaniz & Pantaleoni Gonzalez 2018, A&A 616, L7)."""
 
 
 def test_dwarfs_have_the_light_of_their_photometry_in_the_red():
