@@ -105,6 +105,7 @@ def serve(
         queue.start()
         app = application(names, jobs=queue, folder=folder)
         ready()
-        # The first figure would wait for the import of matplotlib and its fonts.
-        threading.Thread(target=etc_figure, args=(usual, "svg"), daemon=True).start()
+        # The first figure would wait for the import of matplotlib and its fonts. The thread is no daemon: the end of
+        # the interpreter would cut it inside compiled code, and the process would be killed by a signal.
+        threading.Thread(target=etc_figure, args=(usual, "svg")).start()
         uvicorn.run(app, host=host, port=port, http=Punctual, **UVICORN)
