@@ -94,16 +94,33 @@ def test_commands_are_understood(block, tmp_path, monkeypatch):
         if given is None:
             assert line.startswith(FOREIGN), line
             continue
-        with _only_asked(monkeypatch):
-            root = command_line.typer.main.get_command(command_line.app)
-            command, words = root, given
-            while hasattr(command, "commands"):
-                command, words = command.commands[words[0]], words[1:]
-            if type(command).__name__ != "Late":
-                command.make_context(line, list(words))  # reads the options, runs nothing
-                continue
-            with pytest.raises(_Asked):
-                command.main(list(words), standalone_mode=False)
+        assert_understood(line, given, monkeypatch)
+
+
+def assert_understood(line, given, monkeypatch):
+    """Assert that a command line is a question, without answering it."""
+    with _only_asked(monkeypatch):
+        command, words = command_line.typer.main.get_command(command_line.app), given
+        while hasattr(command, "commands"):
+            command, words = command.commands[words[0]], words[1:]
+        if type(command).__name__ != "Late":
+            command.make_context(line, list(words))  # reads the options, runs nothing
+            return
+        with pytest.raises(_Asked):
+            command.main(list(words), standalone_mode=False)
+
+
+@pytest.mark.parametrize("name", ["etc", "rank", "visibility", "known"])
+def test_examples_of_the_help_are_understood(name, tmp_path, monkeypatch):
+    """Those of all commands that answer in seconds; long proofs run them."""
+    write_files(tmp_path, "README.md")
+    (tmp_path / "my_limits.yaml").write_text("moon_deg: 40\n")
+    monkeypatch.chdir(tmp_path)
+    said = command_line.typer.main.get_command(command_line.app).commands[name].help
+    examples = re.findall(r"^ *(cpic .*)$", said, re.MULTILINE)
+    assert len(examples) >= 5
+    for line in examples:
+        assert_understood(line, arguments(line), monkeypatch)
 
 
 @each(lambda block: block.language == "python")

@@ -257,6 +257,7 @@ def test_small_files_are_read_without_the_memory_of_the_largest(tmp_path):
     assert done.stdout.strip() == "1", done.stderr
 
 
+@pytest.mark.long
 def test_names_that_are_no_utf_8_are_written_and_read_back(tmp_path, monkeypatch):
     """A folder may have any name, and run.json has the command."""
     monkeypatch.chdir(tmp_path)

@@ -129,6 +129,7 @@ def test_packages_come_from_the_wheel(installed, tmp_path):
     assert done.stdout.count("(ok)") == 3
 
 
+@pytest.mark.long
 def test_plan_from_another_folder(installed, tmp_path):
     done = run(
         installed,

@@ -41,6 +41,7 @@ def test_notebook_is_committed_with_its_output(path):
         assert "Warning" not in output.get("text", "")
 
 
+@pytest.mark.long
 def test_cells_of_the_quickstart_run_one_after_the_other(capsys):
     """Without a kernel, which takes most of the time."""
     import matplotlib.pyplot as plt

@@ -25,10 +25,6 @@ class Table:
 '''
 
 
-def test_the_repository_has_no_finding():
-    assert list(words.findings()) == []
-
-
 def test_lint_asks_and_fails_where_something_is_found(tmp_path):
     planted = tmp_path / "planted.py"
     planted.write_text("from tools import words\nwords.findings = lambda: iter(['a finding'])\nexit(words.main())\n")

@@ -94,7 +94,9 @@ def test_extremes_and_contradictions_are_refused_in_one_line(ask, given, line):
         ({"time_s": 36000, "visits": 1000}, "unreachable", "time_below_overheads"),
         ({"time_s": 2e6, "visits": 1000}, "ok", ""),
         ({"visits": 4, "visit_time_s": 600.5}, "unreachable", "time_below_overheads"),
-        ({"time_s": 36000, "visits": 4, "strategy": {"n_modes": 1000}}, "ok", ""),
+        pytest.param(
+            {"time_s": 36000, "visits": 4, "strategy": {"n_modes": 1000}}, "ok", "", marks=pytest.mark.long
+        ),  # measures 1500 visits of the optical model
         ({"time_s": 36000, "visits": 4, "instrument": {"drift": QUIET}}, "ok", ""),
     ],
 )

@@ -215,6 +215,7 @@ def test_stars_that_a_table_has_not(call, stars, arguments, words):
     assert all(word in err for word in words), err
 
 
+@pytest.mark.long
 def test_plan_of_a_users_table_counts_by_content_not_by_name(call, done, tmp_path, stars):
     out = str(tmp_path / "plan")
     asked = ["plan", "--top", "1", "--band", "F520", "--time-s", "1000", "--realisations", "1", "--planets", "200"]

@@ -273,6 +273,7 @@ def test_a_plot_does_not_change_the_answer(call, tmp_path):
     assert with_plot == call(*HERE, "--json")[1]
 
 
+@pytest.mark.long
 def test_examples_of_the_help_work(capsys, tmp_path, monkeypatch):
     import shlex
 

@@ -103,10 +103,14 @@ def test_a_contradicted_orbit_is_flagged(done):
     assert (row.superseded_by, "orbit_superseded" in row.flags) == ("", False)
 
 
-def test_all_stars_begin_with_the_mission(done):
+@pytest.mark.long
+def test_a_wider_cut_keeps_the_planets_of_a_narrower_one(done):
     result = known(done, "--v-mag-max", "7.5", draws=ROUGH)
     assert result.date_utc == "2028-01-01T00:00:00"
     assert sum(row.v_mag <= 7.0 for row in result.planets) == 182 < len(result.planets)
+
+
+def test_all_stars_begin_with_the_mission(done):
     out, _ = done("known", "--limit", "3", *ROUGH)
     assert "3 of 174 around 109 stars" in out
     # Sorted by how likely the hole covers the planet.
@@ -162,6 +166,7 @@ def test_refusals_are_one_line(refuses, arguments, says):
     refuses(["known", *arguments], [says])
 
 
+@pytest.mark.long
 def test_examples_of_the_help_are_accepted(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_planets.csv").write_text(MINE)

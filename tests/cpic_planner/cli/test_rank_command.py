@@ -204,6 +204,7 @@ def test_contradictions_and_bad_input_are_one_line(refuses, few, options, words)
     refuses([*few, *options], words)
 
 
+@pytest.mark.long
 def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
     from cpic_planner.cli.rank_command import rank
 

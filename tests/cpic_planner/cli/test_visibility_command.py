@@ -118,6 +118,7 @@ def test_bad_input_is_one_line(refuses, options, words):
     refuses(options, words)
 
 
+@pytest.mark.long
 def test_examples_of_the_help_are_accepted(capsys, tmp_path, monkeypatch):
     from cpic_planner.cli.known_command import visibility
 

@@ -120,6 +120,7 @@ SMALL = {
 }
 
 
+@pytest.mark.long
 def test_images_measure_the_limit_and_find_bright_planets_alone():
     """A few images: the limit within its scatter, none of the faintest planets found and all of the brightest."""
     found = contrast_curve(**SMALL, images=3, injections=3)

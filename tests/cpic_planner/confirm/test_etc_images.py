@@ -54,6 +54,7 @@ def predicted_over_recovered(name, roll_deg, band="F520", *, separation_arcsec=0
     return 1.0 / images.snr_ratio, images.snr_ratio_error / images.snr_ratio**2, share
 
 
+@pytest.mark.long
 def test_a_lit_hole_is_as_noisy_as_images():
     """Light of the companion and of its copy in the references makes most of the noise."""
     ratio, error, share = predicted_over_recovered("ksi UMa A", 40.0, realisations=FEWER)

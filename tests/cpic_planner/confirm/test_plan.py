@@ -165,6 +165,7 @@ def test_another_configuration_needs_force(finished, stars, capsys):
     assert "--force" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_seed_changes_the_measurement_but_not_the_prediction(finished, stars, tmp_path, no_page):
     """Nor does how many targets are confirmed: one here, two before, in the same frames."""
     plan = json.loads(finished[1])

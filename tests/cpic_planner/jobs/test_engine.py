@@ -99,6 +99,7 @@ def test_an_innocent_task_outlives_many_workers(tmp_path, caplog):
     assert "task 3 of 12: 1 workers died with it; it will run alone at the end" in caplog.text
 
 
+@pytest.mark.long
 def test_tasks_that_end_every_worker_are_named_after_all_others(tmp_path):
     arguments = [(index, 99 * (index == 2)) for index in range(6)]
     done = []

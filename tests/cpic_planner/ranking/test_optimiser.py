@@ -185,6 +185,7 @@ def test_visits_are_chosen_for_the_scheme_of_references(scheme):
         assert best.contrast_limit[i] == pytest.approx(contrast_limit(model, one, **asked)[0].value, rel=5e-3)
 
 
+@pytest.mark.long
 def test_what_no_programme_can_pass():
     """The bound holds for every time, and where it decides it is reached by one."""
     for model, times in ((ONE, (1e4, 4e4, 1e6)), (MODEL, (1e5, 1e8))):

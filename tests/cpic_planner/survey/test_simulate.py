@@ -221,6 +221,7 @@ def test_the_survey_ends_with_its_planets(plain, change):
     assert found(none) == found(every)
 
 
+@pytest.mark.long
 def test_reserve_visits_displace_no_planned_one(small, sharp_tree):
     from simulator.config import deep_merge
 

@@ -105,6 +105,7 @@ def test_all_that_is_audited_runs_frame_by_frame():
     assert decode_arrays(body["panels"])["residual"].shape == (137, 137)
 
 
+@pytest.mark.long
 def test_frames_stand_for_themselves_where_sums_cannot():
     """The register overflows into the hole: every frame runs, and the answer is saturated."""
     task = replace(task_of("companion", realisations=1), exposure_s=250.0, n_frames=2, em_gain=900.0)
