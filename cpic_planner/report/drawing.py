@@ -121,8 +121,7 @@ def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: st
     from PIL import Image
 
     figure.set_dpi(IMAGE_DPI)
-    canvas = figure.canvas
-    assert isinstance(canvas, FigureCanvasAgg)
+    canvas = FigureCanvasAgg(figure)
     canvas.draw()  # the pixels as they are: `savefig` would pack what would be unpacked here
     drawn = np.asarray(canvas.buffer_rgba())[..., :3]
     small = Image.fromarray(drawn).quantize(palette=_palette(), dither=Image.Dither.NONE)

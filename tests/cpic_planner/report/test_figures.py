@@ -8,11 +8,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from cpic_planner.report import new_figure, place_labels, style
 from cpic_planner.report.contrast_figure import contrast_diagram
-from cpic_planner.report.drawing import band_style, literal
+from cpic_planner.report.drawing import band_style, literal, save
 from cpic_planner.report.figures import detections_figure, differences_figure, plan_figures, time_figure, yields_figure
 from cpic_planner.report.image_figures import snr_figure
 from cpic_planner.report.panel_figure import PanelSheet, panel_picture, shown_in_both_lights, tick_labels
@@ -82,6 +83,15 @@ def test_panel_picture_is_a_palette_png_wide_enough(panels):
     assert b"tEXt" not in data
     assert b"tIME" not in data
     assert len(data) < 160_000
+
+
+@pytest.mark.parametrize("form", ["svg", "png"])
+def test_a_figure_without_a_canvas_of_its_own_is_saved(form):
+    """Scripts of reports draw on plain figures."""
+    figure = Figure(figsize=(2.0, 1.0))
+    figure.subplots().plot([0.0, 1.0])
+    picture = save(figure, form, alt="a line", caption="")
+    assert len(picture.uri) > 500
 
 
 def test_a_picture_in_both_lights_is_the_same_pixels_and_turns_all_but_the_images(panels):
