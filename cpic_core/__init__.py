@@ -1,4 +1,4 @@
-"""The floor below all others: errors, outcomes, quantities, files, random streams; no physics."""
+"""The lowest layer: errors, outcomes, quantities, files, random streams; no physics."""
 
 from cpic_core.lazy_names import lazy_names
 

@@ -95,6 +95,7 @@ def rank(
       cpic rank --sensitivity
 
       cpic rank --instruments 200
+
       cpic rank --stars "tau Cet, eps Eri"
 
       cpic rank --sp-type G,K --distance-max-pc 30 --limit 30

@@ -66,7 +66,7 @@ def entries(command: Command) -> list[Entry]:
     for left, right in command.options:
         flags = _FLAGS.fullmatch(left)
         name, value = flags.groups() if flags else (left.partition(" ")[0], left.partition(" ")[2])
-        form = code(value.strip("<>"))
+        form = ", ".join(code(one) for one in value.strip("<>").split("|"))
         flag = next((one for one in re.split(", | / |/", name) if one.startswith("--")), name)
         anchor = anchored(command.words, flag)
         found.append(Entry(anchor, name, (form, worded(right))))

@@ -118,7 +118,7 @@ def entries(
         source = sources.get(key) or _like(key, sources)
         default = getattr(value, name, field.default)
         text = [_said(name, field.description or "", said, summary(model))]
-        text += [prose(source.source)] if source else []
+        text += [f"{'Source: ' if text[0] else ''}{prose(source.source)}"] if source else []
         text += [f"Its keys: {', '.join(f'`{seen[one]}` ({one.__name__})' for one in inner)}"] if inner else []
         unit = "" if isinstance(default, bool) else (source.unit if source else "") or unit_of(name)
         cells = (code(unit), _shown(default), cell(limits_of(field)), source.confidence if source else "")
