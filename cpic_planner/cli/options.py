@@ -279,7 +279,7 @@ def output_of(kind: type[Output], given: dict[str, Any]) -> Output:
     return kind("json" if as_json else form, brief, **strict)
 
 
-DIAL_HELP = """Speed against accuracy is one dial. --fidelity standard (the default) draws sums of frames where that is
+DIAL_HELP = """One dial trades speed for accuracy. --fidelity standard (the default) draws sums of frames where that is
 allowed and one realisation frame by frame; quick is coarser and checks nothing frame by frame; reference leaves nothing
 out: whole frames, one by one, in every realisation. --tolerance 0.02 picks for each scene the cheapest settings that
 are predicted to keep planet flux and SNR within 2 % of the reference. Results state what was left out and what that is

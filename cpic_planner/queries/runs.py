@@ -103,7 +103,7 @@ class WhatIfQuestion(RunQuestion):
     )
     universes: int | None = asked(None, "Synthetic universes.", ge=2, le=10_000_000, unset="1000")
     seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, unset="1")
-    start_utc: str | None = asked(None, "Begin of the survey, UTC.", option="--start")
+    start_utc: str | None = asked(None, "Start of the survey, UTC.", option="--start")
     date_utc: str | None = asked(
         None,
         "Date of the places of stars and their companions in all visits, UTC.",

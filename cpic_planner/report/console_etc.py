@@ -175,7 +175,8 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
         text = f"The answer in {best.band} is not a detection: {why}"
         told.append(f"{text}{inner * (best.question == 'exposure_time' and not placed)}.")
         if needed := _required_text(best):
-            told.append(f"Limited by {words.LIMITED_BY[best.limited_by or 'none'][1]}; enough alone: {needed}.")
+            limit = words.LIMITED_BY[best.limited_by or "none"][1]
+            told.append(f"Limited by {limit}. Any one of these would be enough: {needed}.")
     elif best is not None and best.verdict == "detected":
         how = "by a search that knows no place" if best.verdict_mode == "blind" else "where one knows to look"
         told.append(f"Detected: at least half of such programmes show the planet {how}.")
@@ -295,7 +296,7 @@ def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
         print_note(console, words.sentence("; ".join(held)))
     helpful = words.remedies_text(row.remedies)
     if row.remedies.get("twice_the_time", 2.0) < 1.0:
-        helpful += "; longer visits would lower it: the wavefront walks away"
+        helpful += "; longer visits would lower it, because the wavefront drifts during a visit"
     if helpful:
         print_note(console, f"What would raise the SNR: {helpful.removeprefix('; ')}.")
     if explain and row.gain_caps and row.exposure_s is not None:

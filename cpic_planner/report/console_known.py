@@ -55,9 +55,9 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
         if result.years is not None:
             print_note(
                 console,
-                f"Window, of several that of the best day: days of {result.years:g} years from {result.date_utc[:10]} "
-                "on which the planet is more likely than not between the corners of the dark hole, in the band that "
-                "covers it best (-v: all of them, orbits, references).",
+                f"Window: the days, within {result.years:g} years from {result.date_utc[:10]}, on which the planet is "
+                "more likely than not between the corners of the dark hole, in the band that covers it best; of "
+                "several windows, that of the best day (-v: all of them, orbits, references).",
             )
             print_note(console, *filter(None, [_caveats(shown)]))
         return
@@ -91,7 +91,7 @@ def _caveats(rows: Sequence[KnownPlanetRow]) -> str:
     kinds = (
         ("a later orbit contradicts that of", [row for row in rows if row.superseded_by]),
         ("published orbits disagree on", [row for row in rows if len(row.orbits) > 1]),
-        ("not counted:", [row for row in rows if not row.counted]),
+        ("these planets are not counted:", [row for row in rows if not row.counted]),
     )
     said = [f"{text} {', '.join(map(known_planet_name, named))}" for text, named in kinds if named]
     return f"In doubt: {'; '.join(said)} (-v: who says so)." if said else ""
@@ -190,6 +190,9 @@ def _span(window: KnownWindow) -> str:
 _SEASONS = 6
 _LAST_COLUMN = 36
 _YEAR_DAYS = 366.0
+_ENDS = (
+    "Windows end where the Earth covers the star; passages through the South Atlantic Anomaly are not cut out of them."
+)
 _BLOCKED = {"sun": "Sun", "moon": "Moon", "panel": "panels", "limb": "limb"}
 
 
@@ -210,15 +213,15 @@ def print_visibility(result: VisibilityResult, console: Console, *, full: bool =
     else:
         _print_star(result, console)
     if not full:
-        print_note(console, "Windows are between limbs of the Earth, the anomaly not cut out.")
+        print_note(console, _ENDS)
         print_note(console, pointing_sentence(result.pointing))
         return
     step = "day" if result.step_days == 1 else f"step of {result.step_days:g} days"
     orbit = f"circular, {result.altitude_km:g} km, {result.inclination_deg:g} deg, node drifting"
     print_note(
         console,
-        f"Each {step} is its middle orbit of {result.period_s / 60:.1f} min ({orbit}). Windows are between limbs of "
-        "the Earth, the anomaly not cut out. A season goes on behind a passage of the Moon.",
+        f"Each {step} is its middle orbit of {result.period_s / 60:.1f} min ({orbit}). {_ENDS} "
+        "A season goes on behind a passage of the Moon.",
     )
     print_note(console, pointing_sentence(result.pointing))
 

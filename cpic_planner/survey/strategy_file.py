@@ -33,7 +33,7 @@ class UniverseConfig(FrozenModel):
     Attributes
     ----------
     start_utc : str
-        Begin of the survey.
+        Start of the survey.
     date_utc : str
         Date of the places of stars and their companions in all visits; the start where it is not given.
     duration_days, slot_days : float

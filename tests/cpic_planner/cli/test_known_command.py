@@ -30,7 +30,7 @@ def test_one_star(done):
     out, _ = done("known", "eps Eri", "--date", "2030-03-01", "--years", "1", *FEW)
     assert "2030-03-01 to" in out
     assert "best day: that on which it stands there most likely" in " ".join(out.split())
-    assert out[out.index("Window, of") :].count(".\n") == 1  # one sentence below the legend
+    assert out[out.index("Window: the days") :].count(".\n") == 1  # one sentence below the legend
     heads, _ = done("known", "eps Eri", "--years", "1", "--format", "csv", *FEW)
     assert "separation_arcsec_low,separation_arcsec,separation_arcsec_high" in heads.splitlines()[0]
     out, _ = done("known", "eps Eri", "--date", "2030-03-01", "--years", "1", "-v", *FEW)
@@ -48,7 +48,7 @@ def test_refuted_planets_are_shown_with_who_says_so(call, tmp_path):
     status, out, _ = call("known", "omi2 Eri", *FEW)
     told = " ".join(out.split())
     assert status == 0
-    assert "In doubt: not counted: ο² Eri b (-v: who says so)." in told
+    assert "In doubt: these planets are not counted: ο² Eri b (-v: who says so)." in told
     status, out, _ = call("known", "omi2 Eri", "-v", *FEW)
     told = " ".join(out.split())
     assert status == 0

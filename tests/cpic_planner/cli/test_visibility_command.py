@@ -32,7 +32,7 @@ def test_one_star_in_words(done):
         "8 % of all time",
     ):
         assert words in text, words
-    below = text[text.index("Windows are between limbs") :]
+    below = text[text.index("Windows end where the Earth") :]
     assert len(re.findall(r"\.(?:\s|$)", below)) == 2  # sentences
     told = " ".join(done("tau Cet", "-v")[0].split())
     assert "circular, 400 km, 41.5 deg" in told
