@@ -54,7 +54,7 @@ def proved(path: Path, root: Path) -> list[Path]:
     Raises
     ------
     ValueError
-        If it names a module that is not there.
+        If it names a module that is not there, or proves none.
     """
     tree, tests = _tree(path), root / TESTS
     folders = [folder for folder in path.parents if folder == tests or tests in folder.parents]
@@ -66,7 +66,10 @@ def proved(path: Path, root: Path) -> list[Path]:
         files = [_file_of(name, root) for name in names]
     else:
         files = [file for name in names for file in _files_of(name, root, path)]
-    return list(dict.fromkeys([path, *fixtures, *sorted(file for file in files if file is not None)]))
+    found = sorted(file for file in files if file is not None)
+    if not found:
+        raise ValueError(f"{path.relative_to(root)} proves no module: it needs PROVES")
+    return list(dict.fromkeys([path, *fixtures, *found]))
 
 
 def _named(tree: ast.Module) -> list[str] | None:

@@ -302,6 +302,7 @@ def test_quick_is_the_answer_without_a_dial(call):
     assert call(*HERE, "--snr", "5") == call(*HERE, "--snr", "5", "--fidelity", "quick")
 
 
+@pytest.mark.long
 def test_standard_checks_every_answer_in_images(call):
     asked = [*HERE, "--separation-arcsec", "0.05", "--time-s", "3600", "--fidelity", "standard", "--realisations", "2"]
     result = json.loads(call(*asked, "--json")[1])

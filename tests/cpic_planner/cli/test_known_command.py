@@ -81,6 +81,7 @@ def test_candidates_count_when_asked_for(done):
     assert "1 of 1 around 1 star" in told
 
 
+@pytest.mark.long
 def test_orbits_that_disagree_are_told_with_their_shares(done):
     row = next(row for row in known(done, "HD 219134").planets if row.planet == "HD 219134 h")
     assert [orbit.share for orbit in row.orbits] == [0.5, 0.5]

@@ -47,7 +47,7 @@ def answer(tau_ceti):
         ("tau Cet", "F520", 0.6, {}, ReferencePlanet()),
         # Companions light the hole in test_etc_images too.
         pytest.param("alpha Cen B", "F520", 0.65, {}, ReferencePlanet(radius_rjup=0.4), marks=pytest.mark.long),
-        ("eps Eri", "F520", 0.65, {"library": "roll"}, ReferencePlanet()),
+        pytest.param("eps Eri", "F520", 0.65, {"library": "roll"}, ReferencePlanet(), marks=pytest.mark.long),
         pytest.param("eps Eri", "F850", 0.7, {"library": "idealised"}, None, marks=pytest.mark.long),
     ],
 )

@@ -100,6 +100,7 @@ def test_a_scene_without_planets_is_searched():
     assert list(done.bodies) == ["alone F520"]
 
 
+@pytest.mark.long
 def test_frames_may_be_left_to_the_calculator():
     scene = {"name": "left", "cstar": STAR, "planets": [planet("b", 0.6, 315)]}
     free = config(scene, exposure_s=None, n_frames=None, em_gain=None, time_s=1200.0, realisations=1)
@@ -216,6 +217,7 @@ def test_started_again_it_keeps_what_is_finished_and_gives_the_same_bytes(finish
     assert (run["resumed_parts"], run["computed_parts"]) == (1, 0)
 
 
+@pytest.mark.long
 def test_another_configuration_needs_force(refused, finished, tmp_path):
     settings = FEW_FRAMES | {"audit": False, "realisations": 1, "fidelity": "quick"}
     refused("--force", cpic_planner.confirm_scene, "paper_example", bands=["F520"], out=finished, **settings)

@@ -130,7 +130,7 @@ def test_started_again_it_keeps_what_is_finished(whole, tmp_path):
     assert (record["resumed_parts"], record["computed_parts"], record["command"]) == (N - 1, 1, ["squares"])
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_killed_half_way_it_goes_on_and_gives_the_same_bytes(whole, tmp_path, workers):
     """With workers they have tasks in flight when it is killed."""
     out = tmp_path / "again"

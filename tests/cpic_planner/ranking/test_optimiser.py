@@ -60,7 +60,7 @@ def test_no_band_and_place_is_clearer():
         assert best.n_frames[i] == best.visits[i] * best.frames_per_visit[i]
 
 
-@pytest.mark.parametrize("goal", [{"snr": 0.5}, {"detect": True}], ids=str)
+@pytest.mark.parametrize("goal", [pytest.param({"snr": 0.5}, marks=pytest.mark.long), {"detect": True}], ids=str)
 def test_no_band_and_place_is_quicker(goal):
     best = optimise(MODEL, STARS, **goal)
     answered = 0

@@ -117,7 +117,9 @@ def test_frames_stand_for_themselves_where_sums_cannot():
     assert found.saturated_in_hole > 0
 
 
-@pytest.mark.parametrize(("entry", "least"), [("throughput=x0.5", 1.2), ("visit_drift=x5", 1.5)])
+@pytest.mark.parametrize(
+    ("entry", "least"), [("throughput=x0.5", 1.2), pytest.param("visit_drift=x5", 1.5, marks=pytest.mark.long)]
+)
 def test_an_altered_simulator_is_noticed(entry, least):
     task = task_of("companion", realisations=6, overrides=SimulatorOverrides.of(entry))
     _, (found,) = run(task)
@@ -125,6 +127,7 @@ def test_an_altered_simulator_is_noticed(entry, least):
     assert "ETC optimistic by" in found.verdict
 
 
+@pytest.mark.long
 def test_speckle_floor_is_that_of_the_subtraction_that_runs():
     """Noise-free sequences through the same RDI: the rms of aperture sums is the ETC's speckle term."""
     instrument = load_instrument({"drift": {"walk_nm_per_sqrt_hour": 0}})

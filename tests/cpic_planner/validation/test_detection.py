@@ -130,6 +130,7 @@ def test_noise_that_is_stronger_than_stated_is_found(psf, still):
     assert 1.4 < np.median(levels) < 2.3  # drawn towards 1 by what is believed of white noise
 
 
+@pytest.mark.long
 def test_speckles_tell_the_drift_and_pass_for_no_planet(psf, moving):
     drift = []
     for seed in range(12):
@@ -207,6 +208,7 @@ def test_a_planet_of_all_visits_is_no_scatter_of_them(psf, moving, offsets):
     assert found.white_level == pytest.approx(alone.white_level, rel=0.02)
 
 
+@pytest.mark.long
 def test_what_all_visits_share_is_noise_that_no_scatter_shows(psf, moving, offsets):
     """The difference of two offsets in every science visit: who believes in none takes its peaks for planets."""
     blind, aware = 0, 0

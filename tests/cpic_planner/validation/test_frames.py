@@ -25,7 +25,11 @@ def light_in(seen: Observation, response: np.ndarray, good: np.ndarray) -> np.nd
 
 @pytest.mark.parametrize(
     ("gain", "exposure_s", "seed"),
-    [pytest.param(1.0, 17.0, 3, marks=pytest.mark.long), (20.0, 17.0, 4), (300.0, 1.0, 5)],
+    [
+        pytest.param(1.0, 17.0, 3, marks=pytest.mark.long),
+        pytest.param(20.0, 17.0, 4, marks=pytest.mark.long),
+        (300.0, 1.0, 5),
+    ],
 )
 def test_mean_of_frames_is_the_light(gain: float, exposure_s: float, seed: int) -> None:
     """Every effect on: within 4 standard errors, and 0.3 %, in every region; and the error is right."""

@@ -85,7 +85,14 @@ def test_every_described_address_is_answered(document, browser, tmp_path):
                 assert not told.text.startswith("There is no such page"), path
 
 
-@pytest.mark.parametrize("query", ["/star?name=eps+Eri", "/compare?instrument=as_published", "/compare?target=tau+Cet"])
+@pytest.mark.parametrize(
+    "query",
+    [
+        pytest.param("/star?name=eps+Eri", marks=pytest.mark.long),
+        "/compare?instrument=as_published",
+        "/compare?target=tau+Cet",
+    ],
+)
 def test_pages_of_several_answers_are_described_as_they_answer(document, browser, query):
     path = query.partition("?")[0]
     told = browser.get(f"{query}&bands=F520&format=json" if "target" in query else f"{query}&format=json")

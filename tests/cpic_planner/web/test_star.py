@@ -71,6 +71,7 @@ def test_a_star_is_asked_for_by_its_name_and_nothing_else(ask):
     assert ask("/star").status == 200
 
 
+@pytest.mark.long
 def test_the_data_of_a_page_are_what_python_and_the_commands_give(ask, capsys):
     """Rank and what is missing are those of the ranking."""
     told = ask("/star?name=HIP+116727&date_utc=2030-01-01&format=json").json

@@ -185,6 +185,7 @@ def test_key_is_of_the_surface_and_not_of_its_file(tmp_path):
     assert key("a.npz", np.eye(64)) == key("b.npz", np.eye(64)) != key("a.npz", 2 * np.eye(64))
 
 
+@pytest.mark.long
 def test_other_instrument_end_to_end(tmp_path, monkeypatch):
     default = psf_metrics(INSTRUMENT, "F850")
     monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))

@@ -52,6 +52,7 @@ def clipped_mean(frames):
     return np.where(hit, 0.0, frames).sum(axis=0) / (~hit).sum(axis=0)
 
 
+@pytest.mark.long
 def test_reduction_recovers_the_input_map_within_its_noise(tree):
     paths, sequence, truth_path = tree
     science, header = stack_of(paths["science"])

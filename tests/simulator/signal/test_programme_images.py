@@ -101,6 +101,7 @@ def drift(visit=0.05, **more):
     return Drift(visit_nm=visit, walk_nm_per_sqrt_hour=0.0, psd_slope=2.5, orbital_period_s=5553.6, **more)
 
 
+@pytest.mark.long
 def test_a_few_programmes_follow_the_law():
     hole, numbers = Hole("F520"), np.array([1, 4, 12])
     left = hole.residuals(drift(), 1, 120)
