@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/blind_validator/make.py`` (the injected planets alone take an hour of processor).
+"""Regenerate this report: ``python reports/blind_validator/make.py`` (more than an hour of processor).
 
 Whether the validator can be trusted: flux, errors and positions of injected planets, false alarms of stars without
 planets, the exposure-time calculator against the chain of images, and whether the loop names what is wrong with it.
