@@ -1,4 +1,4 @@
-"""How the server begins and ends."""
+"""Check how the server begins and ends."""
 
 import threading
 
