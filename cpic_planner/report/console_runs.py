@@ -123,8 +123,9 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     """
     cells = row_cells(
         results.SensitivityRow,
-        "n_ok kendall_tau_b n_compared/1 kept/2 best/3 largest_fall/4 text",
-        kept=lambda row: f"{row.kept}/{result.top}",
+        "n_ok kept_first kendall_tau_b n_compared/1 kept/2 best/3 largest_fall/4 text",
+        kept_first=Cells(f"of first {result.first}", lambda row: count_text(row.kept_first)),
+        kept=Cells(f"of {result.top}", lambda row: count_text(row.kept)),
         largest_fall=_fall,
     )
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
@@ -133,7 +134,8 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     print_note(
         console,
         f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
-        f"of: their number; kept: how many of the nominal first {result.top} stay there; biggest fall: in ranks.",
+        f"of: their number; of first {result.first}, of {result.top}: how many of the nominal first stars stay among "
+        "them; biggest fall: in ranks.",
     )
 
 
