@@ -96,6 +96,11 @@ class Score:
     decimals: int | None = None
 
     @property
+    def scale(self) -> float:
+        """Factor from the number to what is written in its unit."""
+        return 100.0 if self.unit.startswith("%") else 1.0
+
+    @property
     def title(self) -> str:
         """The name as words."""
         return self.name.replace("_", " ")

@@ -169,7 +169,7 @@ def first_table(plan: results.PlanResult, rank: results.RankResult, n_assumption
         "mean visibility of its days, and two slews a visit with their settling. At least: the shortest observation, "
         "in any band, that shows the reference planet to the search. Positions: ICRS, without proper motion."
     )
-    return doc.table("What to observe first", caption, columns, picks_of(plan), look="decision")
+    return doc.table("What to observe first", caption, columns, picks_of(plan), look="firm")
 
 
 def _place_texts(star: results.RankedTarget) -> list[str]:

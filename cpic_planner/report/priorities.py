@@ -131,7 +131,8 @@ def known_blocks(known: results.KnownResult) -> Iterator[doc.Block]:
         "roll the position angle decides as well. Best day: the one on which it is there most likely. Separation: "
         "median, and half of the width that holds 68 % of the draws of the published orbits."
     )
-    yield doc.table("Known planets and their next windows", caption, columns, [row for row in rows if row.windows])
+    windows = [row for row in rows if row.windows]
+    yield doc.table("Known planets and their next windows", caption, columns, windows, look="firm")
     if never:
         yield doc.Paragraph(f"In no dark hole more likely than not in that time: {', '.join(never)}.", "note")
 

@@ -73,7 +73,7 @@ class SensitivityRow(Row):
     n_compared: int = column(
         "stars among the first, nominally or under the assumption, that have a score above zero in either",
         label="stars compared",
-        short="of",
+        short="tau of",
     )
     kendall_tau: float | None = column(
         "Kendall's tau of the ranks of the nominal first stars, those without a score included, whose ranks are by "
