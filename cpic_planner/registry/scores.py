@@ -117,7 +117,7 @@ SCORES: Registry[Score] = Registry(
     (
         Score(
             name="completeness_per_hour",
-            label="compl %/h",
+            label="% per h",
             meaning="fraction of the population that one observation detects, per hour of it, in the band where that "
             "is most",
             aim="{share} {hourly}",

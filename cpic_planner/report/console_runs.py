@@ -123,9 +123,9 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     """
     cells = row_cells(
         results.SensitivityRow,
-        "n_ok kept_first kendall_tau_b n_compared/1 kept/2 best/3 largest_fall/4 text",
-        kept_first=Cells(f"stay of {result.first}", lambda row: count_text(row.kept_first)),
-        kept=Cells(f"stay of {result.top}", lambda row: count_text(row.kept)),
+        "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 text",
+        kept_first=Cells(f"of {result.first}", lambda row: count_text(row.kept_first)),
+        kept=Cells(f"of {result.top}", lambda row: count_text(row.kept)),
         largest_fall=_fall,
     )
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
@@ -134,7 +134,7 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     print_note(
         console,
         f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
-        f"tau of: their number; stay of {result.first}, {result.top}: how many of the nominal first stars stay among "
+        f"tau of: their number; of {result.first}, of {result.top}: how many of the nominal first stars stay among "
         "them; biggest fall: in ranks.",
     )
 
