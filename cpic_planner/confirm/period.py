@@ -31,7 +31,8 @@ def seen_stars(
     rank : RankResult
     model : EtcModel
     """
-    pointing, start_utc = load_visibility(config.limits), observed_utc(config)
+    pointing, orbit = load_visibility(config.limits), config.instrument.mission.orbit
+    when: dict[str, Any] = {"start_utc": observed_utc(config), "n_days": config.n_days}
     chosen: list[RankedTarget] = []
     left_out: list[LeftOutRow] = []
     not_checked: list[str] = []
@@ -42,8 +43,7 @@ def seen_stars(
         some, waiting = waiting[:_CHUNK], waiting[_CHUNK:]
         placed = [row for row in some if row.ra_deg is not None and row.dec_deg is not None]
         ra, dec = (np.array([getattr(row, name) for row in placed], float) for name in ("ra_deg", "dec_deg"))
-        when: dict[str, Any] = {"start_utc": start_utc, "n_days": config.n_days}
-        found = visibility(ra, dec, pointing, config.instrument.mission.orbit, **when) if placed else None
+        found = visibility(ra, dec, pointing, orbit, **when) if placed else None
         for row in some:
             if len(chosen) >= config.top:
                 break
@@ -59,15 +59,8 @@ def seen_stars(
                 sights[row.name] = Sight.of(found, at, pointing)
             else:
                 left_out.append(reason)
-    record = PeriodRecord(
-        start_utc=start_utc,
-        n_days=config.n_days,
-        pointing=pointing.name,
-        seen=seen,
-        left_out=left_out,
-        not_checked=not_checked,
-    )
-    return chosen, record, sights
+    found_as: dict[str, Any] = {"seen": seen, "left_out": left_out, "not_checked": not_checked}
+    return chosen, PeriodRecord(**when, pointing=pointing.name, **found_as), sights
 
 
 def with_telescope_time(target: ConfirmedTarget, model: EtcModel, sights: Mapping[str, Sight]) -> ConfirmedTarget:

@@ -12,7 +12,7 @@ from catalogs.known_planet_columns import FLAGS
 from cpic_planner.report.cells import Cells, Sheet, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, ratio_text
 from cpic_planner.report.priorities import best_window, known_planet_name
-from cpic_planner.report.summary import day_text, pointing_sentence
+from cpic_planner.report.summary import pointing_sentence
 from cpic_planner.report.words import BLOCK_WORDS
 from cpic_planner.results import (
     KnownOrbit,
@@ -207,7 +207,7 @@ def print_visibility(result: VisibilityResult, console: Console, *, full: bool =
     several = len(result.targets) > 1 or (isinstance(console, Sheet) and console.form not in ("table", "page"))
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
-        title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {day_text(result.start_utc)}"
+        title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {result.start_utc[:10]}"
         cells = _visibility_cells(years)
         print_table(console, title, cells, result.targets, last_width=_LAST_COLUMN, legend=not full)
     else:
@@ -231,7 +231,7 @@ def _print_star(result: VisibilityResult, console: Console) -> None:
     where = f"ecliptic latitude {decimals(target.ecliptic_latitude_deg, 1)} deg"
     print_plain(
         console,
-        f"{full_name(target.name, target.hip)}, {where}: {result.n_days} days from {day_text(result.start_utc)}",
+        f"{full_name(target.name, target.hip)}, {where}: {result.n_days} days from {result.start_utc[:10]}",
         bold=True,
     )
     for season in target.seasons:
@@ -241,7 +241,7 @@ def _print_star(result: VisibilityResult, console: Console) -> None:
     if target.visible_s is None:
         print_plain(console, "  never seen in this time")
         return
-    best = f"{formatted(target.best_visible_s, 'min')} min on the best day, {day_text(target.best_utc or '')}"
+    best = f"{formatted(target.best_visible_s, 'min')} min on the best day, {(target.best_utc or '')[:10]}"
     print_plain(console, f"  per orbit {formatted(target.visible_s, 'min')} min (median), {best}")
     longest = target.longest_window_s or 0.0
     endless = longest >= result.period_s * (1 - 1e-9)
@@ -262,7 +262,7 @@ def _visibility_cells(years: bool) -> list[Cells]:
         VisibleTarget,
         "name ecliptic_latitude_deg/3 observable_days sun/2 moon/2 panel/2 limb/5 visible_s best_visible_s best_utc/1 "
         "longest_window_s/4 roll_half_range_deg/6 seasons",
-        best_utc=lambda row: MISSING if row.best_utc is None else day_text(row.best_utc),
+        best_utc=lambda row: MISSING if row.best_utc is None else row.best_utc[:10],
         seasons=Cells("seasons", lambda row: _seasons(row, years), right=False),
         **days,
     )
@@ -270,6 +270,6 @@ def _visibility_cells(years: bool) -> list[Cells]:
 
 def _seasons(target: VisibleTarget, years: bool) -> str:
     cut = 0 if years else 5
-    seasons = [f"{day_text(one.start_utc)[cut:]} to {day_text(one.end_utc)[cut:]}" for one in target.seasons]
+    seasons = [f"{one.start_utc[:10][cut:]} to {one.end_utc[:10][cut:]}" for one in target.seasons]
     more = [f"and {len(seasons) - _SEASONS} more"] if len(seasons) > _SEASONS else []
     return ", ".join([*seasons[:_SEASONS], *more]) or MISSING

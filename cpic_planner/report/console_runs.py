@@ -22,7 +22,6 @@ from cpic_planner.report.numbers import (
     duration_text,
     full_name,
     pretty_name,
-    short_name,
     significant,
 )
 from cpic_planner.report.priorities import print_ensemble
@@ -108,11 +107,6 @@ def _score_cells(name: str) -> Cells:
     return Cells(SCORES[name].label, lambda row: score_number(row.score, name))
 
 
-def _fall(row: results.SensitivityRow) -> str:
-    ranks = row.largest_fall_ranks
-    return f"{short_name(row.largest_fall)} −{ranks}" if ranks > 0 else MISSING
-
-
 def print_sensitivity(result: results.SensitivityResult, console: Console) -> None:
     """Print how the ranking depends on what is assumed.
 
@@ -123,10 +117,9 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     """
     cells = row_cells(
         results.SensitivityRow,
-        "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 text",
+        "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 largest_fall_ranks/4 text",
         kept_first=Cells(f"of {result.first}", lambda row: count_text(row.kept_first)),
         kept=Cells(f"of {result.top}", lambda row: count_text(row.kept)),
-        largest_fall=_fall,
     )
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
     print_table(console, title, cells, result.rows, last_width=44)
@@ -135,7 +128,7 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
         console,
         f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
         f"tau of: their number; of {result.first}, of {result.top}: how many of the nominal first stars stay among "
-        "them; biggest fall: in ranks.",
+        "them; biggest fall: of these.",
     )
 
 

@@ -53,11 +53,10 @@ def priority_blocks(
     sure = "" if ensemble is None else " p_reachable rank_median between p_rank_le_10"
     columns = doc.row_columns(
         results.RankedTarget,
-        "rank name:row,star tier hours visits limit drift brighter expected_planets expected_planets_unconditional"
+        "rank name:row,star tier detection_time_s detection_visits limit drift brighter expected_planets "
+        "expected_planets_unconditional"
         f"{sure}",
         name=named,
-        hours=Cells("", lambda row: _time(row.detection_time_s), label="time to detect it", right=True),
-        visits=Cells("", lambda row: _count(row.detection_visits), label="visits", right=True),
         limit=Cells("", lambda row: words.LIMITED_BY[row.limited_by][0] if row.limited_by else MISSING, label="limit"),
         drift=Cells("", lambda row: _factor(row.required_drift_factor), label="drift factor", right=True),
         brighter=Cells("", lambda row: _factor(row.required_contrast_factor), label="planet factor", right=True),
@@ -65,8 +64,8 @@ def priority_blocks(
     )
     tiers = "; ".join(f"{tier}: {text}" for tier, text in TIERS.items())
     caption = (
-        f"What a detection of the reference planet by a search of the strategy asks for. Tier {tiers}. Time to detect "
-        "it: the least of all visits in any band, whatever was given; drift factor, planet factor: the largest "
+        f"What a detection of the reference planet by a search of the strategy asks for. Tier {tiers}. Detection time: "
+        "the least of all visits in any band, whatever was given; drift factor, planet factor: the largest "
         "drift, or the least brightness of the planet, over that assumed, with which the given time is enough, each "
         "changed alone. Expected planets are of one observation: those that nothing known excludes, and all."
     )
@@ -82,17 +81,12 @@ def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.B
     ----------
     sensitivity : SensitivityResult
     """
-
-    def fall(row: results.SensitivityRow) -> str:
-        ranks = row.largest_fall_ranks
-        return f"{pretty_name(row.largest_fall)}, {ranks}" if ranks > 0 else MISSING
-
     columns = doc.row_columns(
         results.SensitivityRow,
-        "text:row,text n_ok kept_first kept kendall_tau_b n_compared largest_fall best",
+        "text:row,text n_ok kept_first kept kendall_tau_b n_compared largest_fall largest_fall_ranks best",
         kept_first=Cells("", lambda row: str(row.kept_first), label=f"kept of first {sensitivity.first}"),
         kept=Cells("", lambda row: str(row.kept), label=f"kept of first {sensitivity.top}"),
-        largest_fall=fall,
+        largest_fall=lambda row: pretty_name(row.largest_fall),
         best=lambda row: pretty_name(row.best),
     )
     caption = (
@@ -169,14 +163,6 @@ def windows_text(row: results.KnownPlanetRow) -> doc.Inline:
 def _best_day(row: results.KnownPlanetRow) -> str:
     window = best_window(row)
     return f"{window.best_utc}: {100.0 * window.best_share:.0f} %"
-
-
-def _time(seconds: float | None) -> str:
-    return MISSING if seconds is None else duration_text(seconds)
-
-
-def _count(value: int | None) -> str:
-    return MISSING if value is None else count_text(value)
 
 
 def _factor(value: float | None) -> str:

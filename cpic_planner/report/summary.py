@@ -181,11 +181,6 @@ def confirm_sentences(result: results.ConfirmResult) -> list[str]:
     return sentences
 
 
-def day_text(utc: str) -> str:
-    """Return the day of a time of UTC."""
-    return utc[:10]
-
-
 def pointing_sentence(pointing: results.PointingRecord) -> str:
     """Return the limits of pointing in one sentence."""
     turned = f"turning by up to {pointing.panel_turn_deg:g}" if pointing.panel == "one_axis" else "fixed"

@@ -12,7 +12,6 @@ import numpy as np
 from cpic_core import FloatArray, NDArray
 from cpic_planner.report.drawing import BAND_STYLE, Look, date_axis, literal, new_figure, style
 from cpic_planner.report.numbers import full_name, pretty_name
-from cpic_planner.report.summary import day_text
 from cpic_planner.report.words import BLOCK_WORDS
 from cpic_planner.results import KnownPlanetRow, KnownResult, VisibilityResult, VisibleDays, VisibleTarget
 
@@ -136,7 +135,7 @@ def _year(result: VisibilityResult) -> Figure:
     name = full_name(target.name, target.hip)
     where = f"ecliptic latitude {target.ecliptic_latitude_deg:.1f}°".replace("-", "−")
     title = f"{name}, {where}: seen on {target.observable_days:g} of {result.n_days} days from "
-    figure.suptitle(literal(title + day_text(result.start_utc)), fontsize=11)
+    figure.suptitle(literal(title + result.start_utc[:10]), fontsize=11)
     return figure
 
 
@@ -241,5 +240,5 @@ def _calendar(result: VisibilityResult) -> Figure:
     figure.colorbar(ScalarMappable(scale, colours), ax=axes, label="minutes per orbit", pad=0.015, aspect=max(8, 3 * n))
     if used:
         figure.legend(handles=used, loc="outside lower center", ncols=len(used), fontsize=9)
-    figure.suptitle(f"{n} stars, {result.n_days} days from {day_text(result.start_utc)}", fontsize=11)
+    figure.suptitle(f"{n} stars, {result.n_days} days from {result.start_utc[:10]}", fontsize=11)
     return figure

@@ -85,7 +85,7 @@ class SensitivityRow(Row):
     largest_fall: str = column(
         "star of the nominal top that loses most ranks; empty if none", label="biggest fall", format="star"
     )
-    largest_fall_ranks: int
+    largest_fall_ranks: int = column("ranks that it loses", label="by ranks")
     best: str = column("first star under this assumption", label="first star", short="first", format="star")
 
 

@@ -279,9 +279,9 @@ def test_page_one_says_what_the_ranking_depends_on(words, page):
     assert page.index('id="sensitivity"') < page.index('id="figures"')
     assert words.count("7 (wavefront drift twice as large) to 10 stay among the first 10.") == 2
     assert "Kept of first 10 Kept of first 20" in words
-    assert re.search(r"wavefront drift twice as large 3 7 14 0\.42 11 α Cen A, 6 τ Cet", words)
-    assert re.search(r"optical throughput 0\.46 9 9 19 0\.91 13 <script>alert\('x'\)</script>, 2 α Cen B", words)
-    assert "the same again 7 10 20 – 0 – α Cen B" in words
+    assert re.search(r"wavefront drift twice as large 3 7 14 0\.42 11 α Cen A 6 τ Cet", words)
+    assert re.search(r"optical throughput 0\.46 9 9 19 0\.91 13 <script>alert\('x'\)</script> 2 α Cen B", words)
+    assert "the same again 7 10 20 – 0 0 α Cen B" in words
     assert "The same 1 077 stars" in words
 
 
