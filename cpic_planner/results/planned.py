@@ -68,9 +68,8 @@ class BandConfirmation(Row):
     integration_s: float | None = optional("on source, all visits")
     time_s: float | None = optional("wall time of all visits")
     telescope_h: float | None = optional(
-        "telescope time of all visits as surveys count it: slews, settling and occultations included, at the mean "
-        "visibility of the days of a plan's period on which the star may be pointed at; null outside plans, for a "
-        "schedule, and where it does not fit these days",
+        "telescope time as surveys count it: slews, settling and occultations of all visits, at the mean visibility "
+        "of the star's days in the period of a plan; null where there is none, and where it does not fit them",
         label="telescope time",
         format=".1f",
     )
@@ -173,12 +172,9 @@ class ConfirmedTarget(Result):
     etc_ratio: float | None = optional("predicted over recovered SNR, mean of the bands")
     etc_ratio_error: float | None = None
     detection_telescope_h: float | None = optional(
-        "telescope time of the least wall time that detects the reference planet (ranked.detection_time_s), counted as "
-        "that of the bands, with frames as long as those of the ranking; null as there"
+        "telescope time, as that of the bands, of ranked.detection_time_s, with frames as long as those of the ranking"
     )
-    rank_lowest: int | None = optional(
-        "lowest number of its rank under other assumptions (sensitivity.json); null behind the stars that are compared"
-    )
+    rank_lowest: int | None = optional("lowest number of its rank in sensitivity.json; null where that has none")
     rank_highest: int | None = optional("highest number of it")
     bands: list[BandConfirmation]
 

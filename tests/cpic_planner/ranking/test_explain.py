@@ -56,7 +56,7 @@ def test_sentences_are_true():
     told = explain_star(MODEL, STARS, row.name, **ASKED)
     band = next(item for item in told.bands if item.band == row.band)
     words = told.sentences
-    assert words[0] == f"Rank 2 of {len(RANK.targets)} by completeness per hour: {row.score:.3g}."
+    assert words[0] == f"Rank 2 of {len(RANK.targets)} by completeness per hour: {100 * row.score:.3g} %/h."
     assert f"{row.distance_pc:.2f} pc" in words[1]
     best = next(item for item in told.bands if item.band == row.completeness_band)
     assert 0.0 < best.observable < best.in_zone
