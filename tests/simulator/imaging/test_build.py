@@ -13,16 +13,6 @@ from simulator.imaging.store import hole_key
 from simulator.knobs import Knobs
 from simulator.passbands import Passbands
 
-PROVES = (
-    "simulator.imaging.build",
-    "simulator.imaging.conjugation",
-    "simulator.imaging.dark_hole",
-    "simulator.imaging.deformable_mirror",
-    "simulator.imaging.imager",
-    "simulator.imaging.pupil",
-    "simulator.imaging.pupil_symmetry",
-    "simulator.imaging.store",
-)
 INSTRUMENT = load_instrument()
 OFF = {"dark_hole": {"control": "off"}}
 FLAT = OFF | {"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0, "jitter_mas": 0}}
