@@ -13,29 +13,9 @@ from typing import Any, Self
 
 from cpic_core import FloatArray, Status
 from cpic_planner.results import TradeoffRow
-from cpic_planner.tradeoff.chain import (
-    ClosedForm,
-    Images,
-    NotApplicable,
-    Places,
-    Work,
-    both_visits,
-    closed_form,
-    drawn_frames,
-    images_of_programme,
-    worked,
-)
-from cpic_planner.tradeoff.points import (
-    REFERENCE,
-    Point,
-    expected_flux_e,
-    light_without,
-    own_noise_e2,
-    speckle_samples,
-    walk_samples,
-    white_of_frames,
-    white_of_sums,
-)
+from cpic_planner.tradeoff import chain, points as ways
+from cpic_planner.tradeoff.chain import ClosedForm, Images, NotApplicable, Places, Work
+from cpic_planner.tradeoff.points import REFERENCE, Point
 from cpic_planner.tradeoff.setup import Effort, FixedScene, Setup, choice_of, chosen_by, reference_setup, visit
 from cpic_planner.validation import Measurement, Modelling, contrasts_of
 from cpic_planner.version import __version__
@@ -175,7 +155,7 @@ def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, 
 
     try:
         if point.group == "closed_form":
-            found = _closed_form(closed_form(case), point.n_cases, times)
+            found = _closed_form(chain.closed_form(case), point.n_cases, times)
         elif case.is_programme:
             found = _programme(case, point, effort, times)
         else:
@@ -200,7 +180,7 @@ def _programme(case: FixedScene, point: Point, effort: Effort, times: Callable[.
     held: list[tuple[Images, Measurement]] = []
 
     def job() -> None:
-        images = images_of_programme(case, point.setup, point.fidelity, point.tolerance)
+        images = chain.images_of_programme(case, point.setup, point.fidelity, point.tolerance)
         held[:] = [(images, images.measured(0))]
 
     timing = times(job)
@@ -208,7 +188,7 @@ def _programme(case: FixedScene, point: Point, effort: Effort, times: Callable[.
     how = images.modelling
     count = effort.realisations if how.draw == "sums" else max(2, effort.visits_by_frames // case.visits)
     contrast, contrast_error, _ = contrasts_of([first, *map(images.measured, range(1, count))])
-    question = closed_form(case)
+    question = chain.closed_form(case)
     return asdict(timing) | {
         "flux_e": float(contrast.mean()) / question.contrast * question.answer()["flux_e"],
         "settings": _settings(how, "draw", "region", "epochs", "knobs"),
@@ -223,7 +203,7 @@ def _single(
 
     def job() -> None:
         setup = point.setup or _by_ledger(case, point, predicted)
-        held[:] = [(setup, worked(case, setup))]
+        held[:] = [(setup, chain.worked(case, setup))]
 
     timing = times(job)
     return _imaged(case, point, *held[0], timing, effort, Places.of(case))
@@ -250,7 +230,7 @@ def measure_shared(
     Each is called once. Ways that leave the light as it is take the light of the reference, and its time.
     """
     base = reference_setup(case)
-    worked(case, replace(base, region="hole", epochs=1))  # compiles and reads what all of them need
+    chain.worked(case, replace(base, region="hole", epochs=1))  # compiles and reads what all of them need
     light: _Light | None = None
     places, rows = Places.of(case), []
     for point in points:
@@ -260,7 +240,7 @@ def measure_shared(
         if same is None:
             found = _imaged(case, point, point.setup, work, timing, effort, places)
         else:
-            samples = {"white_e2": _listed(white_of_frames(places, work.drawn))}
+            samples = {"white_e2": _listed(ways.white_of_frames(places, work.drawn))}
             found = _of_images(case, point.setup, work, timing, samples, places, same.bare_e_s)
         rows.append(_row(case, point, machine, **found))
         advance(point.name)
@@ -279,8 +259,8 @@ class _Light:
     @classmethod
     def of(cls, case: FixedScene, base: Setup) -> Self:
         visits: list[tuple[Observation, Observation]] = []
-        wall_s, cpu_s = _block(lambda: visits.append(both_visits(case, base)), 1)
-        return cls(wall_s, cpu_s, visits[0], light_without(case, base))
+        wall_s, cpu_s = _block(lambda: visits.append(chain.both_visits(case, base)), 1)
+        return cls(wall_s, cpu_s, visits[0], ways.light_without(case, base))
 
 
 def _once(case: FixedScene, setup: Setup, light: _Light | None) -> tuple[Work, Timing]:
@@ -290,7 +270,7 @@ def _once(case: FixedScene, setup: Setup, light: _Light | None) -> tuple[Work, T
     if light is not None:
         science, reference = (replace(seen, instrument=instrument) for seen in light.visits)
         visits = science, reference
-    timing = timed(lambda: held.append(worked(case, setup, visits)), budget_s=0.0)
+    timing = timed(lambda: held.append(chain.worked(case, setup, visits)), budget_s=0.0)
     if light is not None:
         timing = replace(timing, wall_s=timing.wall_s + light.wall_s, cpu_s=timing.cpu_s + light.cpu_s)
     return held[0], timing
@@ -303,21 +283,21 @@ def _imaged(
     base, is_reference = reference_setup(case), point.name == REFERENCE
     samples: dict[str, FloatArray] = {}
     if work.drawn:
-        samples["white_e2"] = white_of_frames(places, work.drawn)
+        samples["white_e2"] = ways.white_of_frames(places, work.drawn)
     else:
-        samples["white_e2"] = white_of_sums(case, setup, places, effort.draws)
+        samples["white_e2"] = ways.white_of_sums(case, setup, places, effort.draws)
     # Windows and whole frames have different random numbers, and sums others again: more of them where they differ.
     if work.drawn and effort.more_frames > 1 and (is_reference or setup.region == "hole"):
         # Another realisation, at one wavefront: more of the same noise.
         longer = visit(case, setup, n_frames=effort.more_frames, epochs=1, realisation=1)
-        samples["more_white_e2"] = white_of_frames(places, (drawn_frames(longer),))
+        samples["more_white_e2"] = ways.white_of_frames(places, (chain.drawn_frames(longer),))
     # Speckles where optics or drift differ from the reference's, and the walk where the epochs do.
     if is_reference or setup.knobs != base.knobs or setup.drift != base.drift:
-        samples["speckle_e2_s2"] = speckle_samples(case, setup, places, effort.pairs)
+        samples["speckle_e2_s2"] = ways.speckle_samples(case, setup, places, effort.pairs)
     if is_reference or setup.n_epochs(case) != base.n_epochs(case):
-        samples["walk_e2_s2"], samples["one_epoch_e2_s2"] = walk_samples(case, setup, places, effort.walk_pairs)
+        samples["walk_e2_s2"], samples["one_epoch_e2_s2"] = ways.walk_samples(case, setup, places, effort.walk_pairs)
     listed = {name: _listed(values) for name, values in samples.items()}
-    return _of_images(case, setup, work, timing, listed, places, light_without(case, setup))
+    return _of_images(case, setup, work, timing, listed, places, ways.light_without(case, setup))
 
 
 def _of_images(
@@ -329,10 +309,10 @@ def _of_images(
     places: Places,
     bare_e_s: FloatArray,
 ) -> dict[str, Any]:
-    flux_e = expected_flux_e(case, setup, work.science, bare_e_s)
+    flux_e = ways.expected_flux_e(case, setup, work.science, bare_e_s)
     names = ("draw", "region", "epochs", "knobs", "switches", "left_out", "sky", "drift", "scene_model")
     settings = _settings(setup, *names) | {"epochs": setup.n_epochs(case)}
-    samples = samples | {"own_e2": [own_noise_e2(case, setup, places, flux_e)]}
+    samples = samples | {"own_e2": [ways.own_noise_e2(case, setup, places, flux_e)]}
     return asdict(timing) | {"flux_e": flux_e, "settings": settings, "samples": samples}
 
 
