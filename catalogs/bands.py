@@ -1,6 +1,5 @@
 """The observing bands: centre, width, optical transmission and quantum efficiency, each with its source."""
 
-import copy
 import functools
 import re
 from dataclasses import dataclass
@@ -106,11 +105,6 @@ def load_bands() -> dict[str, Band]:
 def band_provenance() -> dict[str, Provenance]:
     """Return unit, source and confidence of every number, keyed like ``F662.width_nm``."""
     return dict(_load()[1])
-
-
-def bands_tree() -> dict[str, Any]:
-    """Return the band entries as they stand in the file, with sources; a new copy at each call."""
-    return copy.deepcopy(_tree()["bands"])
 
 
 def band_from_file(

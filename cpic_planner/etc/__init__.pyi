@@ -38,7 +38,6 @@ from cpic_planner.etc.frames import (
     best_exposure_s as best_exposure_s,
     best_in_visit as best_in_visit,
     least_time as least_time,
-    smooth_in_visit as smooth_in_visit,
     smooth_least_visit_s as smooth_least_visit_s,
 )
 from cpic_planner.etc.groups import Group as Group

@@ -15,7 +15,7 @@ from cpic_planner.results.base import Column, Result, columns_of
 from simulator.config import validate
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 R = TypeVar("R", bound=Result)
 
@@ -150,30 +150,6 @@ def ecsv_text(row: type[Result], rows: Sequence[Result], meta: Mapping[str, Any]
     buffer = io.StringIO()
     table.write(buffer, format="ascii.ecsv", delimiter=",")
     return buffer.getvalue()
-
-
-def data_frame(row: type[Result], rows: Sequence[Result], *, joined: str = "|") -> pd.DataFrame:
-    """Return rows as a pandas frame, units in the names; missing numbers are NaN or, of whole ones, ``pandas.NA``.
-
-    Parameters
-    ----------
-    row : type
-        Kind of the rows.
-    rows : sequence of Result
-    joined : str
-        What stands between the items of a list.
-    """
-    import pandas as pd
-
-    columns = {}
-    for column in columns_of(row):
-        cells, missing = _filled(column, rows, joined)
-        dtype = "object" if column.dtype == "string" else column.dtype
-        if any(missing) and dtype != "float64":
-            dtype = {"int64": "Int64", "bool": "boolean"}[dtype]
-        known = [None if gone else cell for cell, gone in zip(cells, missing, strict=True)]
-        columns[column.name] = pd.Series(known, dtype=dtype)
-    return pd.DataFrame(columns)
 
 
 def arrow_schema(columns: Sequence[Column]) -> Any:

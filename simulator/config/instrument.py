@@ -32,8 +32,6 @@ _MAPS = ("map_file", "template_file", "transmission_file", "surface_files", "cal
 _FILE_KEYS = ("apodizer", "table", "psf", *_MAPS)
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from catalogs import band_from_file, band_provenance, load_bands
-from catalogs.bands import bands_tree
 from catalogs.spectra import Curve
 
 
@@ -38,9 +37,8 @@ def test_every_number_has_a_source_and_a_confidence() -> None:
 
 def test_loaded_mappings_are_the_callers_own() -> None:
     load_bands().clear()
-    bands_tree().clear()
-    assert len(load_bands()) == len(bands_tree()) == 8
-    assert bands_tree()["F520"]["center_nm"]["value"] == 520
+    assert len(load_bands()) == 8
+    assert load_bands()["F520"].center_nm == 520
 
 
 def test_top_hat_transmission_is_the_product_of_its_parts() -> None:

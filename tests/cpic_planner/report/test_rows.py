@@ -32,7 +32,6 @@ from cpic_planner.results import (
     values_of,
 )
 from cpic_planner.results.base import VOCABULARY
-from cpic_planner.results.table import data_frame
 from cpic_planner.schemas import RESULTS
 
 
@@ -71,22 +70,14 @@ def test_one_line_of_a_class_is_a_column_everywhere(rows):
     field = arrow_schema(columns_of(Wider)).field("airmass_deg")
     assert (str(field.type), field.metadata[b"unit"]) == ("double", b"deg")
 
-    frame = data_frame(Wider, rows)
-    assert frame["airmass_deg"].isna().tolist() == [False, True, True]
-    assert frame["n_frames"].dtype == "int64"
-    assert frame["flags"].tolist() == ["|".join(row.flags) for row in rows]
-
     assert json.loads(rows[0].model_dump_json())["airmass_deg"] == 12.34
     part = Wider.model_json_schema()["properties"]["airmass_deg"]
     assert (part["title"], part["unit"], part["description"]) == ("new", "deg", "a new number")
 
 
 def test_cells_of_a_row_that_is_not_there_are_dashes(rows):
-    """Also of null whole numbers, which stay whole in a frame."""
     cells = row_cells(RankedTarget, "name v_mag", of=lambda pair: pair[1])
     assert [cell.text((1, None)) for cell in cells] == ["–", "–"]
-    without = rows[0].model_copy(update={"n_frames": None})
-    assert data_frame(Wider, [rows[0], without])["n_frames"].dtype == "Int64"
 
 
 def every_row():
