@@ -165,10 +165,16 @@ def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool
     """Print what a run of simulated images would take, as a line or as JSON."""
     line = (
         f"{what}, {cost['n_realisations']} realisations, {cost['n_frames']} frames drawn one by one, about "
-        f"{cost['wall_s']:.0f} s with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, "
+        f"{time_text(cost, workers)}, {cost['memory_mb']:.0f} MB memory a worker, "
         f"{cost['disk_mb']:.1f} MB disk\n"
     )
     print_line_or_json(line, cost, as_json)
+
+
+def time_text(cost: Mapping[str, float], workers: int) -> str:
+    """Return the expected time of a run on this machine."""
+    text = f"{cost['wall_s']:.0f} s with {workers} worker(s)"
+    return text if workers == 1 else f"{text}, {cost['cpu_s']:.0f} s of processor time"
 
 
 def print_line_or_json(line: str, tree: Mapping[str, Any], as_json: bool) -> None:
