@@ -35,7 +35,8 @@ _DIGITS = {"ra_deg": 6, "dec_deg": 6, "companion_separation_arcsec": 4, "compani
 class Targets:
     """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN.
 
-    ``roll_deg`` is the roll of the telescope at which they are observed, one for all or one each.
+    ``roll_deg`` is the roll of the telescope at which they are observed, one for all or one each. ``hd`` and ``gj`` are
+    further names, blank where a star has none, which decide nothing.
     """
 
     name: NDArray[np.str_]
@@ -58,6 +59,8 @@ class Targets:
     companions: Literal["on", "off"] = "on"
     roll_deg: float | FloatArray = 0.0
     date_utc: str = ""
+    hd: NDArray[np.str_] | None = None
+    gj: NDArray[np.str_] | None = None
 
     def __len__(self) -> int:
         return len(self.name)
@@ -67,6 +70,8 @@ class Targets:
         plain: dict[str, Any] = {}
         for item in fields(self):
             value = getattr(self, item.name)
+            if item.name in ("hd", "gj"):
+                continue
             if isinstance(value, np.ndarray):
                 value = value.round(_DIGITS[item.name]) if item.name in _DIGITS else value
                 value = [None if isinstance(cell, float) and math.isnan(cell) else cell for cell in value.tolist()]
@@ -178,7 +183,7 @@ def targets_from_table(
     return Targets(
         name=text("name"),
         hip=np.asarray(table.column("hip"), np.int64),
-        sp_type=text("sp_type"),
+        **{name: text(name) for name in ("sp_type", "hd", "gj")},
         **{name: number(name) for name in _NUMBERS},
         companion_separation_arcsec=number("companion_sep_arcsec"),
         companion_pa_deg=pa,

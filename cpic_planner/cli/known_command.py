@@ -174,7 +174,8 @@ def visibility(
     check_plot(plot)
     result = visibility_of(question, note)
     if out is not None:
-        write_out(out, lambda: report.visibility_csv(result), len(result.targets) * len(result.mjd))
+        rows = len(result.targets) * len(result.mjd)
+        write_out(out, lambda: report.visibility_csv(result), rows, rows)
     if plot is not None:
         write_plot(plot, report.visibility_figure(result))
     seen = any(target.observable_days for target in result.targets)

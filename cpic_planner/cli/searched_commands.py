@@ -14,6 +14,7 @@ from cpic_planner.cli.options import (
     DryRunOption,
     check_plot,
     print_line_or_json,
+    time_text,
     with_progress,
     write_plot,
 )
@@ -126,8 +127,8 @@ def _run(
         cost = estimate(job, workers=question.workers)
         if dry_run:
             line = (
-                f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about {cost['wall_s']:.0f} s "
-                f"with {question.workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker\n"
+                f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about "
+                f"{time_text(cost, question.workers)}, {cost['memory_mb']:.0f} MB memory a worker\n"
             )
             print_line_or_json(line, cost, output.as_json)
             return None

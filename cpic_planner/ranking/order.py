@@ -378,6 +378,8 @@ def _row(
         tier=tier_of(setting, quickest_s, found.setting.time_s),
         score=float(found.score[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,
+        hd=None if targets.hd is None else str(targets.hd[i]) or None,
+        gj=None if targets.gj is None else str(targets.gj[i]) or None,
         detection_time_s=quickest_s,
         detection_visits=None if quickest_s is None else int(found.quickest_visits[i]),
         required_time_s=None if setting["verdict"] == "detected" else quickest_s,

@@ -53,6 +53,7 @@ from cpic_planner.report.etc_figures import (
 )
 from cpic_planner.report.files import (
     form_text as form_text,
+    offered_text as offered_text,
     ranking_csv as ranking_csv,
     ranking_ecsv as ranking_ecsv,
     visibility_csv as visibility_csv,

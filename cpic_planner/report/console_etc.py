@@ -19,7 +19,7 @@ from cpic_planner.report.numbers import (
     share_text,
     significant,
 )
-from cpic_planner.results import EtcAnswer, EtcResult, SearchedProgramme
+from cpic_planner.results import EtcAnswer, EtcResult, SearchedProgramme, Taken, taken_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -97,7 +97,7 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
         f"band value {'range ' * known}separation_arcsec/1 {'contrast/4 ' * given}visits/2 frames/5 em_gain/9 time_s/7 "
         "snr/3 significance/5 detection_probability/6 detection_probability_known_place/7 held/8 status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
-        value=ANSWER,
+        value=replace(ANSWER, numbers=_in_one_unit(result.answers)),
         range=_RANGE,
         separation_arcsec=_within("separation_arcsec", 3),
         contrast=_within("contrast", 0),
@@ -111,6 +111,13 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
         star = f"{pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
     title = f"{star}; {question}\n{_about_text(result)}"
     print_table(console, title, cells, result.answers, explained=True, legend=True)
+
+
+def _in_one_unit(answers: Sequence[EtcAnswer]) -> tuple[Taken, ...]:
+    """Return value and unit of answers for files; the unit is that of the column where all have the same."""
+    value, unit = taken_of(EtcAnswer, "value", "unit")
+    units = {row.unit for row in answers}
+    return replace(value, column=replace(value.column, unit="s" if units == {"s"} else "")), unit
 
 
 def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:

@@ -5,11 +5,11 @@ Visibility on the terminal: one star in words, several as a table.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from catalogs.known_planet_columns import FLAGS
-from cpic_planner.report.cells import Cells, Sheet, print_note, print_plain, print_table, row_cells
+from cpic_planner.report.cells import Cells, Sheet, computed, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, ratio_text
 from cpic_planner.report.priorities import best_window, known_planet_name
 from cpic_planner.report.summary import day_text, pointing_sentence
@@ -117,8 +117,10 @@ def _cells(result: KnownResult) -> list[Cells]:
             fields=("separation_arcsec",),
         ),
         phase_deg=lambda row: _with_width(row.phase_deg, 0),
-        contrast=Cells("contrast", lambda row: ratio_text(row.bands[0].contrast.median), legend=f"in {hole.band}"),
-        in_hole=Cells("in hole", lambda row: f"{100.0 * row.bands[0].hole_share:.0f} %", legend=inside),
+        contrast=computed("contrast", lambda row: row.bands[0].contrast.median, ratio_text, f"in {hole.band}"),
+        in_hole=computed(
+            "in hole", lambda row: row.bands[0].hole_share, lambda share: f"{100.0 * share:.0f} %", inside
+        ),
         phase_known=Cells("phase known", lambda row: "no" if "phase_unknown" in row.flags else "yes", right=False),
         window=Cells("window", _window, right=False),
         best_day=Cells("best day", _best_day, legend="that on which it stands there most likely, and how likely"),
@@ -251,11 +253,15 @@ def _print_star(result: VisibilityResult, console: Console) -> None:
 
 
 def _visibility_cells(years: bool) -> list[Cells]:
-    def blocked(name: str) -> Callable[[VisibleTarget], str]:
-        return lambda row: f"{row.blocked_days[name]:g}"
-
     days: dict[str, Any] = {
-        name: Cells(header, blocked(name), legend=f"days blocked, {BLOCK_WORDS[name]}")
+        name: computed(
+            header,
+            lambda row, name=name: row.blocked_days[name],
+            "{:g}".format,
+            f"days blocked, {BLOCK_WORDS[name]}",
+            name=f"blocked_{name}_days",
+            unit="d",
+        )
         for name, header in _BLOCKED.items()
     }
     return row_cells(

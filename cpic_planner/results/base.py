@@ -16,6 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticUndefined
 
+from cpic_planner.results.tabular import Tabular
+
 StatusText = Literal["ok", "unreachable", "saturated", "outside_field", "invalid"]
 VerdictText = Literal["detected", "measured_not_detected", "unreachable"]
 DetectionMode = Literal["blind", "known_place"]
@@ -35,7 +37,7 @@ LimitText = Literal[
 _ABSENT = object()
 
 
-class Result(BaseModel):
+class Result(Tabular, BaseModel):
     """Base of results: immutable, unknown keys refused, NaN and inf refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)

@@ -3,7 +3,7 @@
 Results of visibility: when stars can be seen.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -102,6 +102,7 @@ class KnownHole(Result):
 class KnownResult(RunResult):
     """Known planets of some stars at a date."""
 
+    main_rows: ClassVar[str] = "planets"
     schema_version: Literal[1] = 1
     kind: Literal["known"] = "known"
     config_hash: str
