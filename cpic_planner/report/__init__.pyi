@@ -59,6 +59,7 @@ from cpic_planner.report.files import (
     visibility_csv as visibility_csv,
 )
 from cpic_planner.report.numbers import (
+    MISSING as MISSING,
     duration_text as duration_text,
     full_name as full_name,
     level_text as level_text,

@@ -123,8 +123,9 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     """
     cells = row_cells(
         results.SensitivityRow,
-        "n_ok kendall_tau_b n_compared/1 kept/2 best/3 largest_fall/4 text",
-        kept=lambda row: f"{row.kept}/{result.top}",
+        "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 text",
+        kept_first=Cells(f"of {result.first}", lambda row: count_text(row.kept_first)),
+        kept=Cells(f"of {result.top}", lambda row: count_text(row.kept)),
         largest_fall=_fall,
     )
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
@@ -133,7 +134,8 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     print_note(
         console,
         f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
-        f"of: their number; kept: how many of the nominal first {result.top} stay there; biggest fall: in ranks.",
+        f"tau of: their number; of {result.first}, of {result.top}: how many of the nominal first stars stay among "
+        "them; biggest fall: in ranks.",
     )
 
 
@@ -213,14 +215,8 @@ def _print_bands(bands: Sequence[results.BandStanding], console: Console) -> Non
         "contrast_limit/2 time_s/7 snr/6 detection_margin floor_margin/1 dominant/5 status",
         dominant=lambda band: term_text(band.dominant),
     )
-    print_table(console, "Its reference planet and its population, band by band", cells, bands, explained=True)
-    print_note(
-        console,
-        "compl %, of all %, in zone %, whole %: shares of the population that are detected and not excluded by what is "
-        "known, that are detected, that lie in the dark quadrants, and whose whole aperture lies there, as a detection "
-        "needs; limit: faintest contrast detected there; at most: "
-        "margin that no length of visit can pass.",
-    )
+    title = "Its reference planet and its population, band by band"
+    print_table(console, title, cells, bands, explained=True, legend=True)
 
 
 def _print_limits(explanation: results.Explanation, console: Console) -> None:

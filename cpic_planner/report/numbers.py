@@ -118,6 +118,8 @@ def percent_text(value: float | None) -> str:
 
 def share_text(value: float) -> str:
     """Return a fraction in per cent without the sign, for columns that name the unit."""
+    if 0.9995 <= value < 1.0:
+        return ">99.9"
     return "0" if value == 0.0 else significant(100.0 * value) if value >= 1e-4 else "<0.01"
 
 

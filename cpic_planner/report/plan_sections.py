@@ -119,7 +119,7 @@ _IMAGED: tuple[doc.Column[Pick], ...] = (
 @doc.section_of(PLAN_SECTIONS, "first", "What the images show")
 def _images(report: PlanReport) -> Iterator[doc.Block]:
     plan = report.plan
-    yield doc.Paragraph(" ".join(summary_sentences(plan, report.rank)))
+    yield doc.Items(summary_sentences(plan, report.rank))
     if plan.targets:
         caption = (
             "Targets confirmed with simulated images, in order of the ranking; each in the band of highest predicted "

@@ -72,7 +72,7 @@ def priority_blocks(
     )
     yield doc.table("Priorities", caption, columns, rows)
     if ensemble is not None:
-        yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what decides", "ensemble")
+        yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what changes it", "ensemble")
 
 
 def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.Block]:
@@ -83,30 +83,25 @@ def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.B
     sensitivity : SensitivityResult
     """
 
-    def counted(row: results.SensitivityRow) -> doc.Inline:
-        badge = doc.badge("unreachable", "decides") if row.assumption in sensitivity.decides else ""
-        return doc.lines(count_text(row.n_ok), badge)
-
     def fall(row: results.SensitivityRow) -> str:
         ranks = row.largest_fall_ranks
         return f"{pretty_name(row.largest_fall)}, {ranks}" if ranks > 0 else MISSING
 
     columns = doc.row_columns(
         results.SensitivityRow,
-        "text:row,text n_ok kendall_tau_b n_compared kept largest_fall best",
-        n_ok=counted,
+        "text:row,text n_ok kept_first kept kendall_tau_b n_compared largest_fall best",
+        kept_first=Cells("", lambda row: str(row.kept_first), label=f"kept of first {sensitivity.first}"),
         kept=Cells("", lambda row: str(row.kept), label=f"kept of first {sensitivity.top}"),
         largest_fall=fall,
         best=lambda row: pretty_name(row.best),
     )
     caption = (
         f"The same {count_text(sensitivity.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
-        f"{count_text(sensitivity.n_ok)} reference planets are detected. Tau: {words.tau_text(sensitivity.top)}. An "
-        "assumption decides the ranking if it changes the number of detected reference planets by "
-        f"{100 * sensitivity.deciding_share:g} % or more, or if tau is below {sensitivity.deciding_tau:g}. "
-        f"Kept: how many of the nominal first {sensitivity.top} stay there."
+        f"{count_text(sensitivity.n_ok)} reference planets are detected. Kept of first "
+        f"{sensitivity.first}, of first {sensitivity.top}: how many of the nominal first stars stay there. "
+        f"Tau: {words.tau_text(sensitivity.top)}."
     )
-    yield doc.Paragraph(sensitivity.statement, "lead" if sensitivity.decides else "")
+    yield doc.Paragraph(sensitivity.statement)
     yield doc.table("Sensitivity of the ranking", caption, columns, sensitivity.rows)
 
 
@@ -136,7 +131,8 @@ def known_blocks(known: results.KnownResult) -> Iterator[doc.Block]:
         "roll the position angle decides as well. Best day: the one on which it is there most likely. Separation: "
         "median, and half of the width that holds 68 % of the draws of the published orbits."
     )
-    yield doc.table("Known planets and their next windows", caption, columns, [row for row in rows if row.windows])
+    windows = [row for row in rows if row.windows]
+    yield doc.table("Known planets and their next windows", caption, columns, windows, look="firm")
     if never:
         yield doc.Paragraph(f"In no dark hole more likely than not in that time: {', '.join(never)}.", "note")
 
@@ -192,7 +188,7 @@ def _between(row: results.RankedTarget) -> str:
 
 
 def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.RankedTarget], console: Console) -> None:
-    """Print what becomes of the shown stars under an ensemble of instruments, and what decides."""
+    """Print what becomes of the shown stars under an ensemble of instruments, and what changes it."""
     cells = row_cells(
         results.RankedTarget,
         "rank name tier rank_median between p_rank_le_10 p_reachable detection_time_s/3 detection_visits/2 "

@@ -154,7 +154,7 @@ def detected_sentence(rank: results.RankResult) -> str:
     visits = sorted(row.visits or 1 for row in seen)
     extent = f"{visits[0]} to {counted(visits[-1], 'visit')}" if visits[0] < visits[-1] else counted(visits[0], "visit")
     days = [row.span_days for row in seen if row.span_days is not None]
-    span = f", which span {significant(statistics.median(days), 2)} days in the median" if days else ""
+    span = f", which span {significant(statistics.median(days), 2)} days in the median, without slews" if days else ""
     paid = orbits_text(seen)
     return f"{words}, in {extent}{span}{f'; {paid}' if paid else ''}."
 

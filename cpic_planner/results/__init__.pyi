@@ -40,6 +40,7 @@ from cpic_planner.results.ensemble import (
     EnsembleRecord as EnsembleRecord,
     SensitivityResult as SensitivityResult,
     SensitivityRow as SensitivityRow,
+    SensitivityStar as SensitivityStar,
 )
 from cpic_planner.results.estimates import (
     ChangeRecord as ChangeRecord,

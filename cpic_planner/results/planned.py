@@ -67,6 +67,13 @@ class BandConfirmation(Row):
     em_gain: float | None = None
     integration_s: float | None = optional("on source, all visits")
     time_s: float | None = optional("wall time of all visits")
+    telescope_h: float | None = optional(
+        "telescope time of all visits as surveys count it: slews, settling and occultations included, at the mean "
+        "visibility of the days of a plan's period on which the star may be pointed at; null outside plans, for a "
+        "schedule, and where it does not fit these days",
+        label="telescope time",
+        format=".1f",
+    )
     realisations: int | None = optional("independent draws of drift and noise")
     drawn_as: Literal["sums", "frames"] | None = optional(
         "sums of frames over the hole, or every frame, where sums cannot stand for them"
@@ -165,6 +172,14 @@ class ConfirmedTarget(Result):
     verdict: str = Field(default="", description="of all bands, in words")
     etc_ratio: float | None = optional("predicted over recovered SNR, mean of the bands")
     etc_ratio_error: float | None = None
+    detection_telescope_h: float | None = optional(
+        "telescope time of the least wall time that detects the reference planet (ranked.detection_time_s), counted as "
+        "that of the bands, with frames as long as those of the ranking; null as there"
+    )
+    rank_lowest: int | None = optional(
+        "lowest number of its rank under other assumptions (sensitivity.json); null behind the stars that are compared"
+    )
+    rank_highest: int | None = optional("highest number of it")
     bands: list[BandConfirmation]
 
 
@@ -260,6 +275,8 @@ class PlanResult(ImagedResult):
     catalogue: str
     sample: str
     date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
+    reference_star_v_mag: float | None = optional("V magnitude of the reference star; null where the library has none")
+    reference_star_teff_k: float | None = optional("temperature of the reference star, K")
     n_ranked: int = Field(description="stars of the ranking that pass the filters")
     n_in_catalogue: int | None = Field(default=None, description="all ranked stars; null in older results")
     counts: dict[str, int]

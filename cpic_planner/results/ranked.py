@@ -134,7 +134,7 @@ class RankedTarget(Standing, RankedColumns):
     )
     detection_visits: int | None = optional("visits of that observation; null: none, or an older result")
     completeness_error: float = column("standard error, by the planets drawn, of the one that counts", format="%")
-    completeness_band: str = column("band of that observation", label="in")
+    completeness_band: str = column("band of that observation", label="band of completeness", short="in")
     completeness_time_s: float | None = column("its wall time, s", format="time")
     completeness_per_hour: float = column("the completeness that counts over that time in hours")
     expected_planets: float | None = optional(
