@@ -10,7 +10,7 @@ from cpic_planner.report import document as doc, image_figures
 from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
-from cpic_planner.report.summary import calibration_sentence, confirm_sentences, overrides_sentence
+from cpic_planner.report.summary import calibration_sentence, confirm_sentences, outcome_text, overrides_sentence
 from cpic_planner.report.words import ALBEDO_STATUS, method_credits, terms
 
 CONFIRM_FIGURES = {
@@ -51,6 +51,12 @@ class ConfirmReport:
         return by_planet
 
     @property
+    def heading(self) -> str:
+        """The scene, and whether images confirm its planets."""
+        bands = self.result.bands
+        return f"{self.result.scene}: {outcome_text(bands)}" if bands else self.result.scene
+
+    @property
     def calibration(self) -> str:
         """How the prediction holds; empty without planets."""
         return calibration_sentence(self.result) if self.result.bands else ""
@@ -72,8 +78,8 @@ def confirm_document(report: ConfirmReport) -> doc.Document:
     return doc.document_of(
         CONFIRM_SECTIONS,
         report,
-        title=f"CPI-C confirmation of {result.scene}, configuration {result.config_hash}",
-        heading=result.scene,
+        title=f"CPI-C: {report.heading}, configuration {result.config_hash}",
+        heading=report.heading,
         about=f"A scene for CPI-C: simulated as images, the star subtracted, {searched}, beside what the "
         "exposure-time calculator predicts.",
         summary=summary,
