@@ -65,8 +65,8 @@ def etc(
     --explain says the rest.
 
     The answers are closed forms, in milliseconds (--fidelity quick). --fidelity standard observes each of them in
-    images, drawn as sums of frames until their SNR is known to 5 %, and states flux and SNR of images over closed
-    form; reference draws every frame with every effect of the camera, in minutes. --tolerance 0.05 makes images
+    images, drawn as sums of frames until their SNR is known to 5 %, and states measured over true flux and predicted
+    over recovered SNR; reference draws every frame with every effect of the camera, in minutes. --tolerance 0.05 makes images
     only where the stated error of the closed forms is larger than that, and says so where none of the two is that
     good. Answers stay those of the closed forms: what images say stands beside them.
 

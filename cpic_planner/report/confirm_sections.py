@@ -167,15 +167,15 @@ _POSITIONS: tuple[doc.Column[results.PositionRecord], ...] = (
 )
 
 
-def _interval(best: float, interval: Sequence[float]) -> str:
-    return f"{decimals(best, 2)}; {decimals(interval[0], 2)} to {decimals(interval[1], 2)}"
+def _interval(median: float, interval: Sequence[float]) -> str:
+    return f"{decimals(median, 2)}; {decimals(interval[0], 2)} to {decimals(interval[1], 2)}"
 
 
 _ALBEDOS: tuple[doc.Column[results.AlbedoRecord], ...] = (
     doc.Column("Planet", lambda item: item.planet, look="row left"),
     doc.Column("Bands", lambda item: ", ".join(item.bands), look="left"),
-    doc.Column("log10 M/H", lambda item: _interval(item.log10_mh, item.log10_mh_interval), "best; interval"),
-    doc.Column("log10 f_sed", lambda item: _interval(item.log10_fsed, item.log10_fsed_interval), "best; interval"),
+    doc.Column("log10 M/H", lambda item: _interval(item.log10_mh, item.log10_mh_interval), "median; interval"),
+    doc.Column("log10 f_sed", lambda item: _interval(item.log10_fsed, item.log10_fsed_interval), "median; interval"),
     doc.Column("Correlation", lambda item: decimals(item.correlation, 2)),
     doc.Column("χ²", lambda item: f"{decimals(item.chi2, 2)} ({item.degrees_of_freedom})", "degrees of freedom"),
     doc.Column("Standing", lambda item: ALBEDO_STATUS[item.status], look="left wide"),
@@ -191,7 +191,7 @@ def _positions_and_albedos(report: ConfirmReport) -> Iterator[doc.Block]:
     if result.albedos:
         caption = (
             "Metallicity and clouds that fit the mean contrasts, with the errors of one observation a band; size, "
-            "distance and phase of the planet are taken as known. Intervals hold 68 %."
+            "distance and phase of the planet are taken as known. Intervals hold 68 %; χ² is that of the best fit."
         )
         yield doc.table("Albedo fits", caption, _ALBEDOS, result.albedos)
 

@@ -354,13 +354,18 @@ class AlbedoRecord(Row):
     planet: str
     bands: list[str]
     status: Literal["constrained", "not_constrained", "degenerate"]
-    log10_mh: float = Field(description="best fit")
-    log10_fsed: float = Field(description="best fit")
+    log10_mh: float = Field(description="median of the posterior, clouds integrated over")
+    log10_fsed: float = Field(description="median of the posterior, metallicity integrated over")
+    best_fit: list[float] = Field(
+        default_factory=list,
+        description="log10_mh and log10_fsed of the least chi2, for which chi2 is stated: of both together, so that one "
+        "of them may lie outside its interval; empty in older results",
+    )
     mean: list[float] = Field(description="of the posterior: log10_mh, log10_fsed")
     covariance: list[list[float]]
     correlation: float
-    log10_mh_interval: list[float] = Field(description="68 %")
-    log10_fsed_interval: list[float] = Field(description="68 %")
+    log10_mh_interval: list[float] = Field(description="central 68 % around the median")
+    log10_fsed_interval: list[float] = Field(description="central 68 % around the median")
     chi2: float
     degrees_of_freedom: int
     p_value: float | None

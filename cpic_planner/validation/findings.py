@@ -92,7 +92,7 @@ class Calibration:
         if not self.n_bands:
             return _TOO_FAINT if self.n_faint else "nothing was measured"
         counted = f"{self.n_bands} measurement{'s' * (self.n_bands != 1)}"
-        counted += f" ({self.n_faint} more are too faint to count)" * bool(self.n_faint)
+        counted += f" ({self.n_faint} more too faint to count)" * bool(self.n_faint)
         if not self.number:
             return f"{counted} scatter too much to measure the ETC by"
         ratio = f"predicted over recovered SNR {self.number} over {counted}"
@@ -299,8 +299,11 @@ def albedo_records(fitted: Sequence[FittedAlbedo]) -> list[AlbedoRecord]:
         AlbedoRecord.of(
             item.fit,
             planet=item.light.name,
+            log10_mh=item.fit.median("log10_mh"),
+            log10_fsed=item.fit.median("log10_fsed"),
             log10_mh_interval=list(item.fit.interval("log10_mh")),
             log10_fsed_interval=list(item.fit.interval("log10_fsed")),
+            best_fit=[item.fit.log10_mh, item.fit.log10_fsed],
         )
         for item in fitted
     ]
