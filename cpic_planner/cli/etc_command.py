@@ -58,8 +58,8 @@ def etc(
     drift or contrast alone would do.
 
     The name of a known planet ("eps Eri b") asks about it: the answer is for the medians of its separation and
-    contrast at --date, and range says what the errors of orbit and size leave open: 16 to 84 % of their draws. It is
-    looked for at its place unless --search says otherwise.
+    contrast at --date, and range says what the errors of orbit and size leave open: median and 16 to 84 % of
+    their draws. It is looked for at its place unless --search says otherwise.
 
     Under the table stands what its headings mean, and in two sentences what is detected and what is missing;
     --explain says the rest.

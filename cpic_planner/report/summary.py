@@ -105,6 +105,8 @@ def velocities_sentence(rank: results.RankResult, first: int) -> str:
 
 def calibration_sentence(result: results.ImagedResult) -> str:
     """Return predicted over recovered SNR and what it says; a bias is named only beyond two standard errors."""
+    if not any(result.calibration.get(name) for name in ("n_bands", "n_faint")):
+        return "No band was measured, so prediction and measurement could not be compared."
     return sentence(result.calibration_text)
 
 

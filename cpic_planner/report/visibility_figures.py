@@ -47,7 +47,7 @@ def known_figure(result: KnownResult) -> Figure:
         axes.set(ylim=(0.0, highest), ylabel="projected separation (arcsec)", xlim=_ends(rows))
         date_axis(axes, minticks=5, maxticks=None)
         axes.grid(visible=True)
-        figure.legend(loc="outside lower center", ncols=3, fontsize=9, columnspacing=1.6)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=3, fontsize=9, columnspacing=1.6)
         stars = ", ".join(dict.fromkeys(pretty_name(row.star) for row in rows))
         figure.suptitle(literal(f"Known planets of {stars}: median, and 68 % of the draws"), fontsize=11)
         figure.draw_without_rendering()
