@@ -192,7 +192,8 @@ def _column_cells(
     unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
     legend = column.look.meaning.partition(";")[0] if column.look.short and column.right else ""
     legend = legend.removesuffix(f", {column.unit}")  # the cells may be in another one
-    return Cells(column.heading, text, column.right, 0, column.label, unit, legend, fields, of)
+    heading = column.label if form in _WITH_UNIT and not column.look.short else column.heading
+    return Cells(heading, text, column.right, 0, column.label, unit, legend, fields, of)
 
 
 def _through(of: Callable[[Any], Any], text: Callable[[Any], Any]) -> Callable[[Any], Any]:

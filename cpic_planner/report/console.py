@@ -61,9 +61,9 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
         Cells("band", itemgetter(1), right=False, legend="→ marks the one to observe in", numbers=_BAND),
         *_measured_cells(MEASURED.format(more=""), itemgetter(2), plan.reference_library),
     ]
-    title = (
-        f"Confirmed by simulated images: {counted(len(plan.targets), 'target')}, {plan.realisations} realisations each"
-    )
+    found = sum(any(band.detected for band in target.bands) for target in plan.targets)
+    of = f"{found} of {counted(len(plan.targets), 'target')}"
+    title = f"Confirmed by simulated images: {of}, {counted(plan.realisations, 'realisation')} each"
     print_table(console, title, cells, rows, legend=not full)
     tables.explain_symbols(console, [row[2].status for row in rows if row[2].status != "ok"])
     bands = [band for target in plan.targets for band in target.bands]
@@ -178,10 +178,10 @@ def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool
     layout = f"{'planet ' * several}band {MEASURED.format(more=' true_contrast/7 recovered_contrast/2')}"
     cells = _measured_cells(layout, lambda item: item, result.reference_library)
     rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
-    title = f"{result.scene}: confirmed by simulated images, {counted(result.realisations, 'realisation')} a band"
     if not rows:
         print_plain(console, f"{result.scene}: no planet, {LIBRARIES[result.reference_library].searched}", bold=True)
     else:
+        title = f"{result.scene}: {summary.outcome_text(rows)}, {counted(result.realisations, 'realisation')} a band"
         print_table(console, title, cells, rows, explained=True, legend=not full)
     for item in result.bands if full else ():
         if item.audit is not None:

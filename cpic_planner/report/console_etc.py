@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from cpic_planner.queries import EtcQuestion
 
 
-_ENDS = ("low", "high")
+_ENDS = ("median", "low", "high")
 _SENTENCES = 2
 """Most sentences under a table."""
 _QUESTION = {"exposure_time": "wall time", "signal_to_noise": "SNR", "contrast_limit": "contrast limit"}
@@ -148,8 +148,8 @@ def _range_text(row: EtcAnswer) -> str:
     look = row.known_planet
     if look is None or not look.value.answered_share:
         return MISSING
-    low, high = (_value_text(row, value) for value in (look.value.low, look.value.high))
-    return f"{low} to {high}"
+    middle, low, high = (_value_text(row, getattr(look.value, end)) for end in _ENDS)
+    return f"{middle} ({low} to {high})"
 
 
 def _about_text(result: EtcResult) -> str:
@@ -363,7 +363,8 @@ ANSWER = Cells("answer", _answer, fields=("value", "unit"))
 _RANGE = Cells(
     "range",
     _range_text,
-    legend="16 to 84 % of what the errors of place and light leave open",
+    legend="median, and 16 to 84 %, of what the errors of place and light leave open: the answer is that of the median "
+    "place and light, which may lie elsewhere",
     fields=tuple(f"known_planet.{name}.{end}" for name in ("value", "separation_arcsec", "contrast") for end in _ENDS),
 )
 _SNR = Cells(

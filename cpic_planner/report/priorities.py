@@ -13,6 +13,7 @@ from cpic_planner.report.numbers import (
     MISSING,
     contrast_text,
     count_text,
+    decimals,
     duration_text,
     pretty_name,
     significant,
@@ -197,17 +198,21 @@ def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.Ran
     )
     title = f"The same stars under {count_text(ensemble.n_instruments)} instruments that fit what is known"
     print_table(console, title, cells, shown)
-    bars = row_cells(
-        results.EnsembleBar,
-        "label low high planets_low planets_high n_reachable_low/1 n_reachable_high/1 tau_low/2 tau_high/2",
-    )
+    bars = [
+        *row_cells(results.EnsembleBar, "label"),
+        Cells("values, 5 to 95 %", lambda bar: f"{bar.low} to {bar.high}", right=False),
+        Cells("planets", lambda bar: f"{significant(bar.planets_low, 2)} to {significant(bar.planets_high, 2)}"),
+        Cells("stars detected", lambda bar: f"{bar.n_reachable_low} to {bar.n_reachable_high}"),
+        Cells("tau", lambda bar: f"{decimals(bar.tau_low, 2)} to {decimals(bar.tau_high, 2)}", gives_way=1),
+    ]
     title = "What the expected planets of one observation of every star hang on, one number at a time"
     print_table(console, title, bars, ensemble.bars[:N_BARS])
     print_plain(console, ensemble.statement)
     print_note(
         console,
-        f"low, high: values, or factors on the instrument asked, that 5 and 95 % of what each number may be are below; "
-        f"with all numbers as asked {ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars. "
+        "Values, or factors on the instrument asked, that 5 and 95 % of what each number may be are below; planets, "
+        "stars whose reference planet is detected, and Kendall's tau of the order of the first ten at these two; with "
+        f"all numbers as asked {ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars. "
         f"All {count_text(ensemble.n_instruments)} instruments rank {count_text(ensemble.n_stars)} stars; of the "
         "others none has its reference planet detected under the few that rank all. Ensemble "
         f"{ensemble.name}, seed {ensemble.seed}.",

@@ -322,8 +322,8 @@ def _detection(rule: Mapping[str, Any]) -> str:
     )
     return (
         f"{text}. Measured on images: half of the planets are found where predicted significance over threshold is "
-        f"{half if rule['rule'] == 'blind' else law['known']}; recovered over predicted SNR is "
-        f"{rule['calibration']:g} ± {rule['calibration_error']:g}. These errors are drawn anew in each universe"
+        f"{half if rule['rule'] == 'blind' else law['known']}; predicted over recovered SNR is "
+        f"{1.0 / rule['calibration']:.3f} ± {rule['calibration_error'] / rule['calibration'] ** 2:.3f}. These errors are drawn anew in each universe"
     )
 
 

@@ -190,9 +190,9 @@ def status_text(status: str) -> str:
     return _spelled({}, status)
 
 
-def verdict_text(verdict: str | None, status: str) -> str:
-    """Return a verdict as words; the status where there is none."""
-    return status_text(status) if verdict is None else _spelled(VERDICTS, verdict)
+def verdict_text(verdict: str | None, status: str = "") -> str:
+    """Return a verdict, or the status where there is none, as words."""
+    return _spelled(VERDICTS, status if verdict is None else verdict)
 
 
 def reason_text(reason: str) -> str:

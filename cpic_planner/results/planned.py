@@ -99,8 +99,8 @@ class BandConfirmation(Row):
     predicted_detection_probability: float | None = None
     predicted_detection_probability_known_place: float | None = None
     etc_ratio: float | None = optional(
-        "predicted over recovered SNR: above 1 is optimistic",
-        label="predicted / recovered SNR",
+        "predicted over recovered SNR: above 1 is optimistic; null where the planet is missed or too faint to tell",
+        label="predicted over recovered SNR",
         short="pred/rec",
         format=".2f ± .2f",
     )
@@ -137,7 +137,8 @@ class BandConfirmation(Row):
         label="threshold of the search",
     )
     n_significant: int | None = optional(
-        "realisations whose significance at the known place reaches the threshold",
+        "realisations whose significance at the known place reaches the threshold: another statistic with another "
+        "threshold than those of the search, which decides",
         label="significant at the known place",
     )
     false_detections: int | None = optional(
@@ -204,10 +205,12 @@ class ImagedResult(RunResult):
         default_factory=dict, description="what is altered in the images alone; predictions keep the nominal instrument"
     )
     calibration: dict[str, float | int | None] = Field(
-        description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
+        description="etc_ratio: mean of predicted over recovered SNR over bands that tell, and etc_ratio_error, 1 "
+        "sigma; null where no band tells; etc_ratio_least: where planets are missed, the ratio that is exceeded; "
+        "n_bands: bands that tell; n_faint: bands left out because they are too faint to measure the ETC by"
     )
     calibration_text: str = Field(
-        default="", description="the same in words: whether the ETC is optimistic, by how much"
+        default="", description="the same in words: whether the ETC is optimistic or pessimistic, and by how much"
     )
     not_modelled: list[str] = Field(
         description="effects that neither the prediction nor the images contain, but for an audited realisation"
@@ -368,13 +371,18 @@ class AlbedoRecord(Row):
     planet: str
     bands: list[str]
     status: Literal["constrained", "not_constrained", "degenerate"]
-    log10_mh: float = Field(description="best fit")
-    log10_fsed: float = Field(description="best fit")
+    log10_mh: float = Field(description="median of the posterior, clouds integrated over")
+    log10_fsed: float = Field(description="median of the posterior, metallicity integrated over")
+    best_fit: list[float] = Field(
+        default_factory=list,
+        description="log10_mh and log10_fsed of the least chi2, for which chi2 is stated: of both together, so that one "
+        "of them may lie outside its interval; empty in older results",
+    )
     mean: list[float] = Field(description="of the posterior: log10_mh, log10_fsed")
     covariance: list[list[float]]
     correlation: float
-    log10_mh_interval: list[float] = Field(description="68 %")
-    log10_fsed_interval: list[float] = Field(description="68 %")
+    log10_mh_interval: list[float] = Field(description="central 68 % around the median")
+    log10_fsed_interval: list[float] = Field(description="central 68 % around the median")
     chi2: float
     degrees_of_freedom: int
     p_value: float | None

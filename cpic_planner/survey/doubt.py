@@ -306,9 +306,10 @@ def statement(
         text = f"no other plan finds more, whatever {key} is"
     same = (safe.strategy, safe.planned_for) == (most.strategy, most.planned_for)
     who = "it" if same else called(most)
+    over = choice.mean[choice.expected]  # all values: the mean by weights lies between, which 5 and 95 % need not do
     return (
         f"A cautious team takes {called(safe)}: {text}. By the weights of the values {who} finds most, "
-        f"{most.planets:.2f} {what} a survey ({most.low:.2f} to {most.high:.2f} over the values). To know {key} before "
+        f"{most.planets:.2f} {what} a survey ({over.min():.2f} to {over.max():.2f} over the values). To know {key} before "
         f"the choice is worth {knowing.mean:.3f} {what} a survey (90 % interval {knowing.low:.3f} to "
         f"{knowing.high:.3f})."
     )

@@ -16,6 +16,7 @@ from cpic_planner.validation.confirm import confirm_task as confirm_task, decode
 from cpic_planner.validation.detection import BlindSearch as BlindSearch, Candidate as Candidate
 from cpic_planner.validation.findings import (
     PREDICTION_ERROR as PREDICTION_ERROR,
+    Calibration as Calibration,
     FittedAlbedo as FittedAlbedo,
     albedo_fits as albedo_fits,
     albedo_records as albedo_records,

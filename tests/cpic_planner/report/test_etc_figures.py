@@ -132,12 +132,11 @@ def test_names_and_folders_of_figures(refused, rank, tmp_path):
 
 def test_bars_of_the_ranking(rank):
     left, right = rank_figure(rank, 5).axes
-    assert [bar.get_width() for bar in left.patches] == pytest.approx(
-        [100 * row.completeness for row in rank.targets[:5]]
-    )
+    assert [bar.get_width() for bar in left.patches] == pytest.approx([row.score for row in rank.targets[:5]])
+    assert left.get_xlabel() == "completeness per hour (1/h)"
     names = [label.get_text() for label in left.get_yticklabels()]
     assert names[0] == "1  α Cen B"
-    points = {x for line in right.lines[:-1] for x in np.atleast_1d(line.get_xdata())}
+    points = {x for line in right.lines for x in np.atleast_1d(line.get_xdata())}
     assert {row.detection_margin for row in rank.targets[:5]} <= points
 
 
@@ -145,7 +144,7 @@ def test_bars_of_the_ranking(rank):
 def test_as_many_stars_are_drawn_as_asked_for_and_their_names_can_be_read(rank, asked, drawn):
     many = rank.model_copy(update={"targets": rank.targets * 6})
     figure = rank_figure(many, asked)
-    assert figure.get_suptitle().startswith(f"first {drawn} of {len(many.targets)} stars")
+    assert figure.get_suptitle().startswith(f"First {drawn} of {len(many.targets)} stars")
     boxes = [label.get_window_extent() for label in figure.axes[0].get_yticklabels()]
     assert len(boxes) == drawn
     assert all(lower.y1 <= upper.y0 for upper, lower in itertools.pairwise(boxes))

@@ -208,7 +208,7 @@ def drawn_words(picture):
 def test_recovered_snr_has_the_error_of_its_mean_and_the_mean_ratio_its_band(plan):
     words = drawn_words(snr_figure(plan))
     assert "recovered = predicted" in words
-    assert any("0.97 ± 0.04" in word for word in words)
+    assert any("predicted over recovered" in word and "1.03 ± 0.04" in word for word in words)
     assert snr_figure(plan).caption.startswith(
         "Each symbol is one planet in one band: the mean of up to 8 realisations"
     )
