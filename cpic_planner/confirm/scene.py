@@ -168,8 +168,11 @@ def _work(config: ConfirmQuestion) -> _Work:
         )
         answers = refusals_of(task)
         refused += answers
-        if not answers:
-            tasks.append(task)
+        hidden = {answer.planet for answer in answers}
+        left = [number for number, name in enumerate(task.planets) if name not in hidden]
+        if left or not answers:
+            kept = {key: [getattr(task, key)[number] for number in left] for key in ("planets", "predictions")}
+            tasks.append(replace(task, **kept))
     return _Work(model, tasks, refused)
 
 
@@ -202,8 +205,8 @@ def _frames(
 
 def _inside(metrics: PsfMetrics, planet: Source) -> bool:
     """Return whether the aperture lies in the dark hole."""
-    y, x = np.array([planet.y_arcsec]), np.array([planet.x_arcsec])
-    return bool(metrics.zone.covers(y, x, -metrics.aperture_radius_arcsec)[0, 0])
+    place = np.array(planet.x_arcsec), np.array(planet.y_arcsec)
+    return bool(metrics.zone.contains(*place, metrics.aperture_radius_arcsec))
 
 
 def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:

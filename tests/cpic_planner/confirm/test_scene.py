@@ -11,7 +11,14 @@ from cpic_core import InputError, dump_json
 from cpic_planner.cli.main import main
 from cpic_planner.confirm import confirm_job, confirm_scene, scene_target
 from cpic_planner.confirm.scene import _work
-from cpic_planner.etc import aperture_rates, build_model, planet_offsets, reference_distance_au
+from cpic_planner.etc import (
+    aperture_rates,
+    build_model,
+    contrast_limit,
+    planet_offsets,
+    reference_distance_au,
+    usable_range_arcsec,
+)
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
 from cpic_planner.results import BandConfirmation, ConfirmResult
@@ -235,6 +242,42 @@ def test_all_stars_of_a_scene_count():
         assert min(rates[band].companion_e_s.item() for rates in (one, two, three)) > 0.0
 
 
+@pytest.mark.parametrize("band", LIT.visible_bands())
+def test_images_are_made_where_the_calculator_answers(band):
+    """From corner to corner; what it refuses, the dry run and the run refuse too, and for the same reason."""
+    model, (star, _) = build_model(LIT, [band]), find_target("tau Cet")
+    inner, outer = usable_range_arcsec(LIT, band)
+    for separation in (inner - 0.01, inner, inner + 0.015, outer - 1e-3, outer, outer + 0.01):
+        (answer,) = contrast_limit(model, star, time_s=1e4, separation_arcsec=separation)
+        work = _work(config({"name": "edge", "cstar": STAR, "planets": [planet("b", separation, 315)]}, bands=(band,)))
+        assert [task.planets for task in work.tasks] == [["b"] if answer.status == "ok" else []]
+        assert [(one.status, one.reason) for one in work.refused] == (
+            [] if answer.status == "ok" else [(answer.status, answer.reason)]
+        )
+
+
+def test_a_planet_at_the_inner_corner_is_measured():
+    inner, _ = usable_range_arcsec(LIT, "F520")
+    frames = {"exposure_s": 4.0, "n_frames": 20, "realisations": 1}
+    (band,) = confirm_scene(
+        config({"name": "edge", "cstar": STAR, "planets": [planet("b", inner, 315)]}, **frames)
+    ).result.bands
+    assert (band.status, band.n_background_apertures) == ("ok", 3)
+    assert band.recovered_snr > 0.0
+
+
+def test_planets_that_images_cannot_show_are_told_without_images():
+    """One planet of two: the other is measured. Images of another telescope may show less than the nominal one's."""
+    bodies = [planet("b", 0.30, 315), planet("c", 0.6, 135)]
+    hidden = {"entries": [{"key": "coronagraph.inner_arcsec.F520", "action": "set", "value": 0.31}]}
+    work = _work(config({"name": "two", "cstar": STAR, "planets": bodies}, simulator_overrides=hidden))
+    assert [task.planets for task in work.tasks] == [["c"]]
+    assert [len(task.predictions) for task in work.tasks] == [1]
+    assert [(one.planet, one.status, one.reason) for one in work.refused] == [
+        ("b", "outside_field", "inside_inner_edge")
+    ]
+
+
 def test_the_hash_is_that_of_what_decides():
     scene = {"name": "s", "cstar": STAR}
     assert confirm_job(config(scene)).digest == confirm_job(config(scene)).digest
@@ -305,18 +348,18 @@ def test_overrides_alter_the_images_alone(finished):
     assert result.bands[0].predicted_snr >= nominal.predicted_snr
 
 
-@pytest.mark.parametrize(("pa_deg", "draw"), [(331, "sums"), (333, "frames")])
-def test_a_planet_that_one_of_two_rolls_hides_has_an_answer(pa_deg, draw):
-    """Beside the cross it stands behind it at one roll: nothing to measure there, and it says so."""
+@pytest.mark.parametrize("pa_deg", [331, 333])
+def test_a_planet_that_one_of_two_rolls_hides_has_an_answer(pa_deg):
+    """Beside the cross it stands behind it at one roll: nothing to measure there, and it says so without images."""
     planets = [planet("b", 0.6, 315), planet("c", 0.6, pa_deg)]
     scene = {"name": "rolls", "cstar": STAR | {"v_mag": 4.0}, "planets": planets}
     rolls = Strategy(library="roll", roll_deg=24.0)
     settings = {"strategy": rolls, "realisations": 1, "n_frames": 10, "fidelity": "quick"}
     shown, hidden = confirm_scene(config(scene, **settings)).result.bands
-    assert (shown.planet, shown.status, shown.drawn_as) == ("b", "ok", draw)
-    assert (hidden.planet, hidden.status, hidden.reason) == ("c", "unreachable", "inside_inner_edge")
+    assert (shown.planet, shown.status, shown.drawn_as) == ("b", "ok", "sums")
+    assert (hidden.planet, hidden.status, hidden.reason) == ("c", "outside_field", "inside_inner_edge")
     assert "at one of the two rolls" in hidden.message
-    assert (hidden.verdict, hidden.detected, hidden.drawn_as) == ("not observed", False, draw)
+    assert (hidden.verdict, hidden.detected, hidden.drawn_as) == ("not observed", None, None)
     assert hidden.recovered_snr is None
     assert hidden.predicted_snr > 0
 
