@@ -105,41 +105,33 @@ def _result(config: ConfirmQuestion, work: _Work, digest: str, bodies: Sequence[
 
 
 def scene_target(scene: Scene) -> Targets:
-    """Return the central star of a scene as a target, its nearest companion included.
+    """Return the central star of a scene as a target, with the light of all stars of the scene.
 
     Notes
     -----
-    Parameters that a spectral type implies are those of the images; a star whose spectrum is a file or a table is
-    taken as a model of its effective temperature (the Sun's where none is given), of its V magnitude.
+    Temperature, gravity and metallicity are those of the images; where its spectrum is a file or a table that states
+    none, the Sun's.
     """
     star = scene.cstar
     parameters = LitStar(star, "scene.cstar").spectrum
-    near = [other for other in scene.stars if other.companion and other.separation_arcsec is not None]
-    companion = min(near, key=lambda other: other.separation_arcsec or 0.0, default=None)
 
     def number(value: float | None, default: float = math.nan) -> Any:
         return np.array([default if value is None else value])
 
-    teff = number(parameters.teff_k, 5772.0)
+    columns = ("ra_deg", "dec_deg", "distance_pc", "v_mag", "luminosity_lsun")
+    companion = ("separation_arcsec", "pa_deg", "position_error_arcsec", "v_mag", "teff_k")
     return Targets(
         name=np.array([scene.name]),
         hip=np.array([0]),
-        ra_deg=number(star.ra_deg),
-        dec_deg=number(star.dec_deg),
-        distance_pc=number(star.distance_pc),
-        v_mag=number(star.v_mag),
         sp_type=np.array([star.spectral_type or ""]),
-        teff_k=teff,
+        teff_k=number(parameters.teff_k, 5772.0),
         log_g=number(parameters.log_g, 4.4),
         metallicity=number(parameters.metallicity, 0.0),
-        luminosity_lsun=number(star.luminosity_lsun),
-        companion_separation_arcsec=number(companion.separation_arcsec if companion else None),
-        companion_pa_deg=number(companion.pa_deg if companion else None),
-        companion_position_error_arcsec=number(None),
-        companion_v_mag=number(companion.v_mag if companion else None),
-        companion_teff_k=number(companion.teff_k, float(teff[0])) if companion else number(None),
+        **{name: number(getattr(star, name)) for name in columns},
+        **{f"companion_{name}": number(None) for name in companion},
         flags=((),),
         companions=scene.companions,
+        scene=scene,
     )
 
 
@@ -176,8 +168,11 @@ def _work(config: ConfirmQuestion) -> _Work:
         )
         answers = refusals_of(task)
         refused += answers
-        if not answers:
-            tasks.append(task)
+        hidden = {answer.planet for answer in answers}
+        left = [number for number, name in enumerate(task.planets) if name not in hidden]
+        if left or not answers:
+            kept = {key: [getattr(task, key)[number] for number in left] for key in ("planets", "predictions")}
+            tasks.append(replace(task, **kept))
     return _Work(model, tasks, refused)
 
 
@@ -210,8 +205,8 @@ def _frames(
 
 def _inside(metrics: PsfMetrics, planet: Source) -> bool:
     """Return whether the aperture lies in the dark hole."""
-    y, x = np.array([planet.y_arcsec]), np.array([planet.x_arcsec])
-    return bool(metrics.zone.covers(y, x, -metrics.aperture_radius_arcsec)[0, 0])
+    place = np.array(planet.x_arcsec), np.array(planet.y_arcsec)
+    return bool(metrics.zone.contains(*place, metrics.aperture_radius_arcsec))
 
 
 def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:

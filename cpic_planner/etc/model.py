@@ -329,7 +329,7 @@ def diagonal(zone: Zone, separation_arcsec: Any) -> tuple[Any, Any]:
 
 
 def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
-    """Return the diagonal separations at which the whole photometric aperture lies in a band's controlled zone.
+    """Return the closest and the farthest separation, on the diagonal, whose aperture lies in a band's dark hole.
 
     Parameters
     ----------
@@ -371,10 +371,10 @@ def place_status(model: EtcModel, band: str, separation_arcsec: float) -> tuple[
     where = "ring" if zone.mode == "ring" else beside
     place = f"{separation_arcsec:.3f} arcsec"
     if separation_arcsec < inner * (1.0 - 1e-9):
-        text = f"{place}: the aperture leaves the dark hole of {band} inside {inner:.3f} arcsec ({where})"
+        text = f"{place}: the aperture leaves the dark hole of {band}; closest separation {inner:.3f} arcsec ({where})"
         return Status.OUTSIDE_FIELD, Reason.INSIDE_INNER_EDGE, text
     if separation_arcsec > outer * (1.0 + 1e-9):
-        text = f"{place}: the aperture leaves the dark hole of {band} outside {outer:.3f} arcsec ({where})"
+        text = f"{place}: the aperture leaves the dark hole of {band}; farthest separation {outer:.3f} arcsec ({where})"
         return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
     if len(rolls) > 1:
         least = 2.0 * instrument.aperture_radius_arcsec(band)

@@ -168,7 +168,8 @@ class Reduction(FrozenModel):
     annulus_lambda_d: float = asked(
         1.5,
         "Half width of the annulus around the planet's separation whose apertures measure background and scatter: the "
-        "speckle residual changes too much across the hole for one value.",
+        "speckle residual changes too much across the hole for one value. It is widened where it has no room for three "
+        "apertures.",
         gt=0,
         le=20,
     )

@@ -7,17 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, Reason
+from cpic_core import FloatArray, Reason, Status
 from cpic_planner.queries import Strategy
 from cpic_planner.results import AuditRecord, BandConfirmation
 from cpic_planner.validation import findings
 from cpic_planner.validation.astrometry import Astrometry
+from cpic_planner.validation.libraries import library_plan
 from cpic_planner.validation.measure import Measurement
 from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStatistics
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.task import ConfirmTask
-from simulator.config import validate
+from cpic_planner.validation.templates import obstacle, planet_places
+from simulator.config import Instrument, Scene, validate
+from simulator.imaging import BandGeometry
 
 AT_KNOWN_PLACE = "seen at its known place, not confirmed blind"
 _ADVICE = {
@@ -183,47 +186,39 @@ def cut_off(seen: Evidence, number: int) -> BandConfirmation:
     )
 
 
-def not_shown(seen: Evidence, number: int, reason: Reason, message: str) -> BandConfirmation:
-    """Return the answer where a planet cannot be measured whatever the frames hold.
-
-    Parameters
-    ----------
-    seen : Evidence
-    number : int
-        Of the planet among those of the task.
-    reason, message
-        As `cpic_planner.validation.templates.obstacle` says.
-    """
-    return BandConfirmation(
-        **_asked(seen.task, number),
-        status="unreachable",
-        reason=reason.value,
-        message=message,
-        modelled=seen.modelling.record(),
-        drawn_as=seen.modelling.draw,
-        detected=False,
-        verdict="not observed",
-    )
-
-
 def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
-    """Return the answers of a task whose tier is not good enough for its scene, one a planet; empty where it is."""
+    """Return the answers for planets of a task that need no image.
+
+    All of them where the tier is not good enough for the scene; those that images cannot show; none where all can be
+    measured.
+    """
     modelling = modelling_of(task)
-    refused = modelling.outcome
-    if refused.value is not None:
-        return []
-    answers = []
-    for number in range(len(task.planets)):
-        answer = BandConfirmation(
+    if modelling.outcome.value is None:
+        why = modelling.outcome.status, modelling.outcome.reason
+        text = f"{modelling.outcome.message}: {_ADVICE[modelling.dial.fidelity]}"
+        reasons = dict.fromkeys(range(len(task.planets)), (*why, text, "not modelled"))
+    else:
+        reasons = {}
+        strategy = validate(Strategy, task.strategy, where="strategy")
+        instrument = validate(Instrument, task.simulator, where="instrument")
+        scene = modelling.scene(validate(Scene, task.scene, where="scene"))
+        plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
+        geometry = BandGeometry.of(instrument, task.band, modelling.knobs.stamp_pixels)
+        for number, place in enumerate(planet_places(plan, instrument, task, geometry, strategy)):
+            if (hidden := obstacle(place, geometry, strategy)) is not None:
+                few = hidden[0] is Reason.TOO_FEW_ELEMENTS
+                reasons[number] = (Status.UNREACHABLE if few else Status.OUTSIDE_FIELD, *hidden, "not observed")
+    return [
+        BandConfirmation(
             **(_asked(task, number) | {"image": None}),
-            status=refused.status.value,
-            reason=refused.reason.value,
-            message=f"{refused.message}: {_ADVICE[modelling.dial.fidelity]}",
+            status=status.value,
+            reason=reason.value,
+            message=message,
             modelled=modelling.record(),
-            verdict="not modelled",
+            verdict=verdict,
         )
-        answers.append(answer)
-    return answers
+        for number, (status, reason, message, verdict) in reasons.items()
+    ]
 
 
 def _predicted(task: ConfirmTask, expected: dict[str, Any]) -> tuple[bool, str]:

@@ -232,7 +232,7 @@ def scene_light(
         whole_e_s, open_pixels = sources[i].rate_e_s, metrics.aperture_pixels
         if weights.size:
             open_pixels = float((weights * open_map[place]).sum())
-        inside = metrics.zone.covers(np.array([y]), np.array([x]), -metrics.aperture_radius_arcsec)[0, 0]
+        inside = metrics.zone.contains(np.array(x), np.array(y), metrics.aperture_radius_arcsec)
         planets.append(
             PlanetPlace(
                 name=sources[i].name,
