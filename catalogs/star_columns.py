@@ -7,7 +7,8 @@ import math
 import re
 from dataclasses import replace
 
-from catalogs.stellar_physics import is_giant, luminosity_class
+from catalogs.spectral_types import is_composite, luminosity_class
+from catalogs.stellar_physics import is_giant
 from catalogs.table_cells import Column, Columns
 
 
@@ -176,7 +177,7 @@ def type_flags(sp_type: str, object_type: str, simbad_id: str) -> set[str]:
     checks = {
         "giant": is_giant(sp_type),
         "no_class": not luminosity_class(sp_type),
-        "composite_spectrum": "+" in sp_type[1:] and not re.search(r"\+\d", sp_type),
+        "composite_spectrum": is_composite(sp_type),
         "peculiar": bool(re.search(r"p|m", sp_type[1:])),
         "variable": object_type in _VARIABLE_TYPES.split() or simbad_id.startswith("V*"),
         "spectroscopic_binary": object_type in _BINARY_TYPES.split(),
