@@ -109,7 +109,7 @@ def _with_file(base: str, name: str) -> KnownPlanetTable:
     file = read_bytes(name, key="known_planets", presets=PRESETS)
     raw = parse_table(file)
     own, notes = _rows_of_file(raw)
-    about = f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]})"
+    about = f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]}{raw.shortened})"
     below: Sequence[Row] = ()
     if base != "none":
         below, table = _base(base)
