@@ -199,7 +199,17 @@ def test_refusals_name_what_the_reader_wrote(refused):
 
 @pytest.mark.parametrize(
     "name",
-    ["stars.txt", "stars.parquet", "time_s.txt", "bands", "band.csv", "catalog", "catalog.dat", "instrument.csv", "date.txt"],
+    [
+        "stars.txt",
+        "stars.parquet",
+        "time_s.txt",
+        "bands",
+        "band.csv",
+        "catalog",
+        "catalog.dat",
+        "instrument.csv",
+        "date.txt",
+    ],
 )
 @pytest.mark.parametrize(
     ("content", "said"),
