@@ -36,6 +36,19 @@ def _error(name: str, unit: str, high: float, aliases: str) -> Column:
     return _float(name, unit, (0.0, high), aliases, "its error")
 
 
+LOOKALIKES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "period_days": (r"(?<!rot)(?<!rotation)period|orbper", ()),
+    "msini_mjup": (r"sini|min(?:imum)?mass", ("best_mass_mjup",)),
+    "best_mass_kind": (r"mass(?:detection|measurement)?(?:type|method|prov|kind)", ("msini_mjup",)),
+    "semi_major_axis_au": (r"axis|orbsmax|^sma", ()),
+    "eccentricity": (r"^ecc|orbecc", ()),
+    "omega_star_deg": (r"^arg\w*p|^aop$|orblper|lon\w*peri|^w$", ("omega_planet_deg",)),
+    "inclination_deg": (r"^incl?|orbincl", ()),
+    "node_deg": (r"^raan$|^lan$|node", ()),
+    "periastron_jd": (r"tper|time\w*peri", ("conjunction_jd",)),
+    "conjunction_jd": (r"tconj|tranmid|time\w*conj", ("periastron_jd",)),
+}
+"""Headings that look like those of a column and are none of its names, and columns that say the same instead of it."""
 COLUMNS = Columns(
     _text("star", "hostname plhostname host starname", "name of the star"),
     _text("planet", "planetname plname name", "name of the planet, unique"),
@@ -77,10 +90,10 @@ COLUMNS = Columns(
     _error("inclination_err_deg", "deg", 180.0, "ierr incerr inclinationerr plorbinclerr1"),
     _angle(
         "node_deg",
-        "node bigomega ascendingnode",
+        "node bigomega ascendingnode Omega",
         "position angle of the node where the planet moves away from the observer, east of north",
     ),
-    _error("node_err_deg", "deg", 360.0, "nodeerr"),
+    _error("node_err_deg", "deg", 360.0, "nodeerr Omegaerr"),
     _float("radius_rjup", "jupiterRad", (0.001, 10.0), "radius plradj rp", "radius"),
     _error("radius_err_rjup", "jupiterRad", 10.0, "radiuserr plradjerr1"),
     _float("star_mass_msun", "solMass", (0.01, 100.0), "starmass stmass", "mass of the star that the reference takes"),
@@ -108,6 +121,11 @@ COLUMNS = Columns(
     _text("status_reference", "", "where the status was published, if not where the orbit was"),
     _text("updated", "", "date on which the row was last changed"),
     _text("note", "", "a remark on the planet"),
+    cased={
+        "omega": "omega_star_deg, omega_planet_deg or node_deg",
+        "omegaerr": "omega_err_deg or node_err_deg",
+        "m": "mass_mjup, msini_mjup or star_mass_msun",
+    },
 )
 """Every column by its name, in the order of the shipped file."""
 STANDING = ("status", "status_reference", "updated", "note")

@@ -15,6 +15,7 @@ import csv
 import functools
 import hashlib
 import math
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from catalogs.known_planet_columns import (
     COLUMNS,
     FLAGS,
     GIVEN_FLAGS,
+    LOOKALIKES,
     STANDING,
     STATUSES,
     flags_of,
@@ -39,7 +41,7 @@ from catalogs.known_planet_table import (
     star_key as star_key,
     table_of,
 )
-from catalogs.table_cells import Row, Rows, read_rows
+from catalogs.table_cells import Row, Rows, heading, read_rows
 from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
 from cpic_core import InputError, NDArray, check_flag
 
@@ -56,6 +58,7 @@ PRESETS = "snapshot, archive_2019, latest"
 """Those that need no file, for messages."""
 _DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
+_EDGE_ON = 0.99
 _SHOWN = 6
 _LABEL = "the table of known planets"
 _SOLUTIONS = "solutions"
@@ -109,7 +112,9 @@ def _with_file(base: str, name: str) -> KnownPlanetTable:
     file = read_bytes(name, key="known_planets", presets=PRESETS)
     raw = parse_table(file)
     own, notes = _rows_of_file(raw)
-    about = f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]})"
+    about = (
+        f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]}{raw.shortened})"
+    )
     below: Sequence[Row] = ()
     if base != "none":
         below, table = _base(base)
@@ -290,10 +295,11 @@ def _rows_of_file(raw: RawTable) -> tuple[list[Row], tuple[str, ...]]:
     InputError
         If a column or cell is missing or out of range, or a planet is there twice without weights.
     """
-    with_status = any(column.name == "status" for item in raw.columns if (column := COLUMNS.meant_by(item.heading)[0]))
+    with_status = any(heading(item.heading) in ("status", *COLUMNS["status"].headings) for item in raw.columns)
     given = read_rows(raw, COLUMNS, _NAMED if with_status else (*_NAMED, *_REQUIRED), about="planet")
     if "omega_star_deg" in given.headings and "omega_planet_deg" in given.headings:
         raise InputError(f"{raw.name} columns", "omega_star_deg and omega_planet_deg", allowed="one of the two")
+    _refuse_lookalikes(raw, given)
     rows = [_user_row(row, where, given) for where, row in given]
     unweighted = {_key(row) for _, row in given if "solution_weight" not in row}
     given.refuse_twins(
@@ -301,6 +307,20 @@ def _rows_of_file(raw: RawTable) -> tuple[list[Row], tuple[str, ...]]:
         remedy="of an archive's solutions keep the default ones, or give each its reference and a solution_weight",
     )
     return _one_each(rows), given.notes
+
+
+def _refuse_lookalikes(raw: RawTable, given: Rows) -> None:
+    """Refuse a table that says more of an orbit or a mass than is understood: other columns would stand for it."""
+    read = set(given.headings)
+    unread = [item.heading for item in raw.columns if COLUMNS.meant_by(item.heading)[0] is None]
+    remedies = {}
+    for name, (pattern, instead) in LOOKALIKES.items():
+        found = [text for text in unread if re.search(pattern, heading(text)) and not re.match("st|sy", heading(text))]
+        if found and not read & {name, *instead}:
+            remedies[found[0]] = f"{found[0]} as {' or '.join((name, *instead))}"
+    if remedies:
+        hint = f"name {', '.join(remedies.values())}, or leave out what is not meant"
+        raise InputError(f"{raw.name} columns", ", ".join(remedies), allowed="headings that are understood", hint=hint)
 
 
 def _user_row(given: Row, where: str, table: Rows) -> Row:
@@ -333,6 +353,9 @@ def _user_row(given: Row, where: str, table: Rows) -> Row:
     }
     if "omega_planet_deg" in numbers:
         numbers["omega_star_deg"] = numbers.pop("omega_planet_deg") - 180.0
+    edge_on = math.sin(math.radians(numbers.get("inclination_deg", 0.0))) > _EDGE_ON
+    if not edge_on and numbers.get("mass_mjup") == numbers.get("msini_mjup"):  # as exoplanet.eu repeats it
+        numbers = {key: value for key, value in numbers.items() if key not in ("mass_mjup", "mass_err_mjup")}
     numbers, found = settle(numbers, texts.pop("best_mass_kind", ""), where)
     texts["reference"] = reference_text(texts.get("reference", ""))
     texts["flags"] = ";".join(flags_of(numbers, found + tuple(word for word in stated if word in GIVEN_FLAGS)))

@@ -70,6 +70,7 @@ from cpic_core.user_files import (
     bounded_fits as bounded_fits,
     digest_of as digest_of,
     file_state as file_state,
+    files_read as files_read,
     is_file as is_file,
     only_sent_files as only_sent_files,
     open_file as open_file,

@@ -5,6 +5,7 @@ The base of every question, and the names by which its refusals call its fields.
 
 import contextlib
 import functools
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from fnmatch import fnmatchcase
@@ -13,7 +14,7 @@ from typing import Any, ClassVar, Self
 
 from pydantic import ConfigDict
 
-from cpic_core import InputError, load_mapping
+from cpic_core import InputError, files_read, load_mapping
 from cpic_planner.queries.fields import Option, asked_of, group_of, options_of
 from simulator.config import FrozenModel, Instrument, content_hash, deep_merge, nearest, validate
 from simulator.config.scene import paths_beside
@@ -169,11 +170,14 @@ def called_by_option(model: type[FrozenModel]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def called_as(names: Mapping[str, str]) -> Iterator[None]:
-    """Let refusals name options by the fields that they are of; see `called_by_option`."""
+    """Let refusals name options by the fields that they are of; see `called_by_option`. Those about files stay."""
     token = _OPTIONS.set(names)
     try:
-        yield
+        with files_read() as files:
+            yield
     except InputError as error:
+        if any(re.match(rf"{re.escape(file)}(?![\w.])", error.key) for file in files):
+            raise
         key = error.key.rstrip(".0123456789").removeprefix("universe.")
         first, _, rest = key.partition(".")
         name = names.get(key) or (f"{names[first]} {rest}" if rest and first in names else "")

@@ -187,6 +187,7 @@ def test_user_bands(tmp_path):
         np.savetxt(tmp_path / f"{name}.txt", np.stack([wavelength, curve], axis=1), header="nm")
     band = {"camera": "VIS", "center_nm": 600, "width_nm": 20, "t_opt": 0.2, "qe": 0.9}
     filters = {name: band | {"transmission_file": str(tmp_path / f"{name}.txt")} for name in curves}
+    filters["skew"] |= {"center_nm": 603, "width_nm": 10}
     instrument = load_instrument(OFF | {"bands": {"mine": band} | filters})
     knobs = Knobs(stamp_pixels=65)
     mine, file, skewed = (
@@ -195,7 +196,8 @@ def test_user_bands(tmp_path):
     for psf in (mine, file, skewed):
         imager = psf.imager
         assert imager.weights.sum() == pytest.approx(1.0, rel=1e-12)
-        assert imager.lambda_d_arcsec == pytest.approx(600e-9 / 2 * 206264.806, rel=1e-8)
+        center_nm = instrument.bands[psf.band].center_nm
+        assert imager.lambda_d_arcsec == pytest.approx(center_nm * 1e-9 / 2 * 206264.806, rel=1e-8)
         assert psf.band in ("mine", "file", "skew")
     assert mine.off_axis.sum() == pytest.approx(file.off_axis.sum(), rel=1e-3)
     assert mine.off_axis.max() == pytest.approx(file.off_axis.max(), rel=2e-3)
