@@ -24,7 +24,7 @@ from cpic_planner.cli import (
     study_commands,
     upkeep_command,
 )
-from cpic_planner.cli.asking import late
+from cpic_planner.cli.asking import Commands, late
 from cpic_planner.cli.options import DIAL_HELP, OVERRIDES_HELP, error_line, version_text
 from cpic_planner.cli.progress import QuietOption, VerboseOption, heard, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
@@ -32,7 +32,7 @@ from cpic_planner.schemas import QUESTIONS
 EXIT_HELP = """Exit status: 0 an answer, an unreachable target or a planet that is not detected included; 1 a failure,
 or findings of cpic check; 2 a question that cannot be asked, with one line that says why; 3 no answer, or no detection,
 with --strict; 130 interrupted."""
-app = typer.Typer(
+app = Commands(
     name="cpic",
     help="Compute exposure times, plan surveys and simulate images for CPI-C, the coronagraph of the 2 m CSST.",
     epilog=f"{' '.join(EXIT_HELP.split())} cpic COMMAND --help says more.",
