@@ -23,6 +23,12 @@ from cpic_planner.results.ranked import RankedTarget
 from simulator.knobs import Quantity
 
 
+_CHOSEN_FOR = column(
+    "planet for which visits and frames of the band were chosen; empty where they were given, and in older results",
+    default="",
+)
+
+
 class AuditRecord(Row):
     """One realisation run frame by frame with every effect of the camera, calibrated, particles taken out."""
 
@@ -67,6 +73,8 @@ class BandConfirmation(Row):
     em_gain: float | None = None
     integration_s: float | None = optional("on source, all visits")
     time_s: float | None = optional("wall time of all visits")
+    unused_s: float | None = None
+    chosen_for: str = _CHOSEN_FOR
     realisations: int | None = optional("independent draws of drift and noise")
     drawn_as: Literal["sums", "frames"] | None = optional(
         "sums of frames over the hole, or every frame, where sums cannot stand for them"
@@ -323,8 +331,11 @@ class SearchRecord(Row):
 
     band: str
     exposure_s: float
-    n_frames: int
+    n_frames: int = column("science frames of a visit")
     em_gain: float
+    visits: int | None = None
+    unused_s: float | None = None
+    chosen_for: str = _CHOSEN_FOR
     realisations: int
     false_detections: int = Field(description="detections that are no planet of the scene, all realisations")
     resolution_elements: float = Field(description="searched area over (lambda/D)^2")

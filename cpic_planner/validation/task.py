@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple, Required, TypedDict, Unpack
 
 import numpy as np
@@ -19,10 +19,12 @@ from simulator.ledger import NOT_IN_SUMS
 from simulator.signal import exozodi_disc
 from simulator.target import detector_to_sky
 
+TOO_MANY = f"more than {MAX_FRAMES} frames a visit: give less time, more visits or longer exposures"
+"""Why a programme has no images although it has frames."""
 _REFUSALS = {
     Status.SATURATED: "every frame saturates",
     Status.UNREACHABLE: "the time holds no frame",
-    Status.INVALID: f"more than {MAX_FRAMES} frames: give less time or longer exposures",
+    Status.INVALID: TOO_MANY,
 }
 
 
@@ -84,6 +86,10 @@ class ConfirmTask:
         Science visits that are reduced together, and visits that all the references are spread over.
     gap_s : float
         From the start of a science visit to that of the next, s.
+    unused_s : float or None
+        Part of the given wall time that the visits leave unused.
+    chosen_for : str
+        Planet for which visits and frames were chosen; empty where they were given.
     """
 
     name: str
@@ -104,6 +110,8 @@ class ConfirmTask:
     visits: int = 1
     reference_visits: int = 1
     gap_s: float = 0.0
+    unused_s: float | None = None
+    chosen_for: str = ""
 
     @property
     def n_science_frames(self) -> int:
@@ -320,6 +328,7 @@ def prepare_task(
     separation = float(best.separation_arcsec[0])
     # Two rolls put it to either side of the diagonal; the ETC counts one of them.
     pa_deg = etc.diagonal_pa_deg(model, target, band)
+    given = frames is not None
     if frames is None and not 1 <= best.frames_per_visit[0] <= MAX_FRAMES:
         status, reason = no_frame_status(best, 0, model.camera(band))
         if best.frames_per_visit[0] > MAX_FRAMES:
@@ -344,7 +353,10 @@ def prepare_task(
     expected = expected_of(
         model, target, band, etc.planet_offsets(model, target, band, separation), float(best.contrast[0]), frames
     )
-    return task_of(model, scene, band, frames, [expected], overrides=overrides, **settings)
+    made = task_of(model, scene, band, frames, [expected], overrides=overrides, **settings)
+    if given:
+        return made
+    return replace(made, unused_s=max(time_s - expected["time_s"], 0.0), chosen_for=made.planets[0])
 
 
 def task_of(

@@ -145,6 +145,8 @@ def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
         "em_gain": task.em_gain,
         "integration_s": task.exposure_s * task.n_science_frames,
         "time_s": expected["time_s"],
+        "unused_s": task.unused_s,
+        "chosen_for": task.chosen_for,
         "predicted_snr": expected["snr"],
         "predicted_significance": expected["significance"],
         "threshold": expected["threshold"],
