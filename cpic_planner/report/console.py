@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
 
 MEASURED = (
-    "separation_arcsec/3 frames/4 em_gain/6 time_s/5 predicted_snr/1 recovered_snr/1 etc_ratio n_detected{more} outcome"
+    "separation_arcsec/3 visits frames/4 em_gain/6 time_s/5 predicted_snr/1 recovered_snr/1 etc_ratio n_detected{more} "
+    "outcome"
 )
 """What is shown of each measurement; the rest is in the files."""
 
@@ -56,11 +57,13 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
         Cells("band", itemgetter(1), right=False, legend="→ marks the one to observe in"),
         *_measured_cells(MEASURED.format(more=""), itemgetter(2), plan.reference_library),
     ]
+    unused = numbers.unused_text(item for _, _, item in rows)
     count = len(plan.targets)
     title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
     print_table(console, title, cells, rows, legend=not full)
     tables.explain_symbols(console, [item.status for _, _, item in rows if item.status != "ok"])
     bands = [band for target in plan.targets for band in target.bands]
+    print_note(console, *filter(None, [unused]))
     if not full:
         print_comparison(plan, console)
         _print_invalid(bands, console)
@@ -186,6 +189,7 @@ def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool
             print_plain(console, f"{where}: {snr}, {off}, {'found' if audit.detected else 'not found'}")
     if result.searches:
         _print_searches(result.searches, console)
+    print_note(console, *summary.programme_sentences(result))
     _print_positions(result.positions, console)
     print_plain(console, *map(albedo_text, result.albedos))
     print_comparison(result, console, measured=bool(rows))
@@ -208,7 +212,7 @@ def _print_searches(searches: list[results.SearchRecord], console: Console) -> N
         shown = [item for number, item in enumerate(named) if item.detected or item.planet or number == 0][:_SHOWN]
         rows += [(search, item) for item in shown] or [(search, None)]
     cells = [
-        *row_cells(results.SearchRecord, "band frames/2 em_gain/2", of=lambda row: row[0]),
+        *row_cells(results.SearchRecord, "band visits frames/2 em_gain/2", of=lambda row: row[0]),
         *row_cells(results.CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=lambda row: row[1]),
         Cells("is", lambda row: _candidate_text(row[1]), right=False),
     ]

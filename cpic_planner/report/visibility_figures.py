@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.table_cells import listed
 from cpic_core import FloatArray, NDArray
 from cpic_planner.report.drawing import BAND_STYLE, Look, date_axis, literal, new_figure, style
 from cpic_planner.report.numbers import full_name, pretty_name
@@ -49,7 +50,10 @@ def known_figure(result: KnownResult) -> Figure:
         axes.grid(visible=True)
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=9)
         stars = ", ".join(dict.fromkeys(pretty_name(row.star) for row in rows))
-        figure.suptitle(literal(f"known planets of {stars}: median and 68 % of {result.n_draws} draws"), fontsize=11)
+        title = f"known planets of {stars}: median and 68 % of {result.n_draws} draws"
+        if result.columns_not_used:
+            title += f"\ncolumns of the table that were not used: {listed(result.columns_not_used)}"
+        figure.suptitle(literal(title), fontsize=11)
         figure.draw_without_rendering()
     return figure
 
@@ -73,7 +77,7 @@ def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:
     colour = BAND_STYLE[number % len(BAND_STYLE)][0]
     days = _days(track.mjd)
     axes.fill_between(days, track.separation_low_arcsec, track.separation_high_arcsec, color=colour, alpha=0.25, lw=0)
-    unknown = ", phase unknown" if "phase_unknown" in row.flags else ""
+    unknown = "".join(f", {name} unknown" for name in ("phase", "omega") if f"{name}_unknown" in row.flags)
     doubted = "" if row.status == "confirmed" else f", {row.status}"
     label = literal(f"{row.planet.rpartition(' ')[2]}{doubted}{unknown}")
     axes.plot(days, track.separation_median_arcsec, color=colour, lw=1.6, label=label)

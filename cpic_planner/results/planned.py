@@ -334,6 +334,7 @@ class SearchRecord(Row):
     n_frames: int = column("science frames of a visit")
     em_gain: float
     visits: int | None = None
+    time_s: float | None = None
     unused_s: float | None = None
     chosen_for: str = _CHOSEN_FOR
     realisations: int

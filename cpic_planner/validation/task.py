@@ -124,6 +124,11 @@ class ConfirmTask:
         return self.n_science_frames * (1.0 + float(self.strategy["reference_ratio"]))
 
     @property
+    def time_s(self) -> float:
+        """Wall time of all visits, s."""
+        return self.visits * (self.gap_s - 3600.0 * float(self.strategy["visit_gap_h"]))
+
+    @property
     def timing(self) -> Timing:
         """When the visits are; of a single one, that its references follow at once."""
         return Timing(scheme=self.strategy["reference_scheme"], gap_s=self.gap_s if self.visits > 1 else None)
@@ -243,7 +248,7 @@ def expected_of(
     Returns
     -------
     dict
-        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``time_s`` of all visits, ``threshold``,
+        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``threshold``,
         ``n_modes`` that the prediction is for, ``snr`` and ``significance`` of sums of frames, which no particle hits,
         with the ``verdict`` and the probabilities of a detection (``chance_blind``, ``chance_known_place``; None where
         no law was measured) that follow, and ``snr_full`` and ``significance_full`` with the frames that particles
@@ -253,7 +258,6 @@ def expected_of(
     y = np.asarray(place_arcsec[1], float).reshape(1, 1)
     faint = np.full((1, 1), contrast, dtype=np.float64)
     separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
-    visit_s = frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)
     sums = etc.build_model(images_of(model.instrument), [band], model.strategy)
     visits = etc.Programme.of(model.strategy, frames.visits, gap_s(model, band, frames))
     setting = frames.exposure_s, frames.n_frames, frames.em_gain
@@ -268,7 +272,6 @@ def expected_of(
         "contrast": float(contrast),
         "separation_arcsec": float(separation[0, 0]),
         "pa_deg": float(pa_deg[0, 0]),
-        "time_s": float(frames.visits * model.time_s(visit_s)),
         "threshold": float(expected.threshold[0, 0]),
         "n_modes": int(expected.programme.n_modes.max()),
         "snr": float(noise.snr[0, 0]),
@@ -356,7 +359,7 @@ def prepare_task(
     made = task_of(model, scene, band, frames, [expected], overrides=overrides, **settings)
     if given:
         return made
-    return replace(made, unused_s=max(time_s - expected["time_s"], 0.0), chosen_for=made.planets[0])
+    return replace(made, unused_s=max(time_s - made.time_s, 0.0), chosen_for=made.planets[0])
 
 
 def task_of(

@@ -144,7 +144,7 @@ def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
         "n_frames": task.n_science_frames,
         "em_gain": task.em_gain,
         "integration_s": task.exposure_s * task.n_science_frames,
-        "time_s": expected["time_s"],
+        "time_s": task.time_s,
         "unused_s": task.unused_s,
         "chosen_for": task.chosen_for,
         "predicted_snr": expected["snr"],
