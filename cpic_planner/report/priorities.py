@@ -167,7 +167,8 @@ def lacking_lines(planets: Mapping[str, Sequence[str]], unused: Sequence[str]) -
     for flag, letters in named.items():
         if flag not in (*exact, "columns_not_used"):
             who = f"{', '.join(letters)}: " if len(planets) > 1 else ""
-            lines.append(f"{who}{FLAGS[flag]} ({flag}).")
+            text = FLAGS[flag]
+            lines.append(f"{who}{text if who else text[0].upper() + text[1:]} ({flag}).")
     if exact:
         what = ", ".join(FLAGS[flag].removeprefix("no error of ").removesuffix(_EXACT) for flag in exact)
         lines.append(f"Taken as exact, because no error is given: {what} ({', '.join(exact)}).")
