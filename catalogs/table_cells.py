@@ -158,6 +158,8 @@ class Rows:
         Name of the column that says what a row is about.
     notes : tuple of str
         Remarks on the reading.
+    unused : tuple of str
+        Headings of the file that were not used.
     """
 
     label: str
@@ -166,6 +168,7 @@ class Rows:
     rows: list[Row]
     about: str
     notes: tuple[str, ...]
+    unused: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[tuple[str, Row]]:
         """Return each row after the words by which messages name it."""
@@ -238,15 +241,18 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str) 
         Naming file, row, column, value, unit and range: a required column is missing, two columns claim to be one, a
         unit is not understood, or a cell is not what its column holds.
     """
-    chosen, notes = _chosen(raw, columns, required)
+    chosen, unused = _chosen(raw, columns, required)
+    said = f"{raw.name}: columns not used: {listed(unused)}"
+    notes = raw.notes + ((said,) if unused else ())
     names = chosen[about].cells if about in chosen else [None] * len(raw)
     cells = {name: _read(raw.name, columns[name], column, names) for name, column in chosen.items()}
     rows = [{name: values[i] for name, values in cells.items() if values[i] is not None} for i in range(len(raw))]
-    return Rows(raw.name, columns, {name: column.heading for name, column in chosen.items()}, rows, about, notes)
+    headings = {name: column.heading for name, column in chosen.items()}
+    return Rows(raw.name, columns, headings, rows, about, notes, unused)
 
 
 def _chosen(raw: RawTable, columns: Columns, required: Groups) -> tuple[dict[str, RawColumn], tuple[str, ...]]:
-    """Return the column of the file for each of ours, and remarks."""
+    """Return the column of the file for each of ours, and the headings of the others."""
     candidates: dict[str, list[RawColumn]] = {}
     ignored = []
     for column in raw.columns:
@@ -269,19 +275,19 @@ def _chosen(raw: RawTable, columns: Columns, required: Groups) -> tuple[dict[str
         ignored += [column.heading for column in found if column is not chosen[name]]
     lacking = [group for group in required if not any(name in chosen for name in group)]
     if lacking:
-        names = [name for group in lacking for name in group]
-        forms = "; ".join(f"{name} ({', '.join(columns[name].headings[:6])}, ...)" for name in names)
+        needed = [name for group in lacking for name in group]
+        forms = "; ".join(f"{name} ({', '.join(columns[name].headings[:6])}, ...)" for name in needed)
         wanted = ", ".join(" or ".join(group) for group in lacking)
         # With one known column or none it may be any file at all, and is not quoted.
-        listed = f": {_listed([column.heading for column in raw.columns], ', ...')}"
-        hint = f"the file has{listed if len(chosen) > 1 else f' {len(raw.columns)} columns'}"
+        names = f": {listed([column.heading for column in raw.columns])}"
+        hint = f"the file has{names if len(chosen) > 1 else f' {len(raw.columns)} columns'}"
         raise InputError(f"{raw.name} column {wanted}", "missing", allowed=forms, hint=hint)
-    shown = _listed(ignored, f" and {len(ignored) - _MANY} more")
-    return chosen, raw.notes + ((f"{raw.name}: columns not used: {shown}",) if ignored else ())
+    return chosen, tuple(ignored)
 
 
-def _listed(words: Sequence[str], more: str) -> str:
-    return ", ".join(words[:_MANY]) + (more if words[_MANY:] else "")
+def listed(words: Sequence[str]) -> str:
+    """Return words with commas, and how many more there are than can be read."""
+    return ", ".join(words[:_MANY]) + (f" and {len(words) - _MANY} more" if words[_MANY:] else "")
 
 
 def _read(label: str, column: Column, given: RawColumn, names: Sequence[Any]) -> list[Any]:

@@ -10,6 +10,7 @@ import typer
 
 import catalogs
 from catalogs import POSITION_ERROR_ARCSEC, data_dir
+from cpic_planner.cli.asking import Commands
 from cpic_planner.cli.options import JsonOption, console, help_alone, print_json
 from cpic_planner.cli.progress import heard
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 HELP = "Show the tables of stars and planets that ship with the package, and fetch fresh ones from their archives."
-app = typer.Typer(help=HELP, invoke_without_command=True)
+app = Commands(help=HELP, invoke_without_command=True)
 
 _REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}
 

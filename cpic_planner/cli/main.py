@@ -24,7 +24,7 @@ from cpic_planner.cli import (
     study_commands,
     upkeep_command,
 )
-from cpic_planner.cli.asking import late
+from cpic_planner.cli.asking import Commands, late
 from cpic_planner.cli.options import error_line
 from cpic_planner.cli.progress import QuietOption, VerboseOption, heard, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
@@ -57,7 +57,7 @@ drift=0.1nm makes the offset 0.1 nm rms and scales the walk in the same ratio.
   --simulator-overrides bands.F850.qe=0.4 --simulator-overrides detector.switches.cosmic_rays=off
 
   --simulator-overrides reality.yaml"""
-app = typer.Typer(
+app = Commands(
     name="cpic",
     help="Compute exposure times, plan surveys and simulate images for CPI-C, the coronagraph of the 2 m CSST.",
     epilog=f"{' '.join(EXIT_HELP.split())} cpic COMMAND --help says more.",

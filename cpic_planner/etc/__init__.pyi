@@ -88,10 +88,12 @@ from cpic_planner.etc.planet import (
 from cpic_planner.etc.programmes import Programmes as Programmes, Span as Span
 from cpic_planner.etc.prospects import Prospect as Prospect, prospect_of as prospect_of
 from cpic_planner.etc.questions import (
+    TRIAL_CONTRAST as TRIAL_CONTRAST,
     contrast_limit as contrast_limit,
     contrast_limits as contrast_limits,
     groups_of as groups_of,
     signal_to_noise as signal_to_noise,
+    times_of as times_of,
 )
 from cpic_planner.etc.rates import (
     ApertureRates as ApertureRates,

@@ -282,7 +282,14 @@ def _excluded(name: str, distance_au: float, radius_rjup: float) -> bool:
     return bool(excluded_by_rv([name], distance_au, radius_rjup)[0])
 
 
-def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, fixed: FixedFrames) -> BandCases:
+def band_cases(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    planets: Planets,
+    fixed: FixedFrames,
+    offsets_arcsec: tuple[float, float] | None = None,
+) -> BandCases:
     """Return rates and places of all stars and planets in one band.
 
     Parameters
@@ -293,13 +300,19 @@ def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, f
     planets : Planets
     fixed : FixedFrames
         What is fixed of the frames.
+    offsets_arcsec : tuple of float, optional
+        A place in the dark hole at which all planets stand, instead of the diagonal at their separations.
     """
     metrics, place = model.metrics[band], planets.separation_arcsec
     places = tuple(place_status(model, band, float(value)) for value in place)
+    if offsets_arcsec is not None:
+        places = ((Status.OK, Reason.NONE, ""),) * len(place)
     inside = np.array([status is Status.OK for status, _, _ in places])
     # What has no answer (a place outside the hole, no light) is carried along as something that can be solved.
     solvable = np.where(inside, place, np.mean(usable_range_arcsec(model.instrument, band)))
     x, y = planet_offsets(model, targets, band, solvable[None, :])
+    if offsets_arcsec is not None:
+        x, y = (np.full_like(x, part) for part in offsets_arcsec)
     contrast = _contrasts(model, targets, band, planets)
     light = np.where(inside, np.maximum(contrast, _FAINTEST), _ORDINARY)
     rates = aperture_rates(model, targets, band, x, y, light)

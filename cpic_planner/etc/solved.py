@@ -149,6 +149,7 @@ class Solved:
                 "frames_per_visit": frames,
                 "n_frames": many * frames,
                 "time_s": time_of_all_s,
+                "unused_s": None if self.span.given_s is None else max(self.span.given_s - time_of_all_s, 0.0),
                 "span_days": float(programme_days(model, many, time_of_all_s)),
                 "orbits_searched": None if orbits is None else int(orbits[case]),
                 "motion_factor": float(paid[case]),

@@ -234,8 +234,18 @@ class Question(FrozenModel):
         InputError
             For the first fault, naming the field, its value, unit and range.
         """
-        named = {cls.ALIASES.get(key, key): value for key, value in tree.items() if value is not None}
-        return validate(cls, cls._read(named))
+        return validate(cls, cls._read(cls.named({key: value for key, value in tree.items() if value is not None})))
+
+    @classmethod
+    def named(cls, tree: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values by the names of the fields; refuse one that is given under two names."""
+        found: dict[str, Any] = {}
+        for key, value in tree.items():
+            field = cls.ALIASES.get(key, key)
+            if field in found:
+                raise InputError(field, "given twice", allowed="once", hint=f"{key} is another name of it")
+            found[field] = value
+        return found
 
     @classmethod
     def load(cls, source: str | Path) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias, cast
 
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
@@ -301,16 +302,29 @@ class InstrumentParts(Parts):
     def made(self, base: Any) -> Instrument:
         """Return the instrument with what is changed of it."""
         given = base if self.instrument is None else self.instrument
-        return changed_instrument(default_instrument() if given is None else given, self.changes)
+        return changed_instrument(default_instrument() if given is None else given, self.changes, self._named())
+
+    def _named(self) -> dict[str, Change]:
+        """Return what options of their own change of the instrument, by their names."""
+        return {}
 
 
-def changed_instrument(source: Any, changes: Iterable[str]) -> Instrument:
-    """Return an instrument, as `read_instrument` reads it, after changes ``KEY=VALUE``."""
+def changed_instrument(
+    source: Any, changes: Iterable[str], named: Mapping[str, Change] = MappingProxyType({})
+) -> Instrument:
+    """Return an instrument, as `read_instrument` reads it, after changes ``KEY=VALUE`` and those of other options."""
     built = read_instrument(source)
     try:
-        return changed(built, [Change.written(text, built) for text in changes])
+        every = [Change.written(text, built) for text in changes]
+        made = changed(built, every)
     except InputError as error:
         raise at("changes", error) from None
+    for name, change in named.items():
+        try:
+            made = changed(built, every := [*every, change])
+        except InputError as error:
+            raise InputError(name, change.value, unit=error.unit, allowed=error.allowed, hint=error.hint) from None
+    return made
 
 
 def instrument_title(instrument: Instrument) -> str:
@@ -388,13 +402,7 @@ class SkyParts(InstrumentParts):
         unset="that of the instrument, 0.05",
     )
 
-    def made(self, base: Any) -> Instrument:
-        """Return the instrument with what is changed of it."""
-        made = super().made(base)
-        for name, key in (("exozodi_zodis", ALIASES["exozodi"]), ("drift_nm", DRIFT)):
-            value = getattr(self, name)
-            try:
-                made = made if value is None else changed(made, (Change(key=key, value=value),))
-            except InputError as error:
-                raise InputError(name, value, unit=error.unit, allowed=error.allowed) from None
-        return made
+    def _named(self) -> dict[str, Change]:
+        keys = {"exozodi_zodis": ALIASES["exozodi"], "drift_nm": DRIFT}
+        given = {name: value for name in keys if (value := getattr(self, name)) is not None}
+        return {name: Change(key=keys[name], value=value) for name, value in given.items()}

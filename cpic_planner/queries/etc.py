@@ -227,12 +227,7 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
         """Whether the answer is a time."""
         return not self.contrast_limit and (self.snr is not None or self.sigma is not None or self.detect)
 
-    @property
-    def wall_s(self) -> float:
-        """The wall time that is given; of no meaning where it is asked for, or where frames set it."""
-        if self.time_s is None and self.strategy.visits is not None and self.visit_time_s is not None:
-            return self.strategy.visits * self.visit_time_s
-        return shared.DEFAULT_TIME_S if self.time_s is None else self.time_s
+    wall_s = property(shared.wall_s)
 
     def hashed(self) -> dict[str, Any]:
         """Return what decides numbers: the dial by what it does, and only what the answer depends on."""

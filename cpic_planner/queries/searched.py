@@ -64,12 +64,7 @@ class SearchedQuestion(shared.InstrumentQuestion, shared.StarsQuestion, shared.R
                 raise InputError("images", self.images, allowed=f"0 with {called('library')} roll", hint=hint)
         return self
 
-    @property
-    def programme_s(self) -> float | None:
-        """Wall time of all visits; None where their number and length set it."""
-        if self.time_s is None and None in (self.strategy.visits, self.visit_time_s):
-            return shared.DEFAULT_TIME_S
-        return self.time_s
+    wall_s = property(shared.wall_s)
 
 
 class CurveQuestion(SearchedQuestion):

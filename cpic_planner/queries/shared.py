@@ -265,6 +265,13 @@ Fidelity = Literal["quick", "standard", "reference"]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 
 
+def wall_s(question: Any) -> float:
+    """Return the wall time that is given, s; of no meaning where it is asked for, or where frames set it."""
+    if question.time_s is None and question.strategy.visits is not None and question.visit_time_s is not None:
+        return float(question.strategy.visits * question.visit_time_s)
+    return DEFAULT_TIME_S if question.time_s is None else float(question.time_s)
+
+
 def several(value: Any) -> Any:
     """Return a single value as a tuple of one, and a list as a tuple."""
     if value is None:

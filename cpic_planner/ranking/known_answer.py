@@ -167,6 +167,7 @@ def known_answer(
         config_hash=content_hash(decides),
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         planets_table=choice.table.provenance,
+        columns_not_used=list(choice.table.unused),
         years=span,
         albedo=choice.albedo.label,
         holes=[

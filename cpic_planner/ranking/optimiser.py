@@ -309,6 +309,7 @@ class _Search:
             em_gain=column(choice.em_gain),
             visit_time_s=column(wall),
             time_s=column(wall * programme.visits),
+            unused_s=column(np.nan if time_s is None else np.maximum(time_s - wall * programme.visits, 0.0)),
             snr=column(noise.snr),
             significance=column(noise.significance),
             margin=column(margin),

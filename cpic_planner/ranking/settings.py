@@ -112,8 +112,8 @@ class OptimalSetting:
     """Best setting of each target; arrays of ``n`` stars.
 
     ``visits`` of ``frames_per_visit`` frames are reduced together with ``reference_visits`` reference visits;
-    ``visit_time_s`` is the wall time of one with its references and ``time_s`` that of all, ``n_frames`` the
-    science frames of all. ``margin`` is significance over the detection threshold at the chosen separation; at
+    ``visit_time_s`` is the wall time of one with its references and ``time_s`` that of all, ``unused_s`` what they
+    leave of the given time (NaN where none was), ``n_frames`` the science frames of all. ``margin`` is significance over the detection threshold at the chosen separation; at
     ``needed_margin`` half of such observations detect the planet there, by the search of the strategy, and
     ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection (NaN where no law was
     measured). ``floor_margin`` is what no programme can pass, at any separation: of the given number of visits, or
@@ -144,6 +144,7 @@ class OptimalSetting:
     em_gain: FloatArray
     visit_time_s: FloatArray
     time_s: FloatArray
+    unused_s: FloatArray
     snr: FloatArray
     significance: FloatArray
     threshold: FloatArray
@@ -300,7 +301,7 @@ def setting_fields(
         "detection_margin": float(best.margin[i]),
         "limited_by": limited_by,
         **{name: int(getattr(best, name)[i]) if possible else None for name in _COUNTS},
-        **{name: taken(getattr(best, name)) for name in ("exposure_s", "em_gain", "visit_time_s", "time_s")},
+        **{name: taken(getattr(best, name)) for name in ("exposure_s", "em_gain", "visit_time_s", "time_s", "unused_s")},
         "integration_s": taken(best.n_frames * best.exposure_s),
         "span_days": float(best.span_days(model)[i]) if possible else None,
         "orbits_searched": int(best.orbits_searched[i])

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
 
 MEASURED = (
-    "separation_arcsec/3 frames/4 em_gain/6 time_s/5 predicted_snr/1 recovered_snr/1 etc_ratio n_detected{more} outcome"
+    "separation_arcsec/3 visits frames/4 em_gain/6 time_s/5 predicted_snr/1 recovered_snr/1 etc_ratio n_detected{more} "
+    "outcome"
 )
 """What is shown of each measurement; the rest is in the files."""
 
@@ -61,12 +62,14 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
         Cells("band", itemgetter(1), right=False, legend="→ marks the one to observe in", numbers=_BAND),
         *_measured_cells(MEASURED.format(more=""), itemgetter(2), plan.reference_library),
     ]
+    unused = numbers.unused_text(row[2] for row in rows)
     found = sum(any(band.detected for band in target.bands) for target in plan.targets)
     of = f"{found} of {counted(len(plan.targets), 'target')}"
     title = f"Confirmed by simulated images: {of}, {counted(plan.realisations, 'realisation')} each"
     print_table(console, title, cells, rows, legend=not full)
     tables.explain_symbols(console, [row[2].status for row in rows if row[2].status != "ok"])
     bands = [band for target in plan.targets for band in target.bands]
+    print_note(console, *filter(None, [unused]))
     if not full:
         print_comparison(plan, console)
         _print_invalid(bands, console)
@@ -191,6 +194,7 @@ def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool
             print_plain(console, f"{where}: {snr}, {off}, {'found' if audit.detected else 'not found'}")
     if result.searches:
         _print_searches(result.searches, console)
+    print_note(console, *summary.programme_sentences(result))
     _print_positions(result.positions, console)
     print_plain(console, *map(albedo_text, result.albedos))
     print_comparison(result, console, measured=bool(rows))
@@ -213,7 +217,7 @@ def _print_searches(searches: list[results.SearchRecord], console: Console) -> N
         shown = [item for number, item in enumerate(named) if item.detected or item.planet or number == 0][:_SHOWN]
         rows += [(search, item) for item in shown] or [(search, None)]
     cells = [
-        *row_cells(results.SearchRecord, "band frames/2 em_gain/2", of=lambda row: row[0]),
+        *row_cells(results.SearchRecord, "band visits frames/2 em_gain/2", of=lambda row: row[0]),
         *row_cells(results.CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=lambda row: row[1]),
         Cells("is", lambda row: _candidate_text(row[1]), right=False),
     ]

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from catalogs.known_planet_columns import FLAGS as KNOWN_FLAGS
 from cpic_planner.report import words
 from cpic_planner.report.cells import Cells, print_note, print_table, row_cells
 from cpic_planner.report.numbers import (
@@ -18,7 +17,9 @@ from cpic_planner.report.numbers import (
     ratio_text,
     share_text,
     significant,
+    unused_text,
 )
+from cpic_planner.report.priorities import lacking_lines
 from cpic_planner.results import EtcAnswer, EtcResult, SearchedProgramme, Taken, taken_of
 
 if TYPE_CHECKING:
@@ -80,8 +81,8 @@ def print_etc(
         _print_budget(row, console)
         _print_binding(row, console, explain)
     look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
-    more = [f"! {KNOWN_FLAGS[flag]} ({flag})" for flag in (look.flags if look is not None else ())]
-    lines = [*flag_lines(result.answers, result.note), *more]
+    more = [] if look is None else lacking_lines({look.planet: look.flags}, look.columns_not_used)
+    lines = [*flag_lines(result.answers, result.note), *(f"! {text}" for text in more)]
     if lines:
         console.print()
         print_note(console, *lines)
@@ -324,6 +325,7 @@ def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list
     flags = dict.fromkeys(flag for row in rows for flag in row.flags)
     bands = {row.band for row in rows}
     lines = [f"Note: {note}"] if note else []
+    lines += filter(None, [unused_text(rows)])
     for flag in flags:
         mine = list(dict.fromkeys(row.band for row in rows if flag in row.flags))
         where = "" if len(mine) == len(bands) else f"{', '.join(mine)}: "

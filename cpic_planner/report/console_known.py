@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from catalogs.known_planet_columns import FLAGS
 from cpic_planner.report.cells import Cells, Sheet, computed, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, ratio_text
-from cpic_planner.report.priorities import best_window, known_planet_name
+from cpic_planner.report.priorities import best_window, known_planet_name, lacking_lines
 from cpic_planner.report.summary import day_text, pointing_sentence
 from cpic_planner.report.words import BLOCK_WORDS
 from cpic_planner.results import (
@@ -27,6 +27,8 @@ from cpic_planner.results import (
 if TYPE_CHECKING:
     from rich.console import Console
 
+_DECIDES = ("phase_unknown", *(flag for flag in FLAGS if flag.endswith("_err_unknown")))
+"""Flags that say what decides where a planet stands."""
 _WINDOWS = 6
 """Windows of a planet that are printed."""
 
@@ -51,6 +53,8 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
     more = f"; {count_text(len(listed))} {'more ' * bool(counted)}listed and not counted" if listed else ""
     title = f"Known planets: {told}, {result.date_utc[:10]}, {band}{more}"
     print_table(console, title, _cells(result), shown, legend=not full)
+    told_of = {row.planet: [flag for flag in row.flags if full or _told(flag, row)] for row in shown}
+    lines = lacking_lines(told_of if result.years is not None else {}, result.columns_not_used)
     if not full:
         if result.years is not None:
             print_note(
@@ -60,6 +64,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
                 "several windows, that of the best day (-v: all of them, orbits, references).",
             )
             print_note(console, *filter(None, [_caveats(shown)]))
+        print_note(console, *lines)
         return
     if result.years is not None:
         years = f"{result.years:g} years from {result.date_utc[:10]}"
@@ -71,19 +76,20 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
             _print_standing(row, console)
     for row in listed:
         _print_standing(row, console)
-    lacking: dict[str, list[str]] = {}
-    for row in shown if result.years is not None else ():
-        for flag in row.flags:
-            lacking.setdefault(flag, []).append(row.planet.rpartition(" ")[2])
     print_note(
         console,
         "Numbers: median +- half of the width that holds 68 % of the draws. in hole: share of the draws between inner "
         f"and outer corner of the dark hole of {band} ({result.holes[0].inner_arcsec:.2f} to "
         f"{result.holes[0].outer_arcsec:.2f} arcsec); at a given roll the position angle decides as well.",
-        *(f"{flag} ({', '.join(letters)}): {FLAGS[flag]}." for flag, letters in lacking.items()),
+        *(lines if result.years is not None else ()),
         f"{result.planets_table}; {count_text(result.n_draws)} draws of each planet with seed {result.seed}, "
         f"{result.albedo} albedo.",
     )
+
+
+def _told(flag: str, row: KnownPlanetRow) -> bool:
+    """Return whether a flag says what decides where a planet stands, or what an unused column may tell."""
+    return flag in _DECIDES or ("columns_not_used" in row.flags and flag.endswith("_unknown"))
 
 
 def _caveats(rows: Sequence[KnownPlanetRow]) -> str:

@@ -25,7 +25,7 @@ from cpic_planner.report.numbers import (
     short_name,
     significant,
 )
-from cpic_planner.report.priorities import print_ensemble
+from cpic_planner.report.priorities import lacking_lines, print_ensemble
 from cpic_planner.report.summary import (
     detected_sentence,
     expected_sentence,
@@ -72,6 +72,7 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20, *, f
         limits = limits_text(rank.counts_limited_by)
         print_note(console, f"Reference planets in {duration_text(rank.time_s)}, {programme_text(rank)}: {limits}.")
     print_note(console, *(_about_rank(rank, limit) if full else filter(None, [_zeros(rank).strip()])))
+    print_note(console, *lacking_lines({}, rank.population.columns_not_used))
     if rank.ensemble is not None:
         print_ensemble(rank.ensemble, shown, console)
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from catalogs.known_planet_columns import FLAGS
+from catalogs.table_cells import listed
 from cpic_planner import results
 from cpic_planner.report import document as doc, words
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
@@ -136,6 +138,40 @@ def known_blocks(known: results.KnownResult) -> Iterator[doc.Block]:
     yield doc.table("Known planets and their next windows", caption, columns, windows, look="firm")
     if never:
         yield doc.Paragraph(f"In no dark hole more likely than not in that time: {', '.join(never)}.", "note")
+    for text in lacking_lines({}, known.columns_not_used):
+        yield doc.Paragraph(text, "note")
+
+
+_EXACT = ": taken as exact"
+
+
+def lacking_lines(planets: Mapping[str, Sequence[str]], unused: Sequence[str]) -> list[str]:
+    """Return what a table of known planets lacks or marks, a sentence each.
+
+    Parameters
+    ----------
+    planets : mapping
+        Flags by the names of planets, which are told where there are several.
+    unused : sequence of str
+        Headings of the table that were not used.
+    """
+    named: dict[str, list[str]] = {}
+    for name, flags in planets.items():
+        for flag in flags:
+            named.setdefault(flag, []).append(name.rpartition(" ")[2])
+    exact = [flag for flag in named if FLAGS[flag].endswith(_EXACT)]
+    lines = []
+    for flag, letters in named.items():
+        if flag not in (*exact, "columns_not_used"):
+            who = f"{', '.join(letters)}: " if len(planets) > 1 else ""
+            text = FLAGS[flag]
+            lines.append(f"{who}{text if who else text[0].upper() + text[1:]} ({flag}).")
+    if exact:
+        what = ", ".join(FLAGS[flag].removeprefix("no error of ").removesuffix(_EXACT) for flag in exact)
+        lines.append(f"Taken as exact, because no error is given: {what} ({', '.join(exact)}).")
+    if unused:
+        lines.append(f"Columns of the table that were not used: {listed(unused)}; what is unknown may stand there.")
+    return lines
 
 
 def known_planet_name(row: results.KnownPlanetRow) -> str:

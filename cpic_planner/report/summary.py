@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES
-from cpic_planner.report.numbers import count_text, pretty_name, significant
+from cpic_planner.report.numbers import count_text, pretty_name, significant, unused_text
 from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, SEARCHES, counted, orbits_text, overrides_text, sentence
 from simulator.knobs import Quantity
 
@@ -197,7 +197,21 @@ def confirm_sentences(result: results.ConfirmResult) -> list[str]:
         sentences.append(f"{planet} is found in {', '.join(detected) or 'no band'}.")
     if not planets:
         sentences.append("The scene has no planet in the field: there is nothing to compare with a prediction.")
-    return sentences
+    return [*sentences, *programme_sentences(result)]
+
+
+def programme_sentences(result: results.ConfirmResult) -> list[str]:
+    """Return for whom visits and frames of a scene were chosen, and what they leave unused of the time."""
+    rows = {row.band: row for row in (*result.searches, *result.bands) if row.exposure_s is not None}
+    chosen: dict[str, list[str]] = {}
+    for row in rows.values():
+        if row.chosen_for:
+            each = row.frames_per_visit if isinstance(row, results.BandConfirmation) else row.n_frames
+            text = f"{row.band} {counted(row.visits or 1, 'visit')} of {each} × {significant(row.exposure_s)} s"
+            chosen.setdefault(row.chosen_for, []).append(text)
+    said = [f"Programme of most SNR of {name}, as cpic etc: {', '.join(each)}." for name, each in chosen.items()]
+    unused = unused_text(rows.values())
+    return [*said, *[f"{unused}."] * bool(unused)]
 
 
 def day_text(utc: str) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.table_cells import listed
 from cpic_core import FloatArray, NDArray
 from cpic_planner.report.drawing import BAND_STYLE, Look, date_axis, literal, new_figure, style
 from cpic_planner.report.numbers import full_name, pretty_name
@@ -49,7 +50,10 @@ def known_figure(result: KnownResult) -> Figure:
         axes.grid(visible=True)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=3, fontsize=9, columnspacing=1.6)
         stars = ", ".join(dict.fromkeys(pretty_name(row.star) for row in rows))
-        figure.suptitle(literal(f"Known planets of {stars}: median, and 68 % of the draws"), fontsize=11)
+        title = f"Known planets of {stars}: median, and 68 % of the draws"
+        if result.columns_not_used:
+            title += f"\ncolumns of the table that were not used: {listed(result.columns_not_used)}"
+        figure.suptitle(literal(title), fontsize=11)
         figure.draw_without_rendering()
     return figure
 
@@ -76,7 +80,7 @@ def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:
     if known:
         low, high = track.separation_low_arcsec, track.separation_high_arcsec
         axes.fill_between(days, low, high, color=colour, alpha=0.25, lw=0)
-    unknown = "" if known else ", phase unknown"
+    unknown = "".join(f", {name} unknown" for name in ("phase", "omega") if f"{name}_unknown" in row.flags)
     doubted = "" if row.status == "confirmed" else f", {row.status}"
     label = literal(f"{row.planet.rpartition(' ')[2]}{doubted}{unknown}")
     axes.plot(days, track.separation_median_arcsec, color=colour, lw=1.6 if known else 1.1, label=label)

@@ -108,6 +108,7 @@ class KnownResult(RunResult):
     config_hash: str
     catalogue: str
     planets_table: str = Field(description="as catalogue, of the table of planets")
+    columns_not_used: list[str] = Field(default=[], description="headings of a user's table of planets")
     date_utc: str
     mjd: float
     years: float | None = Field(description="length of the tracks from the date on; null without tracks")

@@ -23,6 +23,12 @@ from cpic_planner.results.ranked import RankedTarget
 from simulator.knobs import Quantity
 
 
+_CHOSEN_FOR = column(
+    "planet for which visits and frames of the band were chosen; empty where they were given, and in older results",
+    default="",
+)
+
+
 class AuditRecord(Row):
     """One realisation run frame by frame with every effect of the camera, calibrated, particles taken out."""
 
@@ -74,6 +80,8 @@ class BandConfirmation(Row):
         label="telescope time",
         format=".1f",
     )
+    unused_s: float | None = None
+    chosen_for: str = _CHOSEN_FOR
     realisations: int | None = optional("independent draws of drift and noise")
     drawn_as: Literal["sums", "frames"] | None = optional(
         "sums of frames over the hole, or every frame, where sums cannot stand for them"
@@ -343,8 +351,12 @@ class SearchRecord(Row):
 
     band: str
     exposure_s: float
-    n_frames: int
+    n_frames: int = column("science frames of a visit")
     em_gain: float
+    visits: int | None = None
+    time_s: float | None = None
+    unused_s: float | None = None
+    chosen_for: str = _CHOSEN_FOR
     realisations: int
     false_detections: int = Field(description="detections that are no planet of the scene, all realisations")
     resolution_elements: float = Field(description="searched area over (lambda/D)^2")

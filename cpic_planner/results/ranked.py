@@ -39,6 +39,7 @@ class PopulationRecord(Result):
         default_factory=list,
         description="knowledge of the stars that excludes planets: rv, stability, known_giants; empty in older results",
     )
+    columns_not_used: list[str] = Field(default=[], description="headings of a user's table of known planets")
 
 
 class PlaceColumns(Row):

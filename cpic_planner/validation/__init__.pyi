@@ -86,6 +86,7 @@ from cpic_planner.validation.star_flux import (
     star_flux_off_mask as star_flux_off_mask,
 )
 from cpic_planner.validation.task import (
+    TOO_MANY as TOO_MANY,
     ConfirmTask as ConfirmTask,
     Frames as Frames,
     ImageSettings as ImageSettings,
