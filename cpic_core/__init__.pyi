@@ -4,7 +4,12 @@ from cpic_core.cache import (
     clear_cache as clear_cache,
     compute_once as compute_once,
 )
-from cpic_core.errors import InputError as InputError, one_line as one_line, shortened as shortened
+from cpic_core.errors import (
+    InputError as InputError,
+    one_line as one_line,
+    shortened as shortened,
+    visible as visible,
+)
 from cpic_core.files import (
     NPZ_ERRORS as NPZ_ERRORS,
     LockHeld as LockHeld,

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, cast
 import typer
 from pydantic import BaseModel
 
-from cpic_core import InputError, check_writable, dump_json, fingerprint, one_line, write_text
+from cpic_core import InputError, check_writable, dump_json, fingerprint, one_line, visible, write_text
 from cpic_planner import report
 from cpic_planner.cli.progress import is_quiet, progress, rest, write_line
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
@@ -143,15 +143,23 @@ def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool
     line = (
         f"{what}, {cost['n_realisations']} realisations, {cost['n_frames']} frames drawn one by one, about "
         f"{cost['wall_s']:.0f} s with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, "
-        f"{cost['disk_mb']:.1f} MB disk\n"
+        f"{cost['disk_mb']:.1f} MB disk"
     )
     print_line_or_json(line, cost, as_json)
 
 
 def print_line_or_json(line: str, tree: Mapping[str, Any], as_json: bool) -> None:
     """Print one line, or the same as JSON."""
+    if as_json:
+        print_json(tree)
+    else:
+        say(line)
+
+
+def say(*lines: str) -> None:
+    """Print lines on stdout that are no table; names in them may hold anything."""
     rest()
-    sys.stdout.write(dump_json(dict(tree)) if as_json else line)
+    typer.echo(visible("\n".join(lines), "\n"))
 
 
 def with_progress(title: str, total: int, start: Callable[..., Finished[R]], piece: str = "piece") -> Finished[R]:
@@ -181,7 +189,7 @@ def console() -> Console:
 
     rest()
     plain = None if sys.stdout.isatty() else 110
-    return Console(width=plain, highlight=False)
+    return Console(width=plain, highlight=False, markup=False, emoji=False)
 
 
 def version_text() -> str:

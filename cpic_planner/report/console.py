@@ -280,8 +280,7 @@ def print_simulation(result: results.SimulationResult, out: Path, console: Conso
     for programme in result.programmes:
         _print_programme(programme, out, console, limit)
     _print_left_out(result.sequences, console)
-    for line in _files_text(result.sequences, out):
-        console.print(line, markup=False, soft_wrap=True)
+    print_plain(console, *_files_text(result.sequences, out), wraps=False)
 
 
 def _print_programme(programme: results.SimulatedProgramme, out: Path, console: Console, limit: int) -> None:
@@ -361,7 +360,7 @@ def print_planned(plan: results.SimulationEstimate, console: Console, *, limit: 
     _print_left_out(plan.sequences, console)
     time, disk = numbers.duration_text(plan.wall_s), numbers.size_text(1e6 * plan.disk_mb)
     cost = f"about {time} with {plan.workers} worker(s), {significant(plan.memory_mb)} MB memory a worker, {disk} disk"
-    console.print(f"{count_text(plan.n_frames)} frames, {cost}", markup=False, soft_wrap=True)
+    print_plain(console, f"{count_text(plan.n_frames)} frames, {cost}", wraps=False)
 
 
 def print_check(result: results.CheckResult, console: Console) -> None:
@@ -378,13 +377,13 @@ def print_check(result: results.CheckResult, console: Console) -> None:
         hdu=lambda item: "" if item.hdu is None else str(item.hdu),
     )
     for path in dict.fromkeys(item.path for item in result.findings):
-        console.print(path, markup=False, soft_wrap=True)
+        print_plain(console, path, wraps=False)
         rows = [item for item in result.findings if item.path == path]
         print_table(console, "", cells, rows, last_width=console.width)
     count = f"{count_text(result.n_files)} Level-0 file{'s' * (result.n_files != 1)} checked"
     numbered = (result.n_errors, "error"), (result.n_warnings, "warning")
     severities = ", ".join(f"{number} {word}{'s' * (number != 1)}" for number, word in numbered)
-    console.print(f"{count}: {severities if result.findings else 'nothing wrong'}", markup=False)
+    print_plain(console, f"{count}: {severities if result.findings else 'nothing wrong'}")
 
 
 def print_instrument(result: results.InstrumentResult, layout: str, console: Console) -> None:

@@ -11,6 +11,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from cpic_core import visible
 from cpic_planner import results
 from cpic_planner.report.cells import Cells
 from cpic_planner.report.words import STATUS_SYMBOLS
@@ -48,8 +49,10 @@ def form_text(form: str, title: str, columns: Sequence[Cells], rows: Sequence[An
     """
     if form in ("latex", "markdown"):
         heads = [f"{column.label or column.header}{f' ({column.unit})' * bool(column.unit)}" for column in columns]
-        cells = [[_MARKS.sub("", str(column.text(row))) for column in columns] for row in rows]
-        return (_latex if form == "latex" else _markdown)(title, heads, [column.right for column in columns], cells)
+        cells = [[_MARKS.sub("", column.cell(row)) for column in columns] for row in rows]
+        return (_latex if form == "latex" else _markdown)(
+            visible(title, "\n"), heads, [column.right for column in columns], cells
+        )
     fields: dict[str, str] = {}
     table: list[dict[str, Any]] = [{} for _ in rows]
     for column in columns:
@@ -66,7 +69,7 @@ def form_text(form: str, title: str, columns: Sequence[Cells], rows: Sequence[An
 def _values(column: Cells, name: str | None, row: Any) -> dict[str, Any]:
     """Return the cells of a row in a file by name: a field, three of what has errors, or the terminal's text."""
     if name is None:
-        text = _MARKS.sub("", str(column.text(row)))
+        text = _MARKS.sub("", column.cell(row))
         return {re.sub(r"\W+", "_", column.header.casefold()).strip("_") or "text": text}
     value: Any = column.of(row)
     for part in name.split("."):

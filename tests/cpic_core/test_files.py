@@ -17,6 +17,7 @@ from cpic_core import (
     guarded,
     read_npz,
     unguarded,
+    visible,
     whole_file,
     write_bytes,
     write_npz,
@@ -129,10 +130,10 @@ def test_damaged_files_are_refused_in_one_line(refused, tmp_path, damage):
 @given(st.text("'=+-@\t\r1.e x", max_size=8))
 def test_a_guarded_cell_is_no_formula_and_reads_back(text):
     cell = guarded(text)
-    assert unguarded(cell) == text
+    assert unguarded(cell) == visible(text)
     assert unguarded(text) == text or text.startswith("'")
     if cell.startswith(("=", "+", "-", "@", "\t", "\r")):
-        assert cell == text
+        assert cell == visible(text)
         float(cell)  # a number stays as it is
 
 
