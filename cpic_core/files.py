@@ -349,7 +349,7 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 
 
 def guarded(text: str) -> str:
-    r"""Return a cell as it stands in a file: control characters `visible`, behind an apostrophe if it could be a formula.
+    r"""Return a cell as it stands in a file: `visible`, and behind an apostrophe if it could be a formula.
 
     Formulas of spreadsheets begin with =, +, - or @. Numbers stay as they are.
 
