@@ -24,6 +24,7 @@ from cpic_core.files import (
     utf8 as utf8,
     whole_file as whole_file,
     write_bytes as write_bytes,
+    write_named as write_named,
     write_npz as write_npz,
     write_text as write_text,
 )

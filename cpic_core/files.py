@@ -23,7 +23,7 @@ import numpy as np
 
 from cpic_core.errors import InputError, visible
 from cpic_core.quantities import NDArray
-from cpic_core.user_files import open_file
+from cpic_core.user_files import open_file, refuse_special
 
 
 @contextlib.contextmanager
@@ -92,7 +92,8 @@ def check_writable(path: str | Path, *, key: str, folder: bool = False) -> None:
     Parameters
     ----------
     path : str or Path
-        A file in a folder that exists, replaced if it is there; or a folder, made with its parents where it is not.
+        A file in a folder that exists, replaced if it is a regular one; or a folder, made with its parents where it
+        is not. A link stands for what it leads to, which has to be there.
     key : str
         What it is asked for as, for messages.
     folder : bool
@@ -105,9 +106,9 @@ def check_writable(path: str | Path, *, key: str, folder: bool = False) -> None:
     """
     place = Path(path)
     try:
-        if not folder and place.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        place = _standing(place) if folder else place.parent
+        if not folder and os.path.lexists(place):
+            refuse_special(place.stat().st_mode)
+        place = _standing(place) if folder else place.resolve().parent
         if not stat.S_ISDIR(place.stat().st_mode):
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
         if not os.access(place, os.W_OK | os.X_OK):
@@ -145,6 +146,33 @@ def write_bytes(path: str | Path, data: bytes) -> Path:
     with whole_file(path) as file:
         file.write(data)
     return Path(path)
+
+
+def write_named(path: str | Path, text: str | bytes, *, key: str) -> Path:
+    """Write a file that somebody named whole; a link stays one, and the file that it leads to is written.
+
+    Parameters
+    ----------
+    path : str or Path
+    text : str or bytes
+        Content of the file.
+    key : str
+        What it is asked for as, for messages.
+
+    Returns
+    -------
+    Path
+        The file that is written.
+
+    Raises
+    ------
+    InputError
+        As `check_writable`: nothing but regular files is written.
+    OSError
+        If the disk is full or broken.
+    """
+    check_writable(path, key=key)
+    return write_bytes(Path(path).resolve(), utf8(text) if isinstance(text, str) else text)
 
 
 def utf8(text: str) -> bytes:

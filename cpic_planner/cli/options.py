@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, cast
 import typer
 from pydantic import BaseModel
 
-from cpic_core import InputError, check_writable, dump_json, fingerprint, one_line, visible, write_text
+from cpic_core import InputError, check_writable, dump_json, fingerprint, one_line, visible, write_named
 from cpic_planner import report
 from cpic_planner.cli.progress import is_quiet, progress, rest, write_line
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
@@ -359,7 +359,7 @@ def write_plot(plot: Path, figure: Figure, remark: str = "") -> None:
         What is said of it beside its name.
     """
     report.write_figure(figure, plot)
-    note(f"wrote {plot}{remark}")
+    note(f"wrote {place_of(plot)}{remark}")
 
 
 def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:
@@ -399,7 +399,12 @@ def write_out(path: Path, text: Callable[[], str], rows: int) -> None:
         If it cannot be written.
     """
     try:
-        write_text(path, text())
+        write_named(path, text(), key="--out")
     except OSError as error:
         raise InputError("--out", str(path), allowed="a writable file", hint=error.strerror or "") from None
-    note(f"wrote {rows} rows to {path}")
+    note(f"wrote {rows} rows to {place_of(path)}")
+
+
+def place_of(path: Path) -> str:
+    """Return the name of a file that was written, and where it is if that is a link."""
+    return f"{path.resolve()}, to which {path} is a link" if path.is_symlink() else str(path)

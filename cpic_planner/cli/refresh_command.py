@@ -10,7 +10,7 @@ import typer
 from cpic_core import InputError
 from cpic_planner import report
 from cpic_planner.cli.catalog_command import table
-from cpic_planner.cli.options import JsonOption, console, error_line, note, print_json, say
+from cpic_planner.cli.options import JsonOption, console, error_line, note, place_of, print_json, say
 from cpic_planner.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def _show_result(done: Written, screen: Console) -> None:
     else:
         _show_stars(made, screen)
     if not done.refusal:
-        report.print_plain(screen, f"wrote {done.path}", wraps=False)
+        report.print_plain(screen, f"wrote {place_of(done.path)}", wraps=False)
 
 
 def _show_stars(made: Refreshed, screen: Console) -> None:

@@ -8,7 +8,14 @@ import pytest
 
 STEERS = "\x1b[31mα\x07\x9b1m\u202e\u2066\x7f é[mas]"
 STAR = {"name": STEERS, "v_mag": 4.0, "spectral_type": "K2V", "distance_pc": 4.0}
-PLANET = {"name": f"{STEERS} b", "separation_arcsec": 0.5, "pa_deg": 45, "radius_rjup": 1.0, "phase_deg": 90, "albedo": 0.3}
+PLANET = {
+    "name": f"{STEERS} b",
+    "separation_arcsec": 0.5,
+    "pa_deg": 45,
+    "radius_rjup": 1.0,
+    "phase_deg": 90,
+    "albedo": 0.3,
+}
 FRAMES = ("--band", "F520", "--exposure-s", "10", "--em-gain", "20")
 COMMANDS = {
     "etc": ("etc", STEERS, "--catalog", "stars.csv", "--band", "F520", "--separation-arcsec", "0.5"),
@@ -56,7 +63,9 @@ def test_no_command_steers_the_terminal(hostile, call, name):
     steering = {sign for sign in out + err if unicodedata.category(sign) in ("Cc", "Cf", "Zl", "Zp")} - {"\n"}
     assert steering == set()
     assert "\\x1b[31mα" in out
-    assert name in ("rank", "explain", "simulate", "check") or "[mas]" in "".join(out.split())  # no markup; some tables cut long names
+    assert name in ("rank", "explain", "simulate", "check") or "[mas]" in "".join(
+        out.split()
+    )  # no markup; some tables cut long names
 
 
 def test_brackets_are_no_markup(done):

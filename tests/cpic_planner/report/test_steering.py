@@ -1,4 +1,4 @@
-"""Whoever writes a result (console, every form, files, pages, drawings), names in it steer no terminal and no reader."""
+"""Names in a result steer no terminal and no reader, whoever writes it: console, forms, files, pages, drawings."""
 
 import base64
 import io
