@@ -4,7 +4,12 @@ from cpic_core.cache import (
     clear_cache as clear_cache,
     compute_once as compute_once,
 )
-from cpic_core.errors import InputError as InputError, one_line as one_line, shortened as shortened
+from cpic_core.errors import (
+    InputError as InputError,
+    one_line as one_line,
+    shortened as shortened,
+    visible as visible,
+)
 from cpic_core.files import (
     NPZ_ERRORS as NPZ_ERRORS,
     LockHeld as LockHeld,
@@ -19,6 +24,7 @@ from cpic_core.files import (
     utf8 as utf8,
     whole_file as whole_file,
     write_bytes as write_bytes,
+    write_named as write_named,
     write_npz as write_npz,
     write_text as write_text,
 )

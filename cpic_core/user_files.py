@@ -179,7 +179,7 @@ def open_file(
         return
     place = at_home(path)
     try:
-        _refuse_special(os.stat(place).st_mode)  # before it is opened: that alone may act on a device
+        refuse_special(os.stat(place).st_mode)  # before it is opened: that alone may act on a device
         handle = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
@@ -187,7 +187,7 @@ def open_file(
     with open(handle, "rb") as file:
         about = os.fstat(handle)
         try:
-            _refuse_special(about.st_mode)
+            refuse_special(about.st_mode)
         except OSError as error:
             raise InputError(key, str(path), allowed=allowed, hint=error.strerror or "") from None
         _refuse_large(key, path, about.st_size, max_bytes, too_large)
@@ -317,7 +317,14 @@ def _refuse_count(name: str, number: int) -> None:
         raise OSError(errno.EINVAL, f"{name} is above {_MOST_COUNTED}")
 
 
-def _refuse_special(mode: int) -> None:
+def refuse_special(mode: int) -> None:
+    """Raise an OSError that says what something is that is no regular file.
+
+    Parameters
+    ----------
+    mode : int
+        As `os.stat` has it.
+    """
     for is_kind, words in (*_KINDS, (lambda mode: True, "this is a device")):
         if is_kind(mode):
             if words:

@@ -9,7 +9,7 @@ import typer
 
 from cpic_planner import report
 from cpic_planner.cli import options
-from cpic_planner.cli.options import Answer, DryRunOption, Output, note, print_cost, with_progress
+from cpic_planner.cli.options import Answer, DryRunOption, Output, note, print_cost, say, with_progress
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def plan(question: PlanQuestion, output: Answer, dry_run: DryRunOption = False) 
     confirmed = any(band.detected for target in done.result.targets for band in target.bands)
     output.show(done.result, partial(report.print_plan, done.result, full=is_verbose()), confirmed)
     if output.plain:
-        typer.echo(f"report: {question.out / 'report.html'}")
+        say(f"report: {question.out / 'report.html'}")
 
 
 def _n_bands(question: PlanQuestion) -> int:
@@ -147,7 +147,7 @@ def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = F
     if question.out is None:
         note("--out DIR writes a report with the images")
     else:
-        typer.echo(f"report: {question.out / 'report.html'}")
+        say(f"report: {question.out / 'report.html'}")
 
 
 def simulate(
@@ -223,6 +223,6 @@ def _print_presets(as_json: bool) -> None:
         return
     width = max(map(len, (*simulations, *scenes)))
     for title, presets in (("Simulations", simulations), ("Scenes", scenes)):
-        typer.echo(f"{title}:")
+        say(f"{title}:")
         for name, text in presets.items():
-            typer.echo(f"  {name:{width}}  {text}")
+            say(f"  {name:{width}}  {text}")

@@ -11,7 +11,7 @@ import typer
 from cpic_core import InputError
 from cpic_planner import report
 from cpic_planner.cli.asking import Commands
-from cpic_planner.cli.options import Output, help_alone, note, shown
+from cpic_planner.cli.options import Output, help_alone, note, place_of, shown
 from cpic_planner.cli.progress import heard
 
 HELP = "Show what an instrument is, which of its values --set can change, and how two instruments differ."
@@ -123,4 +123,4 @@ def table(
             write_coronagraph_table(instrument, band, out)
     except OSError as error:
         raise InputError("--out", str(out), allowed="a writable file", hint=error.strerror or "") from None
-    note(f"wrote {out}")
+    note(f"wrote {place_of(out)}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cpic_planner import report
-from cpic_planner.cli.options import Answer, Output, check_file, check_plot, note, write_out, write_plot
+from cpic_planner.cli.options import Answer, Output, check_file, check_plot, note, place_of, write_out, write_plot
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -125,14 +125,14 @@ def known(
 
 def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:
     """Write the first draw of a star's planets as a scene file."""
-    from cpic_core import dump_json, write_text
+    from cpic_core import dump_json, one_line, write_named
     from cpic_planner.ranking import known_scene
 
     about = f"# {star} with its known planets on {choice.date_utc}, one draw with seed {choice.seed}."
     source = f"# Orbits: {choice.table.provenance}. Node, and what else is unknown, is as likely as any other."
     body = dump_json(known_scene(star, choice, catalog=table))  # JSON is YAML
-    write_text(path, f"{about}\n{source}\n{body}")
-    note(f"wrote {path}")
+    write_named(path, f"{one_line(about)}\n{one_line(source)}\n{body}", key="--scene")
+    note(f"wrote {place_of(path)}")
 
 
 def visibility(

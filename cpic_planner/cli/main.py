@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from cpic_core import InputError, fingerprint, numeric_context, private_folder, shortened
+from cpic_core import InputError, fingerprint, numeric_context, private_folder, shortened, visible
 from cpic_planner.cli import (
     catalog_command,
     etc_command,
@@ -94,6 +94,13 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
+class _Printable(logging.Formatter):
+    """Messages that quote names without steering the terminal by them."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return visible(super().format(record), "\n")
+
+
 @app.callback(invoke_without_command=True)
 def root(
     context: typer.Context,
@@ -108,7 +115,9 @@ def root(
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
         return
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_Printable("%(levelname)s: %(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
     set_loudness(verbose, quiet)
     if not quiet and context.invoked_subcommand != "serve":  # which has no end to wait for
         context.with_resource(watch(context.invoked_subcommand))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, cast
 import typer
 from pydantic import BaseModel
 
-from cpic_core import InputError, check_writable, dump_json, one_line, write_text
+from cpic_core import InputError, check_writable, dump_json, one_line, visible, write_named
 from cpic_planner import report
 from cpic_planner.cli.progress import is_quiet, progress, rest, write_line
 
@@ -166,7 +166,7 @@ def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool
     line = (
         f"{what}, {cost['n_realisations']} realisations, {cost['n_frames']} frames drawn one by one, about "
         f"{time_text(cost, workers)}, {cost['memory_mb']:.0f} MB memory a worker, "
-        f"{cost['disk_mb']:.1f} MB disk\n"
+        f"{cost['disk_mb']:.1f} MB disk"
     )
     print_line_or_json(line, cost, as_json)
 
@@ -179,8 +179,16 @@ def time_text(cost: Mapping[str, float], workers: int) -> str:
 
 def print_line_or_json(line: str, tree: Mapping[str, Any], as_json: bool) -> None:
     """Print one line, or the same as JSON."""
+    if as_json:
+        print_json(tree)
+    else:
+        say(line)
+
+
+def say(*lines: str) -> None:
+    """Print lines on stdout that are no table; names in them may hold anything."""
     rest()
-    sys.stdout.write(dump_json(dict(tree)) if as_json else line)
+    typer.echo(visible("\n".join(lines), "\n"))
 
 
 def with_progress(title: str, total: int, start: Callable[..., Finished[R]], piece: str = "piece") -> Finished[R]:
@@ -210,7 +218,7 @@ def console() -> Console:
 
     rest()
     plain = None if sys.stdout.isatty() else 110
-    return Console(width=plain, highlight=False)
+    return Console(width=plain, highlight=False, markup=False, emoji=False)
 
 
 class Form(StrEnum):
@@ -357,7 +365,7 @@ def write_plot(plot: Path, figure: Figure, remark: str = "") -> None:
         What is said of it beside its name.
     """
     report.write_figure(figure, plot)
-    note(f"wrote {plot}{remark}")
+    note(f"wrote {place_of(plot)}{remark}")
 
 
 def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:
@@ -386,7 +394,12 @@ def write_out(path: Path, text: Callable[[], str], rows: int, every: int) -> Non
         If it cannot be written.
     """
     try:
-        write_text(path, text())
+        write_named(path, text(), key="--out")
     except OSError as error:
         raise InputError("--out", str(path), allowed="a writable file", hint=error.strerror or "") from None
-    note(f"wrote {rows}{f' of {every}' * (rows < every)} rows to {path}")
+    note(f"wrote {rows}{f' of {every}' * (rows < every)} rows to {place_of(path)}")
+
+
+def place_of(path: Path) -> str:
+    """Return the name of a file that was written, and where it is if that is a link."""
+    return f"{path.resolve()}, to which {path} is a link" if path.is_symlink() else str(path)

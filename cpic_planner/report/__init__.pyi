@@ -1,4 +1,9 @@
-from cpic_planner.report.cells import Cells as Cells, Sheet as Sheet
+from cpic_planner.report.cells import (
+    Cells as Cells,
+    Sheet as Sheet,
+    displayable as displayable,
+    print_plain as print_plain,
+)
 from cpic_planner.report.console import (
     print_check as print_check,
     print_confirm as print_confirm,

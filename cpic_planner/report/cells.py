@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from cpic_core import InputError
+from cpic_core import InputError, visible
 from cpic_planner import results
 from cpic_planner.report.numbers import MISSING, contrast_text, formatted, significant
 from cpic_planner.report.words import LIMITED_BY, STATUS_SYMBOLS, VERDICTS, status_text
@@ -68,6 +68,10 @@ class Cells:
     kind: type[results.Result] | None = None
     numbers: tuple[results.Taken, ...] = ()
 
+    def cell(self, row: Any) -> str:
+        """Return the text of a row's cell as every writer has it: names may hold what steers a terminal."""
+        return visible(str(self.text(row)))
+
     @property
     def taken(self) -> Sequence[results.Taken]:
         """Columns that stand in files for it: numbers, else fields, else its text without marks."""
@@ -81,7 +85,7 @@ class Cells:
 
 def plain_text(cells: Cells, row: Any) -> str:
     """Return the text of a cell without the marks in front of it."""
-    return _MARKS.sub("", str(cells.text(row)))
+    return _MARKS.sub("", cells.cell(row))
 
 
 def computed(
@@ -326,17 +330,17 @@ def print_table(
     if sheet is not None and (sheet.taken is not None or sheet.form != "table"):
         sheet.take(title, columns, entries)
         return
-    rows = [[column.text(row) for column in columns] for row in entries]
+    rows = [[column.cell(row) for column in columns] for row in entries]
     widths = [max([cell_len(c.header), *(cell_len(row[i]) for row in rows)]) + _GAP for i, c in enumerate(columns)]
     widths[-1] = min(widths[-1], last_width + _GAP)
     shown = fitting(columns, widths, console.width)
     look: dict[str, Any] = {"box": box.SIMPLE_HEAD, "padding": (0, _GAP - 1, 0, 0)}
-    heading = Text(_encodable(console, title), style="bold")
+    heading = Text(displayable(console, title), style="bold")
     table = Table(title=heading, title_justify="left", pad_edge=False, show_edge=False, **look)
     for i in shown:
         last = i == len(columns) - 1
         look = {"no_wrap": not last, "overflow": "fold" if last else "ellipsis", "vertical": "top"}
-        header = Text(_encodable(console, columns[i].header))
+        header = Text(displayable(console, columns[i].header))
         table.add_column(header, justify="right" if columns[i].right else "left", **look)
     for row in rows:
         table.add_row(*(_cell(console, row[i]) for i in shown))
@@ -361,9 +365,15 @@ def fitting(columns: Sequence[Cells], widths: Sequence[int], room: int) -> list[
     return shown
 
 
-def _encodable(console: Console, text: str) -> str:
-    """Return what the terminal's encoding can show; anything else becomes a question mark instead of an error."""
-    return text.encode(console.encoding, "replace").decode(console.encoding)
+def displayable(console: Console, text: str) -> str:
+    """Return what a terminal can show: no control characters, and question marks for what its encoding has not.
+
+    Parameters
+    ----------
+    console : Console
+    text : str
+    """
+    return visible(text, "\n").encode(console.encoding, "replace").decode(console.encoding)
 
 
 def _cell(console: Console, text: str) -> Text:
@@ -372,8 +382,8 @@ def _cell(console: Console, text: str) -> Text:
 
     for status, symbol in STATUS_SYMBOLS.items():
         if text.startswith(symbol):
-            return Text(_encodable(console, text), style=_STYLE[status])
-    return Text(_encodable(console, text))
+            return Text(displayable(console, text), style=_STYLE[status])
+    return Text(displayable(console, text))
 
 
 def print_note(console: Console, *texts: str) -> None:
@@ -381,15 +391,15 @@ def print_note(console: Console, *texts: str) -> None:
     from rich.text import Text
 
     for text in texts:
-        console.print(Text(_encodable(console, text), style="dim"))
+        console.print(Text(displayable(console, text), style="dim"))
 
 
-def print_plain(console: Console, *texts: str, bold: bool = False) -> None:
-    """Print lines of text."""
+def print_plain(console: Console, *texts: str, bold: bool = False, wraps: bool = True) -> None:
+    """Print lines of text, which wrap as words do on a terminal unless they are to be copied whole."""
     from rich.text import Text
 
     for text in texts:
-        console.print(Text(_encodable(console, text), style="bold" if bold else ""))
+        console.print(Text(displayable(console, text), style="bold" if bold else ""), soft_wrap=not wraps)
 
 
 def explain_symbols(console: Console, statuses: list[str]) -> None:

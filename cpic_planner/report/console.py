@@ -293,8 +293,7 @@ def print_simulation(result: results.SimulationResult, out: Path, console: Conso
     for programme in result.programmes:
         _print_programme(programme, out, console, limit)
     _print_left_out(result.sequences, console)
-    for line in _files_text(result.sequences, out):
-        console.print(line, markup=False, soft_wrap=True)
+    print_plain(console, *_files_text(result.sequences, out), wraps=False)
 
 
 def _print_programme(programme: results.SimulatedProgramme, out: Path, console: Console, limit: int) -> None:
@@ -371,7 +370,7 @@ def print_planned(plan: results.SimulationEstimate, console: Console, *, limit: 
     _print_left_out(plan.sequences, console)
     time, disk = numbers.duration_text(plan.wall_s), numbers.size_text(1e6 * plan.disk_mb)
     cost = f"about {time} with {plan.workers} worker(s), {significant(plan.memory_mb)} MB memory a worker, {disk} disk"
-    console.print(f"{count_text(plan.n_frames)} frames, {cost}", markup=False, soft_wrap=True)
+    print_plain(console, f"{count_text(plan.n_frames)} frames, {cost}", wraps=False)
 
 
 def print_check(result: results.CheckResult, console: Console) -> None:
@@ -385,12 +384,12 @@ def print_check(result: results.CheckResult, console: Console) -> None:
     shown = {"hdu": lambda item: "" if item.hdu is None else str(item.hdu)}
     cells = row_cells(results.FindingRecord, "hdu keyword severity message", **shown)
     for path in dict.fromkeys(item.path for item in result.findings):
-        console.print(path, markup=False, soft_wrap=True)
+        print_plain(console, path, wraps=False)
         rows = [item for item in result.findings if item.path == path]
         print_table(console, "", cells, rows, last_width=console.width)
     severities = f"{counted(result.n_errors, 'error')}, {counted(result.n_warnings, 'warning')}"
     said = severities if result.findings else "nothing wrong"
-    console.print(f"{counted(result.n_files, 'Level-0 file')} checked: {said}", markup=False)
+    print_plain(console, f"{counted(result.n_files, 'Level-0 file')} checked: {said}")
 
 
 def print_instrument(result: results.InstrumentResult, layout: str, console: Console) -> None:

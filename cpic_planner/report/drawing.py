@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
+from cpic_core import visible
+
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
@@ -262,8 +264,8 @@ def date_axis(axes: Axes, *, minticks: int = 4, maxticks: int | None = 13) -> No
 
 
 def literal(text: str) -> str:
-    """Return a text that matplotlib writes as it is (a dollar sign would start a formula)."""
-    return text.replace("$", r"\$")
+    """Return a text that matplotlib writes as it is: no formula of dollar signs, no control characters."""
+    return visible(text, "\n").replace("$", r"\$")
 
 
 _POINT_PX = 3.0

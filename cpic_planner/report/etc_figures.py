@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, Status
+from cpic_core import FloatArray, InputError, Status, write_named
 from cpic_planner.etc import (
     CameraCases,
     EtcModel,
@@ -186,7 +186,13 @@ _UNDATED: dict[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": None},
 }
 _LEAST_SHARE = 0.02
-_BELOW: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.6, "fontsize": 8.5, "columnspacing": 1.2}
+_BELOW: dict[str, Any] = {
+    "loc": "upper center",
+    "bbox_to_anchor": (0.5, 0.0),
+    "borderaxespad": 4.6,
+    "fontsize": 8.5,
+    "columnspacing": 1.2,
+}
 _TITLE: dict[str, Any] = {"fontsize": 10, "y": 1.0}  # where it stands anyway: looking for room takes a tenth longer
 _REST = "#D0D0D0"
 _TERM_COLOURS = {
@@ -232,14 +238,12 @@ def write_figure(figure: Figure, path: Path) -> Path:
     InputError
         If the name has no known ending, or the file cannot be written.
     """
-    from cpic_core import write_bytes
-
     ending = check_figure_name(path)
     buffer = io.BytesIO()
     with style():
         figure.savefig(buffer, format=ending, dpi=IMAGE_DPI, metadata=_UNDATED[ending])
     try:
-        return write_bytes(path, buffer.getvalue())
+        return write_named(path, buffer.getvalue(), key="--plot")
     except OSError as error:
         raise InputError("--plot", str(path), allowed="a writable file", hint=error.strerror or "") from None
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from cpic_core import visible
 from cpic_planner import results
 from cpic_planner.registry import SCORES
 from cpic_planner.report.cells import Cells, chosen, fitting, offered, plain_text
@@ -66,7 +67,7 @@ def form_text(
     InputError
         For columns that the table does not have.
     """
-    title, shown, rows = taken
+    title, shown, rows = visible(taken[0], "\n"), *taken[1:]
     shown = chosen(shown, columns) if columns else shown
     if form in ("latex", "markdown"):
         cells = [[plain_text(column, row) for column in shown] for row in rows]

@@ -142,18 +142,11 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined:
         plain = "" if value is None else int(value) if isinstance(value, bool) else _plain(value, joined)
         return guarded(plain) if isinstance(plain, str) else plain
 
-    buffer = _Lines()
+    buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\r\n")
     writer.writerow(names)
     writer.writerows([cell(row.get(name)) for name in names] for row in rows)
     return buffer.getvalue()
-
-
-class _Lines(io.StringIO):
-    """Lines that end as ours do; written as if they did otherwise, so that a carriage return in a cell is quoted."""
-
-    def write(self, text: str, /) -> int:
-        return super().write(f"{text.removesuffix(chr(13) + chr(10))}\n")
 
 
 def rows_from_csv(row: type[R], text: str, *, joined: str = ";") -> list[R]:
