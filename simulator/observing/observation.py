@@ -7,9 +7,19 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from cpic_core import InputError, check_number, check_pair, check_whole, check_word, numeric_context
-from simulator import imaging
 from simulator.config import Instrument, Scene, Timing, checked_utc, load_instrument, load_scene
 from simulator.effects import sky_rate_e_s_arcsec2
+from simulator.imaging import (
+    AnyPsf,
+    ExternalPsf,
+    PsfError,
+    SceneModel,
+    Window,
+    psf_metrics,
+    psf_of_table,
+    single_band_psf,
+    window_of,
+)
 from simulator.knobs import Knobs, Quantity, resolve_knobs
 from simulator.ledger import (
     MAX_EPOCHS,
@@ -59,18 +69,18 @@ class Observation(Sequence):
     window: WindowName = field(kw_only=True)
     roll_deg: float = field(kw_only=True)
     star_offset_arcsec: tuple[float, float] = field(kw_only=True)
-    scene_model: imaging.SceneModel = field(kw_only=True)
-    psf: imaging.AnyPsf = field(kw_only=True)
-    area: imaging.Window = field(kw_only=True)
+    scene_model: SceneModel = field(kw_only=True)
+    psf: AnyPsf = field(kw_only=True)
+    area: Window = field(kw_only=True)
     truth: Truth = field(kw_only=True)
     ledger: tuple[EffectRow, ...] = field(kw_only=True)
     tolerance: float = field(default=0.0, kw_only=True)
     choice: Choice | None = field(default=None, kw_only=True)
 
     @property
-    def estimated_error(self) -> imaging.PsfError | None:
+    def estimated_error(self) -> PsfError | None:
         """Numerical error of the point-spread functions; None for those of a file. Takes half a second once."""
-        return None if isinstance(self.psf, imaging.ExternalPsf) else self.psf.estimated_error
+        return None if isinstance(self.psf, ExternalPsf) else self.psf.estimated_error
 
     @property
     def header(self) -> dict[str, Any]:
@@ -80,7 +90,7 @@ class Observation(Sequence):
     @property
     def calibration_files(self) -> list[str]:
         """Names of the files that optics, sky, particles and camera were read from."""
-        own = [self.psf.file] if isinstance(self.psf, imaging.ExternalPsf) and self.psf.file else []
+        own = [self.psf.file] if isinstance(self.psf, ExternalPsf) and self.psf.file else []
         return [*super().calibration_files, *own]
 
 
@@ -105,8 +115,8 @@ def observe(
     timing: Timing = INTERLEAVED,
     window: WindowName = "full",
     star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
-    scene_model: imaging.SceneModel = "exact",
-    psf: imaging.ExternalPsf | None = None,
+    scene_model: SceneModel = "exact",
+    psf: ExternalPsf | None = None,
     kind: SkyKind = "SCI",
     start_utc: str | None = None,
     switches: Mapping[str, bool] | None = None,
@@ -203,7 +213,7 @@ def observe(
     for name, value, allowed in (
         ("role", role, Role),
         ("window", window, WindowName),
-        ("scene_model", scene_model, imaging.SceneModel),
+        ("scene_model", scene_model, SceneModel),
         ("kind", kind, SkyKind),
     ):
         check_word(name, value, get_args(allowed))
@@ -213,7 +223,7 @@ def observe(
     number = check_whole("realisation", realisation, 0, MAX_REALISATION)
     star = check_pair("star_offset_arcsec", star_offset_arcsec, MAX_OFFSET_ARCSEC, "arcsec")
     start = checked_utc("start_utc", instrument.mission.start_utc if start_utc is None else start_utc)
-    psf = imaging.psf_of_table(instrument, band) if psf is None else psf
+    psf = psf_of_table(instrument, band) if psf is None else psf
     if psf is not None:
         _check_psf(psf, band, instrument, tolerance)
     if quantity is not None:
@@ -250,13 +260,13 @@ def observe(
         knobs = choice.knobs
     left_out = () if choice is None else choice.left_out
     switched = instrument.switched(switches, camera=channel.name)
-    optics = imaging.single_band_psf(band, fidelity=knobs, instrument=instrument) if psf is None else psf
+    optics = single_band_psf(band, fidelity=knobs, instrument=instrument) if psf is None else psf
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
-    area = imaging.window_of(optics, instrument, full=full)
+    area = window_of(optics, instrument, full=full)
     one = Visit(scene.name, kind, role, band, number, turn, timing)
     detector = channel.detector
     corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
-    if isinstance(optics, imaging.ExternalPsf):
+    if isinstance(optics, ExternalPsf):
         stamps = (optics.at(*star) if any(star) else optics.on_axis)[None]
     else:
         epochs = min(frames, epochs)
@@ -346,16 +356,16 @@ def observe(
     )
 
 
-def _optics_keywords(instrument: Instrument, band: str, optics: imaging.AnyPsf) -> dict[str, Any]:
+def _optics_keywords(instrument: Instrument, band: str, optics: AnyPsf) -> dict[str, Any]:
     """Return the keywords of the optics."""
     values: dict[str, Any] = {
         "HOLEMODE": instrument.dark_hole.mode,
         "HOLE": optics.hole_state,
         "HOLEIN": instrument.hole_inner_arcsec(band) * math.sqrt(2.0),
     }
-    if not isinstance(optics, imaging.ExternalPsf):
+    if not isinstance(optics, ExternalPsf):
         # That of the standard settings: the core table of others takes longer than their images.
-        values["IWA"] = imaging.psf_metrics(instrument, band).iwa_arcsec
+        values["IWA"] = psf_metrics(instrument, band).iwa_arcsec
         values["FIDELITY"] = optics.knobs.tier
         return values
     values["IWA"] = optics.metrics.iwa_arcsec
@@ -366,8 +376,8 @@ def _optics_keywords(instrument: Instrument, band: str, optics: imaging.AnyPsf) 
     return values
 
 
-def _check_psf(psf: imaging.ExternalPsf, band: str, instrument: Instrument, tolerance: float) -> None:
-    if not isinstance(psf, imaging.ExternalPsf):
+def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument, tolerance: float) -> None:
+    if not isinstance(psf, ExternalPsf):
         raise InputError("psf", psf, allowed="what load_psf returns")
     if psf.band not in ("", band):
         raise InputError("psf", psf.band, allowed=f"a PSF of {band}")
