@@ -1,6 +1,7 @@
 """Measure one row, or several that share a process: wall clock, processor time, memory, flux and noise."""
 
 import contextlib
+import functools
 import gc
 import math
 import resource
@@ -87,17 +88,21 @@ def peak_memory_mb() -> float:
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
 
 
-def _row(case: FixedScene, point: Point, machine: str, **found: Any) -> TradeoffRow:
-    return TradeoffRow(
-        scene=case.name,
-        point=point.name,
-        title=point.title,
-        group=point.group,
-        n_frames=case.n_frames,
-        machine=machine,
-        version=__version__,
-        **{"status": "ok"} | found,
-    )
+def _row(
+    case: FixedScene,
+    point: Point,
+    machine: str,
+    way: Callable[[], dict[str, Any]],
+    predicted: dict[Any, float] | None = None,
+) -> TradeoffRow:
+    """Return the row of what a way finds, or of why the scene does not allow it."""
+    try:
+        found = {"status": "ok"} | way()
+    except NotApplicable as error:
+        found = {"status": "invalid", "reason": error.reason, "message": str(error)}
+    about = {name: getattr(point, name) for name in ("title", "group")}
+    about |= {"n_frames": case.n_frames, "machine": machine, "version": __version__}
+    return TradeoffRow(scene=case.name, point=point.name, predicted_error=predicted or {}, **about, **found)
 
 
 def measured_rows(
@@ -145,37 +150,31 @@ def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, 
         ``time.monotonic()`` when the process was started.
     """
     predicted: dict[Any, float] = {}
-    cold_s = 0.0
 
-    def times(job: Callable[[], object], first: Callable[[], object] | None = None) -> Timing:
-        nonlocal cold_s
+    def times(job: Callable[[], object], first: Callable[[], object] | None = None) -> dict[str, Any]:
         (first or job)()
         cold_s = time.monotonic() - launched_s
-        return timed(job, budget_s=effort.budget_s)
+        return {"cold_s": cold_s} | asdict(timed(job, budget_s=effort.budget_s))
 
-    try:
+    def way() -> dict[str, Any]:
         if point.group == "closed_form":
-            found = _closed_form(chain.closed_form(case), point.n_cases, times)
-        elif case.is_programme:
-            found = _programme(case, point, effort, times)
-        else:
-            found = _single(case, point, effort, times, predicted)
-    except NotApplicable as error:
-        found = {"status": "invalid", "reason": error.reason, "message": str(error)}
-    else:
-        found["cold_s"] = cold_s
-    return _row(case, point, machine, predicted_error=predicted, **found)
+            return _closed_form(chain.closed_form(case), point.n_cases, times)
+        if case.is_programme:
+            return _programme(case, point, effort, times)
+        return _single(case, point, effort, times, predicted)
+
+    return _row(case, point, machine, way, predicted)
 
 
-def _closed_form(question: ClosedForm, n_cases: int, times: Callable[..., Timing]) -> dict[str, Any]:
+def _closed_form(question: ClosedForm, n_cases: int, times: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     told: list[dict[str, float]] = []
-    timing = times(lambda: question.noise(n_cases), lambda: told.append(question.answer()))
+    found = times(lambda: question.noise(n_cases), lambda: told.append(question.answer()))
     samples = {"whole_e2": [told[0]["white_e2"]], "fixed_speckle_e2": [told[0]["speckle_e2"]]}
-    one = {"wall_s": timing.wall_s / n_cases, "cpu_s": timing.cpu_s / n_cases}
-    return asdict(timing) | one | {"flux_e": told[0]["flux_e"], "samples": samples}
+    one = {name: found[name] / n_cases for name in ("wall_s", "cpu_s")}
+    return found | one | {"flux_e": told[0]["flux_e"], "samples": samples}
 
 
-def _programme(case: FixedScene, point: Point, effort: Effort, times: Callable[..., Timing]) -> dict[str, Any]:
+def _programme(case: FixedScene, point: Point, effort: Effort, times: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     """Time one realisation of a programme, its set-up included, and draw more of them."""
     held: list[tuple[Images, Measurement]] = []
 
@@ -183,13 +182,13 @@ def _programme(case: FixedScene, point: Point, effort: Effort, times: Callable[.
         images = chain.images_of_programme(case, point.setup, point.fidelity, point.tolerance)
         held[:] = [(images, images.measured(0))]
 
-    timing = times(job)
+    found = times(job)
     images, first = held[0]
     how = images.modelling
     count = effort.realisations if how.draw == "sums" else max(2, effort.visits_by_frames // case.visits)
     contrast, contrast_error, _ = contrasts_of([first, *map(images.measured, range(1, count))])
     question = chain.closed_form(case)
-    return asdict(timing) | {
+    return found | {
         "flux_e": float(contrast.mean()) / question.contrast * question.answer()["flux_e"],
         "settings": _settings(how, "draw", "region", "epochs", "knobs"),
         "samples": {"contrast": _listed(contrast), "contrast_error": _listed(contrast_error)},
@@ -197,7 +196,7 @@ def _programme(case: FixedScene, point: Point, effort: Effort, times: Callable[.
 
 
 def _single(
-    case: FixedScene, point: Point, effort: Effort, times: Callable[..., Timing], predicted: dict[Any, float]
+    case: FixedScene, point: Point, effort: Effort, times: Callable[..., dict[str, Any]], predicted: dict[Any, float]
 ) -> dict[str, Any]:
     held: list[tuple[Setup, Work]] = []
 
@@ -205,8 +204,8 @@ def _single(
         setup = point.setup or _by_ledger(case, point, predicted)
         held[:] = [(setup, chain.worked(case, setup))]
 
-    timing = times(job)
-    return _imaged(case, point, *held[0], timing, effort, Places.of(case))
+    found = times(job)
+    return found | _imaged(case, point, *held[0], effort, Places.of(case))
 
 
 def _by_ledger(case: FixedScene, point: Point, predicted: dict[Any, float]) -> Setup:
@@ -231,18 +230,9 @@ def measure_shared(
     """
     base = reference_setup(case)
     chain.worked(case, replace(base, region="hole", epochs=1))  # compiles and reads what all of them need
-    light: _Light | None = None
-    places, rows = Places.of(case), []
+    places, light, rows = Places.of(case), functools.cache(lambda: _Light.of(case, base)), []
     for point in points:
-        assert point.setup is not None  # of knobs and effects
-        same = None if point.light_changes else (light := light or _Light.of(case, base))
-        work, timing = _once(case, point.setup, same)
-        if same is None:
-            found = _imaged(case, point, point.setup, work, timing, effort, places)
-        else:
-            samples = {"white_e2": _listed(ways.white_of_frames(places, work.drawn))}
-            found = _of_images(case, point.setup, work, timing, samples, places, same.bare_e_s)
-        rows.append(_row(case, point, machine, **found))
+        rows.append(_row(case, point, machine, functools.partial(_shared, case, point, effort, places, light)))
         advance(point.name)
     return rows
 
@@ -263,22 +253,24 @@ class _Light:
         return cls(wall_s, cpu_s, visits[0], ways.light_without(case, base))
 
 
-def _once(case: FixedScene, setup: Setup, light: _Light | None) -> tuple[Work, Timing]:
-    """Do the work once, of the given light or with light of its own, and return how long both take."""
-    held: list[Work] = []
-    visits, instrument = None, setup.instrument(case)
-    if light is not None:
-        science, reference = (replace(seen, instrument=instrument) for seen in light.visits)
-        visits = science, reference
-    timing = timed(lambda: held.append(chain.worked(case, setup, visits)), budget_s=0.0)
-    if light is not None:
-        timing = replace(timing, wall_s=timing.wall_s + light.wall_s, cpu_s=timing.cpu_s + light.cpu_s)
-    return held[0], timing
-
-
-def _imaged(
-    case: FixedScene, point: Point, setup: Setup, work: Work, timing: Timing, effort: Effort, places: Places
+def _shared(
+    case: FixedScene, point: Point, effort: Effort, places: Places, light: Callable[[], _Light]
 ) -> dict[str, Any]:
+    """Do the work once, of the light of the reference or with light of its own."""
+    setup, held = point.setup, []
+    assert setup is not None  # of knobs and effects
+    if point.light_changes:
+        timing = timed(lambda: held.append(chain.worked(case, setup)), budget_s=0.0)
+        return asdict(timing) | _imaged(case, point, setup, held[0], effort, places)
+    same, instrument = light(), setup.instrument(case)
+    science, reference = (replace(seen, instrument=instrument) for seen in same.visits)
+    timing = timed(lambda: held.append(chain.worked(case, setup, (science, reference))), budget_s=0.0)
+    timing = replace(timing, wall_s=timing.wall_s + same.wall_s, cpu_s=timing.cpu_s + same.cpu_s)
+    samples = {"white_e2": ways.white_of_frames(places, held[0].drawn)}
+    return asdict(timing) | _of_images(case, setup, held[0], samples, places, same.bare_e_s)
+
+
+def _imaged(case: FixedScene, point: Point, setup: Setup, work: Work, effort: Effort, places: Places) -> dict[str, Any]:
     """Return what a row of images says, with what its noise is measured from."""
     base, is_reference = reference_setup(case), point.name == REFERENCE
     samples: dict[str, FloatArray] = {}
@@ -296,24 +288,18 @@ def _imaged(
         samples["speckle_e2_s2"] = ways.speckle_samples(case, setup, places, effort.pairs)
     if is_reference or setup.n_epochs(case) != base.n_epochs(case):
         samples["walk_e2_s2"], samples["one_epoch_e2_s2"] = ways.walk_samples(case, setup, places, effort.walk_pairs)
-    listed = {name: _listed(values) for name, values in samples.items()}
-    return _of_images(case, setup, work, timing, listed, places, ways.light_without(case, setup))
+    return _of_images(case, setup, work, samples, places, ways.light_without(case, setup))
 
 
 def _of_images(
-    case: FixedScene,
-    setup: Setup,
-    work: Work,
-    timing: Timing,
-    samples: dict[str, list[float]],
-    places: Places,
-    bare_e_s: FloatArray,
+    case: FixedScene, setup: Setup, work: Work, samples: dict[str, FloatArray], places: Places, bare_e_s: FloatArray
 ) -> dict[str, Any]:
     flux_e = ways.expected_flux_e(case, setup, work.science, bare_e_s)
     names = ("draw", "region", "epochs", "knobs", "switches", "left_out", "sky", "drift", "scene_model")
     settings = _settings(setup, *names) | {"epochs": setup.n_epochs(case)}
-    samples = samples | {"own_e2": [ways.own_noise_e2(case, setup, places, flux_e)]}
-    return asdict(timing) | {"flux_e": flux_e, "settings": settings, "samples": samples}
+    listed = {name: _listed(values) for name, values in samples.items()}
+    listed["own_e2"] = [ways.own_noise_e2(case, setup, places, flux_e)]
+    return {"flux_e": flux_e, "settings": settings, "samples": listed}
 
 
 def _settings(how: Setup | Modelling, *names: str) -> dict[str, Any]:
