@@ -122,9 +122,9 @@ def undetected(counts: dict[str, int]) -> str:
 def assumptions(firm: SensitivityResult) -> list[str]:
     """The ranking under other assumptions."""
     lines = [
-        f"| instead | reference planets detected | Kendall's tau-b | stars compared | kept of first {firm.top} "
-        "| largest fall |",
-        "|---|---|---|---|---|---|",
+        f"| instead | reference planets detected | kept of first {firm.first} | kept of first {firm.top} "
+        "| Kendall's tau-b | stars compared | largest fall |",
+        "|---|---|---|---|---|---|---|",
     ]
     for row in firm.rows:
         tau = "" if row.kendall_tau_b is None else f"{row.kendall_tau_b:.2f}"
@@ -134,7 +134,8 @@ def assumptions(firm: SensitivityResult) -> list[str]:
             else ""
         )
         lines.append(
-            f"| {row.text} | {row.n_ok} (nominal {firm.n_ok}) | {tau} | {row.n_compared} | {row.kept} | {fall} |"
+            f"| {row.text} | {row.n_ok} (nominal {firm.n_ok}) | {row.kept_first} | {row.kept} | {tau} "
+            f"| {row.n_compared} | {fall} |"
         )
     return [*lines, "", firm.statement, "", f"Tau: {tau_text(firm.top)}."]
 

@@ -152,7 +152,14 @@ def test_what_the_images_show_is_a_list(plan, rank, read):
 
 
 @pytest.mark.parametrize(
-    "rule", ["@page { size: A4", ".wider::before { content:", "p, li, caption", "break-before: page"]
+    "rule",
+    [
+        "@page { size: A4",
+        ".wider::before { content:",
+        "p, li, caption",
+        ".sort { display: contents",
+        "break-before: page",
+    ],
 )
 def test_the_page_keeps_to_paper_and_says_that_it_scrolls(page, rule):
     style = page[page.index("<style>") : page.index("</style>")]
