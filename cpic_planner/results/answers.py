@@ -58,7 +58,7 @@ class ModellingRecord(Result):
 
 
 class ImageCheck(Row):
-    """One answer, observed in simulated images with its own frames; its SNR is compared with that of the closed form."""
+    """One answer, observed in simulated images with its own frames; its SNR beside that of the closed form."""
 
     draw: Literal["sums", "frames"] = Field(description="sums of frames over the dark hole, or every frame")
     realisations: int = column("draws of drift and noise, each reduced and measured by itself", short="runs")
@@ -68,7 +68,9 @@ class ImageCheck(Row):
         format=".4f",
     )
     flux_ratio: float = column(
-        "mean measured flux of the planet over its true flux, after the reduction", short="flux / true", format=".3f ± .3f"
+        "mean measured flux of the planet over its true flux, after the reduction",
+        short="flux / true",
+        format=".3f ± .3f",
     )
     flux_ratio_error: float = Field(description="1 sigma")
     predicted_snr: float = column(
@@ -81,9 +83,7 @@ class ImageCheck(Row):
     etc_ratio: float | None = optional(
         "predicted over recovered SNR: above 1 is optimistic; null where the planet is missed", format=".2f ± .2f"
     )
-    etc_ratio_error: float | None = optional(
-        "1 sigma, of the images alone; at least what is expected of so many draws"
-    )
+    etc_ratio_error: float | None = optional("1 sigma, of the images alone; at least what is expected of so many draws")
     predicted_significance: float = Field(description="closed form, of noise without the planet's own")
     significance: float
     agrees: bool = Field(
