@@ -36,7 +36,10 @@ class _Row:
     def alike(self) -> bool:
         """Whether the answer is about the planet that the first one is about, where there is one."""
         base, own = self.base, self.answer
-        pairs = () if base is None else ((own.separation_arcsec, base.separation_arcsec), (own.contrast, base.contrast))
+        if base is None:
+            return True
+        pairs = [(own.separation_arcsec, base.separation_arcsec)]
+        pairs += [(own.contrast, base.contrast)] * (own.question != "contrast_limit")  # there it is the answer
         return all(a == b or (a and b and math.isclose(a, b, rel_tol=_ALIKE)) for a, b in pairs)
 
 

@@ -186,7 +186,7 @@ _UNDATED: dict[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": None},
 }
 _LEAST_SHARE = 0.02
-_BELOW: dict[str, Any] = {
+_BELOW: Look = {
     "loc": "upper center",
     "bbox_to_anchor": (0.5, 0.0),
     "borderaxespad": 4.6,
@@ -298,7 +298,7 @@ def _place(axes: Axes, tall: float, left: float, bottom: float, width: float, he
 
 def _legend(axes: Axes, columns: int, handles: Sequence[Any] | None = None) -> int:
     """Put a legend below, and return its rows."""
-    legend = axes.legend(handles=handles, ncols=columns, **_BELOW)
+    legend = axes.legend(handles=handles, ncols=columns, columnspacing=1.2, **_BELOW)
     return math.ceil(len(legend.get_texts()) / columns)
 
 

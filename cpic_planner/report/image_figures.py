@@ -92,8 +92,8 @@ def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
             alt=f"Recovered against predicted SNR of {len(everything)} measurements, with the line of equality.",
             caption=f"Each symbol is one planet in one band: the mean of up to {result.realisations} realisations, "
             "each with a drift of the wavefront and a noise of its own, with the error of that mean. The dashed line "
-            "is the mean of predicted over recovered SNR, the band around it its error, which holds the accuracy of a prediction at one "
-            f"place ({100 * PREDICTION_ERROR:g} %) too.",
+            "is the mean of predicted over recovered SNR, the band around it its error, which holds the accuracy of a "
+            f"prediction at one place ({100 * PREDICTION_ERROR:g} %) too.",
         )
 
 
@@ -240,10 +240,10 @@ def _quantities() -> list[doc.Column[BandConfirmation]]:
 
 
 _TWO_STATISTICS = (
-    "Two statistics with two thresholds are counted, so that a planet can pass one and fail the other. The blind search "
-    "compares the SNR of a matched filter with noise that the whole dark hole and the scatter of the visits tell. "
-    "Significance at the known place is that of one aperture, whose threshold is larger where few resolution elements at "
-    "its separation tell the noise. The blind search decides whether a planet is detected."
+    "Two statistics with two thresholds are counted, so that a planet can pass one and fail the other. The blind "
+    "search compares the SNR of a matched filter with noise that the whole dark hole and the scatter of the visits "
+    "tell. Significance at the known place is that of one aperture, whose threshold is larger where few resolution "
+    "elements at its separation tell the noise. The blind search decides whether a planet is detected."
 )
 
 

@@ -58,7 +58,7 @@ class ModellingRecord(Result):
 
 
 class ImageCheck(Row):
-    """One answer, observed in simulated images with its own frames; its SNR is compared with that of the closed form."""
+    """One answer, observed in simulated images with its own frames; its SNR beside that of the closed form."""
 
     draw: Literal["sums", "frames"] = Field(description="sums of frames over the dark hole, or every frame")
     realisations: int = column("draws of drift and noise, each reduced and measured by itself", short="runs")

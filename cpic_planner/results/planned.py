@@ -387,8 +387,8 @@ class AlbedoRecord(Row):
     log10_fsed: float = Field(description="median of the posterior, metallicity integrated over")
     best_fit: list[float] = Field(
         default_factory=list,
-        description="log10_mh and log10_fsed of the least chi2, for which chi2 is stated: of both together, so that one "
-        "of them may lie outside its interval; empty in older results",
+        description="log10_mh and log10_fsed of the least chi2, for which chi2 is stated: of both together, so that "
+        "one of them may lie outside its interval; empty in older results",
     )
     mean: list[float] = Field(description="of the posterior: log10_mh, log10_fsed")
     covariance: list[list[float]]

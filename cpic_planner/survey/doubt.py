@@ -303,8 +303,8 @@ def statement(
     over = choice.mean[choice.expected]  # all values: the mean by weights lies between, which 5 and 95 % need not do
     return (
         f"A cautious team takes {called(safe)}: {text}. By the weights of the values {who} finds most, "
-        f"{most.planets:.2f} {what} a survey ({over.min():.2f} to {over.max():.2f} over the values). To know {key} before "
-        f"the choice is worth {knowing.mean:.3f} {what} a survey (90 % interval {knowing.low:.3f} to "
+        f"{most.planets:.2f} {what} a survey ({over.min():.2f} to {over.max():.2f} over the values). To know {key} "
+        f"before the choice is worth {knowing.mean:.3f} {what} a survey (90 % interval {knowing.low:.3f} to "
         f"{knowing.high:.3f})."
     )
 

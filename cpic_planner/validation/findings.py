@@ -204,7 +204,7 @@ def calibration_of(predicted: float, recovered: float, error: float) -> Calibrat
     error : float
         That of the recovered SNR, 1 sigma.
     """
-    share, own = recovered / predicted, error / predicted
+    share, own = (value / predicted for value in (recovered, error))
     if not tells(share, own):
         return Calibration(n_faint=1)
     return Calibration.of(share, math.hypot(own, PREDICTION_ERROR * share))

@@ -180,3 +180,24 @@ def test_all_words_lie_in_the_figure_and_legends_on_no_axes(more):
             if legend is not None:
                 own = legend.get_window_extent(renderer)
                 assert not any(own.overlaps(box) for box in boxes)
+
+
+@pytest.mark.parametrize("more", [{}, {"bands": ["F520"]}, {"separation_arcsec": [0.4, 0.5, 0.6]}])
+def test_labels_are_no_longer_than_their_axes_and_words_are_told_once(more):
+    """A label of an axis stays beside it, titles above do not touch it, and bands have one legend."""
+    from cpic_planner.api import answered
+    from cpic_planner.queries import EtcQuestion
+    from cpic_planner.report import style
+
+    figure = answered(EtcQuestion.of({"target": "tau Cet", "time_s": 36e3} | more)).figure()
+    with style():
+        figure.canvas.draw()
+        titles = [axes.title.get_window_extent() for axes in figure.axes if axes.get_title()]
+        for axes in figure.axes:
+            for label, long in ((axes.yaxis.label, "height"), (axes.xaxis.label, "width")):
+                box = label.get_window_extent()
+                assert getattr(box, long) <= getattr(axes.get_window_extent(), long), label.get_text()
+                assert not any(box.overlaps(title) for title in titles)
+    words = [text.get_text() for axes in figure.axes[:2] for text in axes.get_legend().get_texts()]
+    assert len(words) == len(set(words))
+    assert "best visit" not in figure.axes[0].get_title()
