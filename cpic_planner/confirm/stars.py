@@ -48,7 +48,7 @@ from simulator.config import Instrument
 from simulator.imaging import refuse_table
 from simulator.ledger import not_modelled
 
-RESULT_VERSION = 7
+RESULT_VERSION = 8
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 
