@@ -25,6 +25,7 @@ from cpic_planner.validation import (
     confirm_task,
     edge_crossed,
     expected_of,
+    not_observed,
     position_records,
     refusals_of,
     task_of,
@@ -159,9 +160,8 @@ def _work(config: ConfirmQuestion) -> _Work:
     for band in model.bands:
         every = scene_sources(config.scene, config.instrument, band)
         planets = [source for source in every if source.kind == "planet"]
-        inside = [_inside(model.metrics[band], planet) for planet in planets]
-        refused += [_outside(model, band, planet) for planet, there in zip(planets, inside, strict=True) if not there]
-        shown = [planet for planet, there in zip(planets, inside, strict=True) if there]
+        shown = [planet for planet in planets if _inside(model.metrics[band], planet)]
+        refused += [_outside(model, band, planet) for planet in planets if planet not in shown]
         programme = _programme(config, model, target, band, shown)
         frames = programme.frames
         if frames is None:
@@ -187,8 +187,8 @@ def _work(config: ConfirmQuestion) -> _Work:
         hidden = {answer.planet for answer in answers}
         left = [number for number, name in enumerate(task.planets) if name not in hidden]
         if left or not answers:
-            kept = {key: [getattr(task, key)[number] for number in left] for key in ("planets", "predictions")}
-            tasks.append(replace(task, **kept))
+            predictions = [task.predictions[number] for number in left]
+            tasks.append(replace(task, planets=[task.planets[number] for number in left], predictions=predictions))
     return _Work(model, tasks, refused)
 
 
@@ -237,14 +237,5 @@ def _refusal(
     model: EtcModel, band: str, planet: Source, status: Status, reason: Reason, message: str
 ) -> BandConfirmation:
     separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
-    return BandConfirmation(
-        band=band,
-        planet=planet.name,
-        status=status.value,
-        reason=reason.value,
-        message=message,
-        separation_arcsec=float(separation),
-        pa_deg=float(pa_deg),
-        true_contrast=planet.contrast,
-        verdict="not observed",
-    )
+    where = {"separation_arcsec": float(separation), "pa_deg": float(pa_deg), "true_contrast": planet.contrast}
+    return not_observed(status, reason, message, band=band, planet=planet.name, **where)

@@ -158,7 +158,7 @@ def aperture_rates(
     planet_total = star * ratio
     dims = max(star.ndim, x.ndim)
     sky = of_sky.reshape(-1, *(1,) * (dims - 1))
-    companion = _companions(model, targets, band, x, y)
+    wings_e_s, columns_e_s, wings_e2_s2, brightest_e_s = _companions(model, targets, band, x, y)
     halo = star * metrics.halo_aperture(x, y)
     area, core = metrics.core_pixels(x, y), metrics.core_throughput(x, y)
     exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis if zodis is None else zodis, x, y, core)
@@ -166,21 +166,21 @@ def aperture_rates(
     width, ratio_of_lengths = strategy.annulus_lambda_d, strategy.reference_ratio
     law = programme_law(metrics, instrument.drift, separation, width, ratio_of_lengths, model.timing)
     reference, left = model.library_noise(band, star), _planet_left(model, band, x, y)
-    smear = _smear(model, band, x, star, companion.column_e_s, sky)
+    smear = _smear(model, band, x, star, columns_e_s, sky)
     brightest, peak_planet = star * reference.peak, planet_total * metrics.peak_off_axis
-    peak_companion = companion.brightest_e_s.reshape((-1,) + (1,) * (dims - 1)) / metrics.aperture_pixels
+    peak_companion = brightest_e_s.reshape((-1,) + (1,) * (dims - 1)) / metrics.aperture_pixels
     shown = sky_in_core(model, band, sky, x, y)
     return ApertureRates(
         planet_e_s=planet_total * core * left,
         halo_e_s=halo,
-        companion_e_s=companion.aperture_e_s,
+        companion_e_s=wings_e_s,
         sky_e_s=shown,
         exozodi_e_s=exozodi,
         dark_e_s=dark,
         planet_left=left,
         core=core,
         speckle=law.scaled(star**2 * reference.speckle),
-        wings_e2_s2=companion.left_e2_s2,
+        wings_e2_s2=wings_e2_s2,
         peak_in_hole_e_s=brightest * metrics.peak_on_axis_hole + peak_planet + peak_companion,
         peak_planet_e_s=peak_planet,
         peak_frame_e_s=brightest * metrics.peak_on_axis_frame,
@@ -191,7 +191,7 @@ def aperture_rates(
         source_noise_fraction=metrics.source_noise_fraction * (2.0 - left) / left,
         background_apertures=annulus_apertures(metrics, strategy.annulus_lambda_d, separation),
         loss_per_s=model.loss_per_s(band),
-        reference_light_e_s=reference.light(halo + exozodi, companion.aperture_e_s, shown + dark),
+        reference_light_e_s=reference.light(halo + exozodi, wings_e_s, shown + dark),
         reference_halo_e_s=reference.halo * halo,
         reference_scale=reference.scale,
         smear_e=smear.star_e + smear.companion_e + smear.even_e,
@@ -234,25 +234,13 @@ def _place(model: EtcModel, near: Neighbours, turns_deg: ArrayLike) -> tuple[Flo
     return sky_to_detector(near.separation_arcsec[:, None], turned, parity=model.instrument.detector.parity)
 
 
-class _Companion(NamedTuple):
-    """Light of neighbours, ``(n, ...)``: in apertures, in the columns under them, and what references leave.
-
-    And in the brightest aperture of the hole, ``(n,)``; of several neighbours at most as much.
-    """
-
-    aperture_e_s: FloatArray
-    column_e_s: FloatArray
-    left_e2_s2: FloatArray
-    brightest_e_s: FloatArray
-
-
 def _by_place(model: EtcModel, targets: Targets, band: str) -> Iterator[tuple[Neighbours, tuple[float, ...]]]:
     """Yield the neighbours whose position angle is known with the one angle, then the others with all of them."""
     every = neighbours(model, targets, band)
     unknown = np.isnan(every.pa_deg)
     for chosen, angles in ((~unknown, (0.0,)), (unknown, EVERY_ANGLE_DEG)):
         if chosen.any():
-            yield Neighbours(*(part[chosen] for part in every)), angles
+            yield every.where(chosen), angles
 
 
 def companions_of(model: EtcModel, targets: Targets, band: str) -> Iterator[tuple[Neighbours, bool, CompanionTables]]:
@@ -275,11 +263,14 @@ def companions_of(model: EtcModel, targets: Targets, band: str) -> Iterator[tupl
         yield near, len(angles) == 1, companion_tables(model.metrics[band], place, difference, width, rows=rows)
 
 
-def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> _Companion:
-    """Return the light of neighbours for apertures at (x, y)."""
+def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the light of neighbours in apertures, in the columns under them, and what references leave, ``(n, ...)``.
+
+    And in the brightest aperture of the hole, ``(n,)``; of several neighbours at most as much.
+    """
     upright = (-1,) + (1,) * max(0, x.ndim - 1)
     shape = np.broadcast_shapes((len(targets), *upright[1:]), x.shape)
-    found = _Companion(*np.zeros((3, *shape)), np.zeros(len(targets)))
+    found = (*np.zeros((3, *shape)), np.zeros(len(targets)))
     places = [np.atleast_1d(part) for part in (x, y)]
     for near, _, tables in companions_of(model, targets, band):
         light = tables.around(*(part[near.row] if len(part) == len(targets) else part for part in places))

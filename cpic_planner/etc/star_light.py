@@ -4,11 +4,11 @@ The stars of a scene are those of its images: `simulator.target.scene_sources` g
 """
 
 import functools
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from cpic_core import FloatArray, IntArray
+from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
 from simulator.config import Instrument, Scene
@@ -18,6 +18,8 @@ from simulator.signal import sky_pixel_e_s
 
 if TYPE_CHECKING:
     from simulator.target import Source
+
+_T = TypeVar("_T")
 
 
 def light_of(model: EtcModel, targets: Targets, band: str) -> tuple[FloatArray, FloatArray]:
@@ -40,10 +42,10 @@ def light_of(model: EtcModel, targets: Targets, band: str) -> tuple[FloatArray, 
     return _kept(_Same(model), _Same(targets), band) if len(targets) == 1 else _light(model, targets, band)
 
 
-class _Same:
+class _Same(Generic[_T]):
     """An object that counts as equal to itself alone."""
 
-    def __init__(self, it: EtcModel | Targets | Scene) -> None:
+    def __init__(self, it: _T) -> None:
         self.it = it
 
     def __hash__(self) -> int:
@@ -54,9 +56,7 @@ class _Same:
 
 
 @functools.lru_cache(maxsize=1024)
-def _kept(model: _Same, star: _Same, band: str) -> tuple[FloatArray, FloatArray]:
-    assert isinstance(model.it, EtcModel)
-    assert isinstance(star.it, Targets)
+def _kept(model: _Same[EtcModel], star: _Same[Targets], band: str) -> tuple[FloatArray, FloatArray]:
     found = _light(model.it, star.it, band)
     for array in found:
         array.flags.writeable = False
@@ -72,12 +72,10 @@ def _light(model: EtcModel, targets: Targets, band: str) -> tuple[FloatArray, Fl
 
 
 @functools.lru_cache(maxsize=64)
-def _scene_stars(model: _Same, scene: _Same, band: str) -> "tuple[Source, ...]":
+def _scene_stars(model: _Same[EtcModel], scene: _Same[Scene], band: str) -> "tuple[Source, ...]":
     """Return the stars that images of a scene show, the central one first."""
     from simulator.target import scene_sources
 
-    assert isinstance(model.it, EtcModel)
-    assert isinstance(scene.it, Scene)
     return scene_sources(scene.it.without_planets(), model.it.instrument, band)
 
 
@@ -98,6 +96,11 @@ class Neighbours(NamedTuple):
     separation_arcsec: FloatArray
     pa_deg: FloatArray
     rate_e_s: FloatArray
+
+    def where(self, chosen: BoolArray) -> "Neighbours":
+        """Return some of them."""
+        place = self.separation_arcsec[chosen], self.pa_deg[chosen]
+        return Neighbours(self.row[chosen], *place, self.rate_e_s[chosen])
 
 
 def neighbours(model: EtcModel, targets: Targets, band: str) -> Neighbours:

@@ -93,6 +93,7 @@ from cpic_planner.validation.task import (
     expected_of as expected_of,
     gap_s as gap_s,
     images_of as images_of,
+    not_observed as not_observed,
     prepare_task as prepare_task,
     star_scene as star_scene,
     target_scene as target_scene,

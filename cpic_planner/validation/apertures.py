@@ -285,8 +285,6 @@ def sample_scatter(
         side = 2 * half + 1
         kernel = aperture_weights((side, side), half + phase_pixel[0], half + phase_pixel[1], radius_pixel)
     y, x, grid, n_apertures = sample_places(allowed[box], radius_pixel, kernel)
-    if n_apertures < MIN_BACKGROUND_APERTURES:
-        raise no_room("background_region", radius_pixel)
     sums = correlate(data[box] - data[allowed].mean(), kernel, mode="constant")[y, x]
     held = np.maximum(np.bincount(grid, minlength=1), 1)
     deviation = sums - (np.bincount(grid, weights=sums) / held)[grid]
@@ -312,6 +310,11 @@ def sample_places(
         Rows and columns, and the number of the grid that each is part of.
     n_apertures : int
         Places of the fullest grid.
+
+    Raises
+    ------
+    InputError
+        If no grid holds 3 places.
     """
     from scipy.ndimage import binary_erosion, label
 
@@ -326,20 +329,12 @@ def sample_places(
             own = part == number
             _, offset, held = np.unique(grid[own], return_inverse=True, return_counts=True)
             grid[own] = np.argsort(np.argsort(-held, kind="stable"), kind="stable")[offset]
-    return y, x, grid, int(np.bincount(grid, minlength=1).max())
-
-
-def no_room(key: str, radius_pixel: float) -> InputError:
-    """Return the refusal of a region that holds fewer than 3 apertures side by side.
-
-    Parameters
-    ----------
-    key : str
-        Name that the refusal gives.
-    radius_pixel : float
-    """
-    small = f"too small for apertures of radius {radius_pixel:g} px"
-    return InputError(key, small, allowed=f"room for at least {MIN_BACKGROUND_APERTURES} of them")
+    n_apertures = int(np.bincount(grid, minlength=1).max())
+    if n_apertures < MIN_BACKGROUND_APERTURES:
+        small = f"too small for apertures of radius {radius_pixel:g} px"
+        allowed = f"room for at least {MIN_BACKGROUND_APERTURES} of them"
+        raise InputError("background_region", small, allowed=allowed)
+    return y, x, grid, n_apertures
 
 
 def checked_image(image: ArrayLike) -> FloatArray:

@@ -211,6 +211,7 @@ def forced_photometry(
     around = planet.around(stack.region, geometry, filter_name)
     kernels = planet.kernels(geometry, filter_name)
     matched = kernels if filter_name == "matched" else None
+    kernel = matched[0] if matched else None
     if roll is not None:
         one, two = planet.templates
         return roll_photometry(
@@ -223,7 +224,7 @@ def forced_photometry(
             background_region=around,
             em_gain=stack.em_gain,
             stages=stack.stages,
-            kernels=None if matched is None else (matched[0], matched[1]),
+            kernels=matched,
         )
     image, template = stack.image_e, planet.templates[0]
     if filter_name == "whitened":
@@ -246,7 +247,7 @@ def forced_photometry(
             empty = without_source(image, left, sum_weights(image.shape, *first, radius), around)
         share = mirror_share(empty, kernels[0], around)
         image, left = (part - share * part[::-1, ::-1] for part in (image, left))
-    weights = sum_weights(image.shape, *first, radius, None if matched is None else matched[0])
+    weights = sum_weights(image.shape, *first, radius, kernel)
     return aperture_photometry(
         image,
         *first,
@@ -255,6 +256,6 @@ def forced_photometry(
         throughput=surviving_fraction("template", template, left, weights, around),
         em_gain=stack.em_gain,
         stages=stack.stages,
-        kernel=None if matched is None else matched[0],
+        kernel=kernel,
         left=left if stack.rdi.modes_used else None,
     )

@@ -81,12 +81,10 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
     rate_e_s = visits.science.truth.sources[0].rate_e_s
     geometry, maps = visits.geometry, maps_of(visits)
     beside = [(one.x_arcsec, one.y_arcsec) for one in visits.science.truth.sources[1:]]
-    edge = geometry.stamp_pixels // 2 * geometry.pixel_scale_arcsec
-    near = [place for place in beside if max(abs(place[0]), abs(place[1])) < edge]
     places = []
     for separation in own.places_arcsec:
         x, y = (float(part) for part in diagonal(geometry.zone, separation))
-        places.append(with_image(visits, place_at(geometry, visits.strategy, "place", ((x, y),), near)))
+        places.append(with_image(visits, place_at(geometry, visits.strategy, "place", ((x, y),), beside)))
     whitened = SpeckleModel.of(visits, rate_e_s) if visits.strategy.filter == "whitened" else None
     body: dict[str, Any] = {"refused": "", "limits": [], "alarms": [], "elements": [], "planets": []}
     for number in range(own.first, own.first + own.count):

@@ -211,18 +211,10 @@ def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", 
     seen = {key: _known(getattr(target, f"companion_{key}")[0]) for key in place}
     if seen["pa_deg"] is not None:
         seen["pa_deg"] = (seen["pa_deg"] - float(target.roll_deg)) % 360.0
-    near = companion_of(star.model_dump(), **seen)
-    stars = tuple(SceneStar(**body) for body in near)
+    stars = tuple(SceneStar(**body) for body in companion_of(star.model_dump(), **seen))
     disc = exozodi_disc(exozodi_zodis)
-    extended = () if disc is None else (disc,)
-    return Scene(
-        name=name or star.name,
-        cstar=star,
-        planets=planets,
-        stars=stars,
-        extended=extended,
-        companions=target.companions,
-    )
+    shown = {"planets": planets, "stars": stars, "extended": () if disc is None else (disc,)}
+    return Scene(name=name or star.name, cstar=star, companions=target.companions, **shown)
 
 
 def _known(value: float) -> float | None:
@@ -336,16 +328,8 @@ def prepare_task(
         status, reason = no_frame_status(best, 0, model.camera(band))
         if best.frames_per_visit[0] > MAX_FRAMES:
             status, reason = Status.INVALID, Reason.TOO_MANY_FRAMES
-        return BandConfirmation(
-            band=band,
-            status=status.value,
-            reason=reason.value,
-            message=_REFUSALS[status],
-            separation_arcsec=separation,
-            pa_deg=pa_deg,
-            true_contrast=float(best.contrast[0]),
-            verdict="not observed",
-        )
+        where = {"separation_arcsec": separation, "pa_deg": pa_deg, "true_contrast": float(best.contrast[0])}
+        return not_observed(status, reason, _REFUSALS[status], band=band, **where)
     distance = float(etc.reference_distance_au(target, np.array([separation]), planet)[0, 0])
     if frames is None:
         per_visit, visits = int(best.frames_per_visit[0]), int(best.visits[0])
@@ -360,6 +344,22 @@ def prepare_task(
     if given:
         return made
     return replace(made, unused_s=max(time_s - made.time_s, 0.0), chosen_for=made.planets[0])
+
+
+def not_observed(status: Status, reason: Reason, message: str, **more: Any) -> BandConfirmation:
+    """Return the answer for a planet of which no images are made.
+
+    Parameters
+    ----------
+    status : Status
+    reason : Reason
+    message : str
+        One sentence for people.
+    **more
+        Other fields of the answer; at least the band.
+    """
+    standing = {"status": status.value, "reason": reason.value, "message": message, "verdict": "not observed"}
+    return BandConfirmation(**(standing | more))
 
 
 def task_of(

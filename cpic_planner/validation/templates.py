@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, Reason
+from cpic_core import BoolArray, FloatArray, InputError, Reason
 from cpic_planner.queries import FluxFilter, Strategy
 from cpic_planner.validation.apertures import (
     MIN_BACKGROUND_APERTURES,
@@ -37,7 +37,7 @@ Place: TypeAlias = tuple[float, float]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanetPlace:
-    """Where a planet to be measured stands, in one or two rolls, and the pixels that tell its noise.
+    """The place of a planet to be measured, in one or two rolls, and the pixels that tell its noise.
 
     Attributes
     ----------
@@ -99,8 +99,9 @@ class PlanetPlace:
         lambda_d = geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
         for place, aperture in zip(self.places_arcsec, self.apertures, strict=True):
             seen = (np.ones_like(aperture), lambda_d) if strategy.filter == "matched" else (aperture, radius + 1.0)
-            kernel = kernel_at(seen[0], *pixels_of(geometry, place), seen[1])
-            if sample_places(free, radius, kernel)[3] < MIN_BACKGROUND_APERTURES:
+            try:
+                sample_places(free, radius, kernel_at(seen[0], *pixels_of(geometry, place), seen[1]))
+            except InputError:  # no room
                 return False
         return True
 
@@ -166,7 +167,6 @@ def planet_places(
     geometry : BandGeometry
     strategy : Strategy
     """
-    edge_arcsec = geometry.stamp_pixels // 2 * geometry.pixel_scale_arcsec
     shown = (plan.science, plan.reference)[: 2 if plan.shows_planet else 1]
     every = [
         scene_sources(plan.science_scene, instrument, task.band, roll_deg=visit["roll_deg"])[1:] for visit in shown
@@ -180,7 +180,7 @@ def planet_places(
             (other.x_arcsec, other.y_arcsec)
             for sources in every
             for number, other in enumerate(sources)
-            if number != index and max(abs(other.x_arcsec), abs(other.y_arcsec)) < edge_arcsec
+            if number != index
         ]
         found.append(place_at(geometry, strategy, source.name, places, beside))
     return found
@@ -229,10 +229,11 @@ def place_at(
     places_arcsec : tuple of (x, y)
         Offsets on the detector, one a roll.
     beside : sequence of (x, y)
-        Offsets of other sources on the stamp.
+        Offsets of other sources; those beyond the stamp do not count.
     """
     side, radius, width = geometry.stamp_pixels, radius_pixel(geometry), strategy.annulus_lambda_d
-    others = tuple(pixels_of(geometry, place) for place in beside)
+    edge_arcsec = side // 2 * geometry.pixel_scale_arcsec
+    others = tuple(pixels_of(geometry, place) for place in beside if max(map(abs, place)) < edge_arcsec)
     apertures = tuple(aperture_weights((side, side), *pixels_of(geometry, place), radius) for place in places_arcsec)
     while True:
         annulus = geometry.annulus(float(np.hypot(*places_arcsec[0])), width)

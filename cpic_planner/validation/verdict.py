@@ -17,7 +17,7 @@ from cpic_planner.validation.measure import Measurement
 from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStatistics
 from cpic_planner.validation.star_flux import StarFlux
-from cpic_planner.validation.task import ConfirmTask
+from cpic_planner.validation.task import ConfirmTask, not_observed
 from cpic_planner.validation.templates import obstacle, planet_places
 from simulator.config import Instrument, Scene, validate
 from simulator.imaging import BandGeometry
@@ -210,17 +210,11 @@ def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
             if (hidden := obstacle(place, geometry, strategy)) is not None:
                 few = hidden[0] is Reason.TOO_FEW_ELEMENTS
                 reasons[number] = (Status.UNREACHABLE if few else Status.OUTSIDE_FIELD, *hidden, "not observed")
-    return [
-        BandConfirmation(
-            **(_asked(task, number) | {"image": None}),
-            status=status.value,
-            reason=reason.value,
-            message=message,
-            modelled=modelling.record(),
-            verdict=verdict,
-        )
-        for number, (status, reason, message, verdict) in reasons.items()
-    ]
+    answers = []
+    for number, (status, reason, text, verdict) in reasons.items():
+        more = {"image": None, "modelled": modelling.record(), "verdict": verdict}
+        answers.append(not_observed(status, reason, text, **(_asked(task, number) | more)))
+    return answers
 
 
 def _predicted(task: ConfirmTask, expected: dict[str, Any]) -> tuple[bool, str]:

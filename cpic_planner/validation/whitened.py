@@ -7,13 +7,7 @@ from typing import Self
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray
-from cpic_planner.validation.apertures import (
-    MIN_BACKGROUND_APERTURES,
-    aperture_weights,
-    no_room,
-    outside_discs,
-    sample_places,
-)
+from cpic_planner.validation.apertures import aperture_weights, outside_discs, sample_places
 from cpic_planner.validation.photometry import EXCLUSION_RADII, Photometry, aperture_photometry, ratio
 from cpic_planner.validation.realise import VisitPair
 from cpic_planner.validation.reduced import ReducedStack
@@ -210,8 +204,6 @@ def _probes(
     kernel = aperture_weights((side, side), half + place[0] - column, half + place[1] - row, radius)
     away = outside_discs(background, [place], EXCLUSION_RADII * radius)
     rows, columns, _, n_apertures = sample_places(away, radius, kernel)
-    if n_apertures < MIN_BACKGROUND_APERTURES:
-        raise no_room("background_region", radius)
     some = np.unique(np.linspace(0, len(rows) - 1, _MOST_PROBES).astype(int))
     reach = len(template)  # any move on the stamp
     stamp = np.pad(template, reach)[row : row + 2 * reach + 1, column : column + 2 * reach + 1]
