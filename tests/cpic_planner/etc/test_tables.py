@@ -256,7 +256,7 @@ def test_a_camera_without_register_does_not_inherit_the_converter_of_one(tmp_pat
     assert camera.converter_e == pytest.approx(camera.full_well_e)
     assert "converter_assumed" in answer.flags
     assert answer.budget["rounding_e2"] < 0.1 * answer.budget["read_noise_e2"]
-    given, same = of_own(tmp_path, OWN | without | {"gain_e_adu": camera.gain_e_adu, "adc_bits": 16})
+    _, same = of_own(tmp_path, OWN | without | {"gain_e_adu": camera.gain_e_adu, "adc_bits": 16})
     assert same.value == pytest.approx(answer.value, rel=1e-9)
     assert "converter_assumed" not in same.flags
 
