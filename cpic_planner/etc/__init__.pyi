@@ -1,5 +1,6 @@
 from cpic_planner.etc.budget import (
     binding_limits as binding_limits,
+    inherited_terms as inherited_terms,
     largest_term as largest_term,
     limit_of as limit_of,
     reached as reached,

@@ -361,6 +361,7 @@ def _row(
     flags += etc.reference_notes(model, star, band, separation, planet) + etc.hole_notes(model, band)
     if clamped and "stellar_grid_clamped" not in flags:
         flags.append("stellar_grid_clamped")
+    flags += filter(None, [str(best.inherited[i])])
     if companion_blooms:
         flags.append("companion_saturates")
     if velocities.excluded[i]:

@@ -127,7 +127,8 @@ class OptimalSetting:
     NaN where it is detected or no value does. ``contrast_limit`` is the faintest contrast that this observation
     detects at the chosen separation, ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where
     every frame saturates or the time is too short. ``extrapolated`` says that the planet's albedo is beyond its
-    data in this band, ``outside`` why a given separation has no answer (empty: it is in the zone).
+    data in this band, ``outside`` why a given separation has no answer (empty: it is in the zone), ``inherited`` is the
+    flag of `cpic_planner.etc.inherited_terms`.
     """
 
     band: NDArray[np.str_]
@@ -170,6 +171,7 @@ class OptimalSetting:
     core_throughput: FloatArray
     extrapolated: BoolArray
     outside: NDArray[np.str_]
+    inherited: NDArray[np.str_]
 
     def span_days(self, model: etc.EtcModel) -> FloatArray:
         """Return the days from the begin of the first visit to the end of the last, one directly after the other."""
