@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cpic_planner import report
-from cpic_planner.cli.options import Answer, Output, check_file, check_plot, note, place_of, write_out, write_plot
+from cpic_planner.cli.options import (
+    Answer,
+    Output,
+    check_file,
+    check_plot,
+    note,
+    place_of,
+    tell_rows,
+    write_out,
+    write_plot,
+)
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -120,6 +130,7 @@ def known(
         write_plot(plot, report.known_figure(result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
+    tell_rows(output, limit, len(result.planets))
     output.show(result, partial(report.print_known, result, limit=limit, full=is_verbose()))
 
 

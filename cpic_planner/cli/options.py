@@ -385,6 +385,12 @@ FORM_OF_ENDING = {".json": "json", ".csv": "csv", ".ecsv": "ecsv", ".tex": "late
 """Forms in which a table of the terminal is written to a file, by the ending of its name."""
 
 
+def tell_rows(output: Output, rows: int, every: int) -> None:
+    """Say of how many rows a table for other programs has the first ones."""
+    if output.form not in ("table", "json") and rows < every:
+        note(f"the first {rows} of {every} rows: --limit {every} gives all")
+
+
 def write_out(path: Path, text: Callable[[], str], rows: int, every: int) -> None:
     """Write a table to the file of ``--out``, and say so and how many of all rows it has.
 

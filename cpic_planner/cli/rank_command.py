@@ -177,6 +177,7 @@ def rank(
         few = f" with the first {most} stars only: names of {drawn} could not be read" * (drawn > most)
         draw = report.rank_figure if result.ensemble is None else report.ensemble_figure
         options.write_plot(plot, draw(result, shown), few)
+    options.tell_rows(output, shown, len(result.targets))
     detected = any(row.verdict == "detected" for row in result.targets)
     output.show(result, partial(report.print_rank, result, limit=shown, full=is_verbose()), detected)
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _REFERENCE_S = 0.048
 """Processor time of the piece of work on the core that the costs of jobs are stated for (Intel Xeon of 2.5 GHz)."""
-_TRIES, _SIZE, _PRODUCTS, _DRAWS, _CALLS = 5, 256, 8, 200_000, 4000
+_TRIES, _SIZE, _PRODUCTS, _DRAWS, _CALLS = 12, 256, 8, 200_000, 4000
 
 
 def piece_s() -> float:
@@ -44,7 +44,7 @@ def pace() -> float:
     """Return the processor time of work on this machine over that of the core that costs are stated for.
 
     It is the quickest of a few tries, since other processes slow down a try but never speed it up, and is kept in the
-    cache: measured once for each machine and version, in a quarter of a second.
+    cache: measured once for each machine and version, in about half a second.
     """
     import numpy as np
 
