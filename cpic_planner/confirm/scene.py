@@ -33,7 +33,6 @@ from simulator.config import Scene
 from simulator.imaging import PsfMetrics
 from simulator.target import LitStar, Source, detector_to_sky, scene_sources
 
-
 _NO_PLANET, _FAINTEST = 1e-8, 1e-30
 """Contrast of the planet that frames are chosen for where a scene has none in the hole, and of one without light."""
 

@@ -301,7 +301,9 @@ def setting_fields(
         "detection_margin": float(best.margin[i]),
         "limited_by": limited_by,
         **{name: int(getattr(best, name)[i]) if possible else None for name in _COUNTS},
-        **{name: taken(getattr(best, name)) for name in ("exposure_s", "em_gain", "visit_time_s", "time_s", "unused_s")},
+        **{
+            name: taken(getattr(best, name)) for name in ("exposure_s", "em_gain", "visit_time_s", "time_s", "unused_s")
+        },
         "integration_s": taken(best.n_frames * best.exposure_s),
         "span_days": float(best.span_days(model)[i]) if possible else None,
         "orbits_searched": int(best.orbits_searched[i])
