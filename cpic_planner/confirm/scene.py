@@ -48,7 +48,7 @@ class _Work:
 
 @dataclass(frozen=True)
 class _Programme:
-    """Visits and frames of a band, or why there are none; the planet that they were chosen for, and time left unused."""
+    """Visits and frames of a band, or why there are none; for which planet they were chosen, and time left unused."""
 
     frames: Frames | None
     chosen_for: str = ""

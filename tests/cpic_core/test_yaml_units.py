@@ -71,11 +71,8 @@ def test_questions_scenes_and_instruments(file):
     question = EtcQuestion.of(tree)
     assert (question.time_s, question.separation_arcsec) == (7200.0, (0.5, 0.6))
     star = "cstar: {name: s, v_mag: 4 mag, spectral_type: K1V, distance_pc: 5 pc}"
-    scene = load_scene(
-        file(
-            f"kind: scene\nname: s\n{star}\nplanet: {{radius_rjup: 1, phase_deg: 90, separation_arcsec: 400mas, pa_deg: 1deg, albedo: 0.5}}\n"
-        )
-    )
+    body = "{radius_rjup: 1, phase_deg: 90, separation_arcsec: 400mas, pa_deg: 1deg, albedo: 0.5}"
+    scene = load_scene(file(f"kind: scene\nname: s\n{star}\nplanet: {body}\n"))
     assert scene.cstar.v_mag == 4.0
     assert scene.planets[0].separation_arcsec == 0.4
     made = load_instrument(file("kind: instrument\nname: mine\ndrift: {visit_nm: 20pm}\n"))
