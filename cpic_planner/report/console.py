@@ -1,9 +1,4 @@
-"""The plan on the terminal.
-
-A confirmed scene on the terminal.
-
-Tables of simulated sequences and of what a check of products found.
-"""
+"""Plans, confirmed scenes, simulated sequences and checks of products on the terminal."""
 
 from __future__ import annotations
 
@@ -57,13 +52,12 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
         Cells("band", itemgetter(1), right=False, legend="→ marks the one to observe in"),
         *_measured_cells(MEASURED.format(more=""), itemgetter(2), plan.reference_library),
     ]
-    unused = numbers.unused_text(item for _, _, item in rows)
     count = len(plan.targets)
     title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
     print_table(console, title, cells, rows, legend=not full)
     tables.explain_symbols(console, [item.status for _, _, item in rows if item.status != "ok"])
     bands = [band for target in plan.targets for band in target.bands]
-    print_note(console, *filter(None, [unused]))
+    print_note(console, *filter(None, [numbers.unused_text(bands)]))
     if not full:
         print_comparison(plan, console)
         _print_invalid(bands, console)
