@@ -50,7 +50,7 @@ class KnownPlanetsQuestion(Question):
     )
 
 
-class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQuestion):
+class EtcQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQuestion):
     """Ask the exposure-time calculator.
 
     With ``contrast_limit`` the answer is the faintest contrast that reaches the level, else with a level the least
@@ -221,8 +221,6 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
     def asks_time(self) -> bool:
         """Whether the answer is a time."""
         return not self.contrast_limit and (self.snr is not None or self.sigma is not None or self.detect)
-
-    wall_s = property(shared.wall_s)
 
     def hashed(self) -> dict[str, Any]:
         """Return what decides numbers: the dial by what it does, and only what the answer depends on."""

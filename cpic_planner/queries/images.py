@@ -166,7 +166,7 @@ def _scene(source: str) -> Scene:
         raise InputError(error.key, source, allowed=error.allowed, hint=hint) from None
 
 
-class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
+class ConfirmQuestion(shared.Timed, ImageQuestion, shared.RunQuestion):
     """Everything that decides the confirmation of a scene.
 
     Frames are given by ``exposure_s`` and ``n_frames`` (of one visit where there is no number of visits), or visits and
@@ -204,8 +204,6 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
         None, "Run one more realisation frame by frame, with every effect.", unset="with {fidelity} standard"
     )
     out: Path | None = asked(None, "Output folder.", unset="print only", physics=False, metavar="DIR")
-
-    wall_s = property(shared.wall_s)
 
     @classmethod
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:

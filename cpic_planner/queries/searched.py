@@ -16,7 +16,7 @@ MOST_IMAGES = 10_000
 _MOST_PLACES = 200
 
 
-class SearchedQuestion(shared.InstrumentQuestion, shared.StarsQuestion, shared.RunQuestion):
+class SearchedQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion, shared.RunQuestion):
     """A question about one programme of a star in each band, by closed forms and in simulated images."""
 
     target: str = asked(..., 'Star: "tau Cet", "HIP 8102", "alpha Cen B" ...', argument=True)
@@ -58,8 +58,6 @@ class SearchedQuestion(shared.InstrumentQuestion, shared.StarsQuestion, shared.R
                 hint = "two rolls show every planet twice: their images are not searched blind"
                 raise InputError("images", self.images, allowed=f"0 with {called('library')} roll", hint=hint)
         return self
-
-    wall_s = property(shared.wall_s)
 
 
 class CurveQuestion(SearchedQuestion):
