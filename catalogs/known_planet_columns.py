@@ -156,8 +156,7 @@ FLAGS: dict[str, str] = {
     "mass_lower_limit": "the source gives the mass as a lower limit: taken as m sin i",
     "eccentricity_upper_limit": "the eccentricity is an upper limit",
     "mass_upper_limit": "the mass is an upper limit",
-    "phase_unknown": "no time of periastron or conjunction, or in a table of an archive no error of it or of the period: "
-    "phase unknown",
+    "phase_unknown": "no time of periastron or conjunction, or in archives no error of time or period: phase unknown",
     "period_unknown": "no period: that of the semi-major axis around a star of its mass",
     "axis_unknown": "no semi-major axis: that of the period around a star of its mass",
     "eccentricity_unknown": "no eccentricity: drawn from those of long-period planets",

@@ -51,10 +51,13 @@ from cpic_core.quantities import (
     check_word as check_word,
     checked_array as checked_array,
     checked_scalar as checked_scalar,
+    converted as converted,
     element_name as element_name,
     in_unit as in_unit,
+    number_and_unit as number_and_unit,
     real_array as real_array,
     unit_of as unit_of,
+    units_like as units_like,
 )
 from cpic_core.random_streams import PathPart as PathPart, stream as stream
 from cpic_core.registry import Registry as Registry

@@ -18,6 +18,7 @@ from cpic_planner.etc import (
     Objective,
     Span,
     check_range,
+    fixed_frames,
     groups_of,
     planets_of,
     questions,
@@ -128,7 +129,7 @@ def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str
         Name of a band of the instrument, such as ``F520``.
     """
     grid = separation_grid(model, band)
-    fixed = questions.fixed_frames(model, [band], question.exposure_s, question.em_gain)
+    fixed = fixed_frames(model, [band], question.exposure_s, question.em_gain)
     planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
     ratios = (questions.TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
     best = []

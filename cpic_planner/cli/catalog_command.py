@@ -6,8 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
-import typer
-
 import catalogs
 from catalogs import POSITION_ERROR_ARCSEC, data_dir
 from cpic_core import visible

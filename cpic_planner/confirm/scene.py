@@ -34,7 +34,6 @@ from simulator.config import Scene
 from simulator.imaging import PsfMetrics
 from simulator.target import LitStar, Source, detector_to_sky, scene_sources
 
-
 _NO_PLANET, _FAINTEST = 1e-8, 1e-30
 """Contrast of the planet that frames are chosen for where a scene has none in the hole, and of one without light."""
 
@@ -50,7 +49,7 @@ class _Work:
 
 @dataclass(frozen=True)
 class _Programme:
-    """Visits and frames of a band, or why there are none; the planet that they were chosen for, and time left unused."""
+    """Visits and frames of a band, or why there are none; for which planet they were chosen, and time left unused."""
 
     frames: Frames | None
     chosen_for: str = ""

@@ -14,6 +14,7 @@ from cpic_planner.etc.cases import (
     FixedFrames as FixedFrames,
     band_cases as band_cases,
     etc_result as etc_result,
+    fixed_frames as fixed_frames,
 )
 from cpic_planner.etc.chances import (
     LEAST_PROBABILITY as LEAST_PROBABILITY,

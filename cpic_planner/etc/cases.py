@@ -17,6 +17,7 @@ from cpic_planner.etc.model import (
     ONE_VISIT,
     EtcModel,
     Programme,
+    check_range,
     hole_notes,
     place_status,
     usable_range_arcsec,
@@ -54,6 +55,20 @@ class FixedFrames:
 
     exposure_s: float | None = None
     em_gain: float | None = None
+
+
+def fixed_frames(
+    model: EtcModel, bands: Sequence[str] | None, exposure_s: float | None, em_gain: float | None
+) -> FixedFrames:
+    """Return what is fixed of the frames, refused where a camera of the bands cannot do it."""
+    cameras = [model.camera(band) for band in model.named(bands)]
+    limits: dict[str, Any] = {}
+    if exposure_s is not None:
+        shortest = max(camera.exposure_min_s for camera in cameras)
+        limits["exposure_s"] = check_range("exposure_s", exposure_s, shortest, 1e6, "s")
+    if em_gain is not None:
+        limits["em_gain"] = check_range("em_gain", em_gain, 1.0, min(camera.em_gain_max for camera in cameras), "")
+    return FixedFrames(**limits)
 
 
 class Cases:

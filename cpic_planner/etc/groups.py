@@ -102,7 +102,7 @@ class Group:
         return np.asarray(spread(self.cases.usable & defined, self._shape))
 
     def missed_in(self, span: Span) -> FloatArray:
-        """Return ``(level / SNR)^2`` of the best programmes in a time, frames not being whole; ``inf`` where none is."""
+        """Return ``(level / SNR)^2`` of the best programmes in a time, of frames that need not be whole."""
         assert span.time_s is not None
         cost = self.programmes.missed(self.visits_in(span), span.time_s)[0]
         return np.where(self.possible & ~np.isnan(cost), cost, np.inf)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, InputError
-from cpic_planner.etc.cases import FixedFrames, band_cases
+from cpic_planner.etc.cases import FixedFrames, band_cases, fixed_frames
 from cpic_planner.etc.frames import FrameChoice, best_in_visit
 from cpic_planner.etc.groups import Found, Group
 from cpic_planner.etc.model import EtcModel, Programme, check_range
@@ -382,20 +382,6 @@ def _in_order(
     """Return from bands x (stars x planets) to stars x bands x planets."""
     rows = [slice(star * n_planets, (star + 1) * n_planets) for star in range(n_stars)]
     return [answer for row in rows for band in bands for answer in by_band[band][row]]
-
-
-def fixed_frames(
-    model: EtcModel, bands: Sequence[str] | None, exposure_s: float | None, em_gain: float | None
-) -> FixedFrames:
-    """Return what is fixed of the frames, refused where a camera of the bands cannot do it."""
-    cameras = [model.camera(band) for band in model.named(bands)]
-    limits: dict[str, Any] = {}
-    if exposure_s is not None:
-        shortest = max(camera.exposure_min_s for camera in cameras)
-        limits["exposure_s"] = check_range("exposure_s", exposure_s, shortest, 1e6, "s")
-    if em_gain is not None:
-        limits["em_gain"] = check_range("em_gain", em_gain, 1.0, min(camera.em_gain_max for camera in cameras), "")
-    return FixedFrames(**limits)
 
 
 def check_levels(snr: float | None, sigma: float | None, *, largest: float = 1e6) -> None:

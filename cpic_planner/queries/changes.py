@@ -13,8 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, cast
 
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
@@ -289,8 +288,9 @@ def read_instrument(source: Any) -> Instrument:
 
 
 class InstrumentParts(Parts):
-    """Options of the instrument."""
+    """Options of the instrument; ``NAMED`` are the keys of values that have options of their own."""
 
+    NAMED: ClassVar[dict[str, str]] = {}
     instrument: str | None = asked(
         None,
         "Preset name or YAML file with what differs.",
@@ -302,16 +302,12 @@ class InstrumentParts(Parts):
     def made(self, base: Any) -> Instrument:
         """Return the instrument with what is changed of it."""
         given = base if self.instrument is None else self.instrument
-        return changed_instrument(default_instrument() if given is None else given, self.changes, self._named())
-
-    def _named(self) -> dict[str, Change]:
-        """Return what options of their own change of the instrument, by their names."""
-        return {}
+        values = {name: value for name in self.NAMED if (value := getattr(self, name)) is not None}
+        named = {name: Change(key=self.NAMED[name], value=value) for name, value in values.items()}
+        return changed_instrument(default_instrument() if given is None else given, self.changes, named)
 
 
-def changed_instrument(
-    source: Any, changes: Iterable[str], named: Mapping[str, Change] = MappingProxyType({})
-) -> Instrument:
+def changed_instrument(source: Any, changes: Iterable[str], named: Mapping[str, Change] | None = None) -> Instrument:
     """Return an instrument, as `read_instrument` reads it, after changes ``KEY=VALUE`` and those of other options."""
     built = read_instrument(source)
     try:
@@ -319,7 +315,7 @@ def changed_instrument(
         made = changed(built, every)
     except InputError as error:
         raise at("changes", error) from None
-    for name, change in named.items():
+    for name, change in (named or {}).items():
         try:
             made = changed(built, every := [*every, change])
         except InputError as error:
@@ -389,6 +385,7 @@ def _plain_values(node: Mapping[str, Any], above: str = "") -> Iterator[tuple[st
 class SkyParts(InstrumentParts):
     """Options of the instrument for questions about planets: two of its values have options of their own."""
 
+    NAMED: ClassVar[dict[str, str]] = {"exozodi_zodis": ALIASES["exozodi"], "drift_nm": DRIFT}
     exozodi_zodis: float | None = asked(
         None,
         "Dust around the star, in units of the solar system's.",
@@ -401,8 +398,3 @@ class SkyParts(InstrumentParts):
         option="--drift-nm",
         unset="that of the instrument, 0.05",
     )
-
-    def _named(self) -> dict[str, Change]:
-        keys = {"exozodi_zodis": ALIASES["exozodi"], "drift_nm": DRIFT}
-        given = {name: value for name in keys if (value := getattr(self, name)) is not None}
-        return {name: Change(key=keys[name], value=value) for name, value in given.items()}

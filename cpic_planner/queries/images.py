@@ -12,7 +12,7 @@ from cpic_planner.queries import shared
 from cpic_planner.queries.base import Parts, called
 from cpic_planner.queries.changes import Change, changed, read_instrument
 from cpic_planner.queries.etc import check_visits
-from cpic_planner.queries.fields import asked
+from cpic_planner.queries.fields import asked, asked_visit_time
 from cpic_planner.queries.overrides import SimulatorOverrides
 from simulator.config import Scene, Utc, checked_utc, load_scene
 from simulator.knobs import Dial, dial_of
@@ -166,7 +166,7 @@ def _scene(source: str) -> Scene:
         raise InputError(error.key, source, allowed=error.allowed, hint=hint) from None
 
 
-class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
+class ConfirmQuestion(shared.Timed, ImageQuestion, shared.RunQuestion):
     """Everything that decides the confirmation of a scene.
 
     Frames are given by ``exposure_s`` and ``n_frames`` (of one visit where there is no number of visits), or visits and
@@ -194,9 +194,7 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
     time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
         None, "Wall time of all visits per band, readouts, reference frames and overheads included.", unset="36000"
     )
-    visit_time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
-        None, "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}."
-    )
+    visit_time_s: float | None = asked_visit_time()
     exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = asked(None, "Exposure of one frame.")
     n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = asked(
         None, "Science frames of a visit; needs {exposure_s}.", option="--frames"
@@ -206,8 +204,6 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
         None, "Run one more realisation frame by frame, with every effect.", unset="with {fidelity} standard"
     )
     out: Path | None = asked(None, "Output folder.", unset="print only", physics=False, metavar="DIR")
-
-    wall_s = property(shared.wall_s)
 
     @classmethod
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:

@@ -113,22 +113,22 @@ class OptimalSetting:
 
     ``visits`` of ``frames_per_visit`` frames are reduced together with ``reference_visits`` reference visits;
     ``visit_time_s`` is the wall time of one with its references and ``time_s`` that of all, ``unused_s`` what they
-    leave of the given time (NaN where none was), ``n_frames`` the science frames of all. ``margin`` is significance over the detection threshold at the chosen separation; at
-    ``needed_margin`` half of such observations detect the planet there, by the search of the strategy, and
-    ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection (NaN where no law was
-    measured). ``floor_margin`` is what no programme can pass, at any separation: of the given number of visits, or
-    of the most. ``without_motion``, ``without_speckles`` and ``without_background`` say whether the planet would be
-    detected in the given time under the changes of `cpic_planner.etc.budget` (``without_motion``: if it did not
-    move); False where no time was given. ``moves`` says that no programme detects it, although one would if it
-    stood still; False where that was not asked. ``independent_visits``, ``orbits_searched`` (NaN where the orbit is
-    followed) and ``motion_factor``, which is part of ``needed_margin``, are columns of answers too.
-    ``required_visits`` are the fewest of this length that detect it, ``required_drift_factor`` and
-    ``required_contrast_factor`` the least changes of drift and contrast that make it detected in the given time;
-    NaN where it is detected or no value does. ``contrast_limit`` is the faintest contrast that this observation
-    detects at the chosen separation, ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where
-    every frame saturates or the time is too short. ``extrapolated`` says that the planet's albedo is beyond its
-    data in this band, ``outside`` why a given separation has no answer (empty: it is in the zone), ``inherited`` is the
-    flag of `cpic_planner.etc.inherited_terms`.
+    leave of the given time (NaN where none was), ``n_frames`` the science frames of all. ``margin`` is significance
+    over the detection threshold at the chosen separation; at ``needed_margin`` half of such observations detect the
+    planet there, by the search of the strategy, and ``chance_blind`` and ``chance_known_place`` are the probabilities
+    of a detection (NaN where no law was measured). ``floor_margin`` is what no programme can pass, at any separation:
+    of the given number of visits, or of the most. ``without_motion``, ``without_speckles`` and ``without_background``
+    say whether the planet would be detected in the given time under the changes of `cpic_planner.etc.budget`
+    (``without_motion``: if it did not move); False where no time was given. ``moves`` says that no programme detects
+    it, although one would if it stood still; False where that was not asked. ``independent_visits``,
+    ``orbits_searched`` (NaN where the orbit is followed) and ``motion_factor``, which is part of ``needed_margin``, are
+    columns of answers too. ``required_visits`` are the fewest of this length that detect it, ``required_drift_factor``
+    and ``required_contrast_factor`` the least changes of drift and contrast that make it detected in the given time;
+    NaN where it is detected or no value does. ``contrast_limit`` is the faintest contrast that this observation detects
+    at the chosen separation, ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame
+    saturates or the time is too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band,
+    ``outside`` why a given separation has no answer (empty: it is in the zone), ``inherited``
+    is the flag of `cpic_planner.etc.inherited_terms`.
     """
 
     band: NDArray[np.str_]
@@ -269,6 +269,9 @@ def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tu
     peaks = (float(best.peak_columns_e_s[i]), float(best.peak_hole_e_s[i]), float(best.tail_e_s[i]))
     limit = frame_limit(*peaks, camera.exposure_min_s, 1.0, camera)
     return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
+
+
+_SECONDS = ("exposure_s", "visit_time_s", "time_s", "unused_s")
 
 
 def setting_fields(

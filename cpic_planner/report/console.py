@@ -1,9 +1,4 @@
-"""The plan on the terminal.
-
-A confirmed scene on the terminal.
-
-Tables of simulated sequences and of what a check of products found.
-"""
+"""Plans, confirmed scenes, simulated sequences and checks of products on the terminal."""
 
 from __future__ import annotations
 
@@ -62,14 +57,13 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
         Cells("band", itemgetter(1), right=False, legend="→ marks the one to observe in", numbers=_BAND),
         *_measured_cells(MEASURED.format(more=""), itemgetter(2), plan.reference_library),
     ]
-    unused = numbers.unused_text(row[2] for row in rows)
     found = sum(any(band.detected for band in target.bands) for target in plan.targets)
     of = f"{found} of {counted(len(plan.targets), 'target')}"
     title = f"Confirmed by simulated images: {of}, {counted(plan.realisations, 'realisation')} each"
     print_table(console, title, cells, rows, legend=not full)
     tables.explain_symbols(console, [row[2].status for row in rows if row[2].status != "ok"])
     bands = [band for target in plan.targets for band in target.bands]
-    print_note(console, *filter(None, [unused]))
+    print_note(console, *filter(None, [numbers.unused_text(bands)]))
     if not full:
         print_comparison(plan, console)
         _print_invalid(bands, console)

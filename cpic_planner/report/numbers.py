@@ -72,8 +72,11 @@ def unused_text(rows: Iterable[Any]) -> str:
     if len(told) > _MOST_UNUSED:
         left, given, _ = max(told)
         return f"Left unused: up to {duration_text(left)} of {duration_text(given)}, in {len(told)} programmes"
-    parts = dict.fromkeys(f"{duration_text(left)} of {duration_text(given)} in {band}" for left, given, band in told)
-    return f"Left unused: {', '.join(parts)}"
+    bands: dict[str, dict[str, None]] = {}
+    for left, given, band in told:
+        bands.setdefault(f"{duration_text(left)} of {duration_text(given)}", {})[band] = None
+    parts = (f"{text} in {', '.join(names)}" for text, names in bands.items())
+    return f"Left unused: {'; '.join(parts)}"
 
 
 MISSING = "–"

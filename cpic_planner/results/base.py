@@ -217,13 +217,7 @@ VOCABULARY: Mapping[str, Look] = {
     "em_gain": Look("EM gain", "gain", ".3g", "EM gain"),
     "integration_s": Look("time on source", "on source", "time", "time on source of all visits, s"),
     "time_s": Look("wall time", "wall", "time", "wall time of all visits: readouts, reference frames, overheads, s"),
-    "unused_s": Look(
-        "time left unused",
-        "unused",
-        "time",
-        "part of the given wall time that the programme leaves unused: frames are whole, and a walking wavefront can "
-        "make shorter visits better; null where no time is given, and in older results",
-    ),
+    "unused_s": Look("time left unused", "unused", "time", "part of the given wall time that is left; null without"),
     "completeness": Look("completeness", "compl %", "%"),
     "completeness_known_place": Look("completeness at known places", "known %", "%"),
     "verdict": Look(

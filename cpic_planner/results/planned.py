@@ -22,7 +22,6 @@ from cpic_planner.results.known import SeasonRecord
 from cpic_planner.results.ranked import RankedTarget
 from simulator.knobs import Quantity
 
-
 _CHOSEN_FOR = column(
     "planet for which visits and frames of the band were chosen; empty where they were given, and in older results",
     default="",

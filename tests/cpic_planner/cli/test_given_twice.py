@@ -65,7 +65,12 @@ def test_there_are_options_of_one_value():
     counts = {words: len(of_one_value(context_of(words)[0])) for words in COMMANDS}
     assert sum(counts.values()) > 200
     assert {words for words, count in counts.items() if not count} <= {
-        ("check",), ("schema",), ("cache", "info"), ("cache", "clear"), ("catalog", "info"), ("catalog", "columns")
+        ("check",),
+        ("schema",),
+        ("cache", "info"),
+        ("cache", "clear"),
+        ("catalog", "info"),
+        ("catalog", "columns"),
     }
 
 

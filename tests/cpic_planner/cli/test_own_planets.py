@@ -191,9 +191,22 @@ def test_the_figure_of_known_names_the_column(done, table, tmp_path, monkeypatch
     from cpic_planner import report
 
     drawn = []
-    monkeypatch.setattr(report, "known_figure", lambda result, draw=report.known_figure: drawn.append(draw(result)) or drawn[0])
+    monkeypatch.setattr(
+        report, "known_figure", lambda result, draw=report.known_figure: drawn.append(draw(result)) or drawn[0]
+    )
     out = tmp_path / "known.svg"
-    done("known", STAR, "--known-planets", table(renamed("omega_star_deg")), "--plot", str(out), "--years", "0.1", "--band", "F520")
+    done(
+        "known",
+        STAR,
+        "--known-planets",
+        table(renamed("omega_star_deg")),
+        "--plot",
+        str(out),
+        "--years",
+        "0.1",
+        "--band",
+        "F520",
+    )
     (figure,) = drawn
     assert "columns of the table that were not used: argp" in figure.get_suptitle()
     assert "omega unknown" in figure.axes[0].get_legend().get_texts()[-1].get_text()

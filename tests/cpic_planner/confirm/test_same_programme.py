@@ -77,9 +77,14 @@ def calculated(star, band, separation, options, **planet):
     return answer
 
 
-@pytest.mark.parametrize("options", OPTIONS, ids=lambda options: " ".join(options))
-@pytest.mark.parametrize("band", PLACES)
-@pytest.mark.parametrize("star", [BRIGHT, FAINT])
+@pytest.mark.parametrize(
+    ("star", "band", "options"),
+    [
+        (star, list(PLACES)[(number + shift) % len(PLACES)], options)
+        for number, options in enumerate(OPTIONS)
+        for shift, star in enumerate([BRIGHT, FAINT])
+    ],
+)
 def test_confirm_has_the_programme_of_the_calculator(star, band, options):
     task = confirmed(scene_of(star, band, PLACES[band]), band, options)
     answer = calculated(star, band, PLACES[band], options)
@@ -163,9 +168,14 @@ def test_no_frame_is_refused_with_the_reason_of_the_calculator():
 TIMES = [options for options in OPTIONS if not {"exposure_s", "em_gain"} & set(options)]
 
 
-@pytest.mark.parametrize("options", TIMES, ids=lambda options: " ".join(options))
-@pytest.mark.parametrize("place", [None, 0.6])
-@pytest.mark.parametrize("star", [BRIGHT, FAINT])
+@pytest.mark.parametrize(
+    ("star", "place", "options"),
+    [
+        ((BRIGHT, FAINT)[(number + shift) % 2], place, options)
+        for number, options in enumerate(TIMES)
+        for shift, place in enumerate([None, 0.6])
+    ],
+)
 def test_characteristics_and_curves_have_the_programme_of_the_calculator(star, place, options):
     band, target = "F662", find_target(star, companions="off")[0]
     model = build_model(default_instrument(), [band], Strategy(**options.get("strategy", {})))
