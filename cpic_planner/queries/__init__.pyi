@@ -3,7 +3,6 @@ from cpic_planner.queries.base import (
     by_depth as by_depth,
     called as called,
     called_as as called_as,
-    called_by_option as called_by_option,
     get as get,
     keys_of as keys_of,
     option_names as option_names,

@@ -150,26 +150,19 @@ def called(field: str) -> str:
 
 
 @contextlib.contextmanager
-def called_by_option(model: type[FrozenModel]) -> Iterator[None]:
+def called_as(names: Mapping[str, str]) -> Iterator[None]:
     """Let refusals name options of the command in place of keywords.
 
     Parameters
     ----------
-    model : type of FrozenModel
-        The question of the command.
+    names : mapping
+        Option of each field, by its dotted key; `option_names` has those of a question.
 
     Raises
     ------
     InputError
-        Those of the body, with the name of the option where the key is a field of the question.
+        Those of the body, with the name of the option where there is one.
     """
-    with called_as(option_names(model)):
-        yield
-
-
-@contextlib.contextmanager
-def called_as(names: Mapping[str, str]) -> Iterator[None]:
-    """Let refusals name options by the fields that they are of; see `called_by_option`."""
     token = _OPTIONS.set(names)
     try:
         yield
