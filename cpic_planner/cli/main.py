@@ -4,7 +4,7 @@ import inspect
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +25,7 @@ from cpic_planner.cli import (
     upkeep_command,
 )
 from cpic_planner.cli.asking import late
+from cpic_planner.cli.meant import meant
 from cpic_planner.cli.options import DIAL_HELP, OVERRIDES_HELP, error_line, version_text
 from cpic_planner.cli.progress import QuietOption, VerboseOption, heard, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
@@ -126,7 +127,7 @@ def main(arguments: list[str] | None = None) -> int:
         _drop_output()  # its reader went away: that ends the work, quietly
         return 0
     except Exception as error:
-        return _failed(error)
+        return _failed(error, sys.argv[1:] if arguments is None else arguments)
     return _status(status)
 
 
@@ -143,13 +144,16 @@ def _status(code: object) -> int:
     return code if isinstance(code, int) else 0
 
 
-def _failed(error: Exception) -> int:
+def _failed(error: Exception, arguments: Sequence[str]) -> int:
     if type(error).__name__ == "Abort":
         return error_line("interrupted", 130)
     message = getattr(error, "format_message", None)
     if message is not None:  # what the option parser refuses
         where = getattr(getattr(error, "ctx", None), "command_path", "cpic")
-        said = shortened(message())
+        said = shortened(message()).replace("Value error, ", "")
+        if (option := getattr(error, "option_name", None)) is not None and hasattr(error, "possibilities"):
+            hint = meant(option, error.ctx.command, arguments)  # type: ignore[attr-defined]
+            said = f"No such option: {option}{f' ({hint})' if hint else ''}"
         return error_line(f"{said} (see {where} --help)" if said else f"see {where} --help", 2)
     if logging.getLogger("cpic_planner").isEnabledFor(logging.DEBUG):
         raise error

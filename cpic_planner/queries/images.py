@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from catalogs import resolve_star
 from cpic_core import InputError
 from cpic_planner.queries import shared
-from cpic_planner.queries.base import Parts, called
+from cpic_planner.queries.base import Parts, called, check_visits
 from cpic_planner.queries.changes import Change, changed, read_instrument
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.overrides import SimulatorOverrides
@@ -229,10 +229,7 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
             if getattr(self, name) is not None and self.n_frames is not None:
                 allowed = f"without {called(name)}"
                 raise InputError("n_frames", self.n_frames, allowed=allowed, hint="the time sets their number")
-        both_s = self.visits * (self.visit_time_s or 0.0)
-        if both_s and self.time_s is not None and abs(both_s / self.time_s - 1.0) > 1e-9:
-            hint = f"{called('visits')} times {called('visit_time_s')} set it"
-            raise InputError("time_s", self.time_s, unit="s", allowed=f"{both_s:g}, or none", hint=hint)
+        check_visits(self.visits, self.visit_time_s, self.time_s)
         if self.n_frames is not None and self.exposure_s is None:
             raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
         timed = self.time_s is not None or self.visit_time_s is not None
