@@ -1,10 +1,13 @@
 """``cpic``: the command-line entry point and how it fails."""
 
+import contextlib
 import inspect
 import logging
 import os
+import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -32,7 +35,8 @@ from cpic_planner.schemas import QUESTIONS
 
 EXIT_HELP = """Exit status: 0 an answer, an unreachable target or a planet that is not detected included; 1 a failure,
 or findings of cpic check; 2 a question that cannot be asked, with one line that says why; 3 no answer, or no detection,
-with --strict; 130 interrupted."""
+with --strict; 130 interrupted; 143 terminated
+(SIGTERM, as batch schedulers send it)."""
 app = typer.Typer(
     name="cpic",
     help="Compute exposure times, plan surveys and simulate images for CPI-C, the coronagraph of the 2 m CSST.",
@@ -114,7 +118,7 @@ def main(arguments: list[str] | None = None) -> int:
     except RuntimeError:  # no name, no home: astropy, matplotlib and the cache ask for one
         os.environ["HOME"] = private_folder()
     try:
-        with numeric_context():
+        with _ending_on_sigterm(), numeric_context():
             status = app(args=arguments, standalone_mode=False, prog_name="cpic")
         sys.stdout.flush()
     except SystemExit as stop:  # the option parser leaves this way when the reader of our output has gone
@@ -137,10 +141,28 @@ _CONTINUES = (
 INTERRUPTED = f"interrupted; {_CONTINUES}"
 
 
+@contextlib.contextmanager
+def _ending_on_sigterm() -> Iterator[None]:
+    """End the body on the first SIGTERM as Ctrl-C does: files are put away, and a line says how to go on."""
+
+    def end(number: int, frame: object) -> None:
+        signal.signal(number, signal.SIG_DFL)  # the second one ends the process at once
+        sys.exit(128 + number)
+
+    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    if ours:
+        signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        if ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 def _status(code: object) -> int:
-    """Return the exit status of a code; 130 gets its explanation."""
-    if code == 130:
-        return error_line(INTERRUPTED, 130)
+    """Return the exit status of a code; those of signals get their explanation."""
+    if code in (130, 143):
+        return error_line(INTERRUPTED if code == 130 else f"terminated; {_CONTINUES}", code)
     return code if isinstance(code, int) else 0
 
 
