@@ -112,7 +112,7 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
 
 def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
     """Return the function with an option for every field of the question in the place of its first parameter."""
-    from cpic_planner.queries import called_by_option, option_names, options_of, spelled, tree_of
+    from cpic_planner.queries import called_as, option_names, options_of, spelled, tree_of
 
     options, names = tuple(options_of(model)), option_names(model)
     run = shown(run, **{model.__name__: model})
@@ -120,11 +120,14 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
 
     def command(**given: Any) -> None:
         others = {parameter.name: given.pop(parameter.name) for parameter in own}
-        with called_by_option(model):
-            file = given.pop(_FILE)
-            given = {name: _value(value) for name, value in given.items()}
-            tree = tree_of(options, given, {} if file is None else model.load(file), names)
-            run(model.of(tree), **others)
+        file = given.pop(_FILE)
+        given = {name: _value(value) for name, value in given.items()}
+        # A value that is made of parts is called by the first of them that is given.
+        parts = [option for option in reversed(options) if option.parts is not None and given[option.name] is not None]
+        with called_as(names | {".".join(option.path[:-1]): option.flag for option in parts}):
+            with called_as({"file": "--question"}):
+                answered = {} if file is None else model.load(file)
+            run(model.of(tree_of(options, given, answered, names)), **others)
 
     parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY, default=None)
     parameters = [

@@ -34,11 +34,11 @@ def _tell(
     from cpic_planner.queries import called_as, changed_instrument, instrument_rows, instrument_title
     from cpic_planner.results import InstrumentResult
 
-    with called_as({"changes": "--set"}):
+    with called_as({"changes": "--set", "key": "--key"}):
         one = changed_instrument(name, changes or ())
-    two = None if other is None else changed_instrument(other, ())
-    title = instrument_title(one) if two is None else f"{instrument_title(one)} beside {instrument_title(two)}"
-    result = InstrumentResult(title=title, values=instrument_rows(one, key, other=two))
+        two = None if other is None else changed_instrument(other, ())
+        title = instrument_title(one) if two is None else f"{instrument_title(one)} beside {instrument_title(two)}"
+        result = InstrumentResult(title=title, values=instrument_rows(one, key, other=two))
     output.show(result, partial(report.print_instrument, result, layout))
 
 

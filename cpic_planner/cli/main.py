@@ -1,10 +1,13 @@
 """``cpic``: the command-line entry point and how it fails."""
 
+import contextlib
 import inspect
 import logging
 import os
+import signal
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +28,7 @@ from cpic_planner.cli import (
     upkeep_command,
 )
 from cpic_planner.cli.asking import Commands, late
+from cpic_planner.cli.meant import meant
 from cpic_planner.cli.options import error_line
 from cpic_planner.cli.progress import QuietOption, VerboseOption, heard, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
@@ -32,7 +36,8 @@ from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 
 EXIT_HELP = """Exit status: 0 an answer, an unreachable target or a planet that is not detected included; 1 a failure,
 or findings of cpic check; 2 a question that cannot be asked, with one line that says why; 3 no answer, or no detection,
-with --strict; 130 interrupted."""
+with --strict; 130 interrupted; 143 terminated
+(SIGTERM, as batch schedulers send it)."""
 _DIAL_HELP = """One dial trades speed for accuracy. --fidelity standard (the default) draws sums of frames where that is
 allowed and one realisation frame by frame; quick is coarser and checks nothing frame by frame; reference leaves nothing
 out: whole frames, one by one, in every realisation. --tolerance 0.02 picks for each scene the cheapest settings that
@@ -159,7 +164,7 @@ def main(arguments: list[str] | None = None) -> int:
     except RuntimeError:  # no name, no home: astropy, matplotlib and the cache ask for one
         os.environ["HOME"] = private_folder()
     try:
-        with numeric_context():
+        with _ending_on_sigterm(), numeric_context():
             status = app(args=arguments, standalone_mode=False, prog_name="cpic")
         sys.stdout.flush()
     except SystemExit as stop:  # the option parser leaves this way when the reader of our output has gone
@@ -172,7 +177,7 @@ def main(arguments: list[str] | None = None) -> int:
         _drop_output()  # its reader went away: that ends the work, quietly
         return 0
     except Exception as error:
-        return _failed(error)
+        return _failed(error, sys.argv[1:] if arguments is None else arguments)
     return _status(status)
 
 
@@ -182,20 +187,41 @@ _CONTINUES = (
 INTERRUPTED = f"interrupted; {_CONTINUES}"
 
 
+@contextlib.contextmanager
+def _ending_on_sigterm() -> Iterator[None]:
+    """End the body on the first SIGTERM as Ctrl-C does: files are put away, and a line says how to go on."""
+
+    def end(number: int, frame: object) -> None:
+        signal.signal(number, signal.SIG_DFL)  # the second one ends the process at once
+        sys.exit(128 + number)
+
+    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    if ours:
+        signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        if ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 def _status(code: object) -> int:
-    """Return the exit status of a code; 130 gets its explanation."""
-    if code == 130:
-        return error_line(INTERRUPTED, 130)
+    """Return the exit status of a code; those of signals get their explanation."""
+    if code in (130, 143):
+        return error_line(INTERRUPTED if code == 130 else f"terminated; {_CONTINUES}", code)
     return code if isinstance(code, int) else 0
 
 
-def _failed(error: Exception) -> int:
+def _failed(error: Exception, arguments: Sequence[str]) -> int:
     if type(error).__name__ == "Abort":
         return error_line("interrupted", 130)
     message = getattr(error, "format_message", None)
     if message is not None:  # what the option parser refuses
         where = getattr(getattr(error, "ctx", None), "command_path", "cpic")
-        said = shortened(message())
+        said = shortened(message()).replace("Value error, ", "")
+        if (option := getattr(error, "option_name", None)) is not None and hasattr(error, "possibilities"):
+            hint = meant(option, error.ctx.command, arguments)  # type: ignore[attr-defined]
+            said = f"No such option: {option}{f' ({hint})' if hint else ''}"
         return error_line(f"{said} (see {where} --help)" if said else f"see {where} --help", 2)
     if logging.getLogger("cpic_planner").isEnabledFor(logging.DEBUG):
         raise error

@@ -129,7 +129,7 @@ def rank(
     planet.
     """
     from cpic_planner.api import compared, prepared
-    from cpic_planner.queries import called
+    from cpic_planner.queries import called, called_as
     from cpic_planner.targets import find_target
 
     answers: dict[str, object] = {"--explain": explain, "--sensitivity": sensitivity, "--compare": compare}
@@ -153,7 +153,8 @@ def rank(
     ready = prepared(question)
     note(*ready.stars.notes)
     if explain is not None:
-        star, remark = find_target(explain, catalog=ready.catalogue)
+        with called_as({"star": "--explain"}):
+            star, remark = find_target(explain, catalog=ready.catalogue)
         note(*filter(None, [remark]))
         name = str(star.name[0])
         if name not in set(ready.stars.targets.name.tolist()):

@@ -44,6 +44,8 @@ Their names have no units: numbers are given with one, or with an x as factors. 
 DRIFT, _VISIT, _WALK = "drift", "drift.visit_nm", "drift.walk_nm_per_sqrt_hour"
 COMPANIONS = "companions"
 """The one key that is not of the instrument: whether the light of companions is in the scene."""
+SHORT_KEYS = (*ALIASES, DRIFT)
+"""Short names whose numbers need a unit or an x."""
 NAMES = {key: name for name, key in ALIASES.items()}
 Plain: TypeAlias = StrictBool | StrictInt | StrictFloat | StrictStr | None
 
@@ -133,7 +135,7 @@ class Change(FrozenModel):
             value = written.value if isinstance(written.value, bool | int | float | None) else value
         if isinstance(value, float) and not math.isfinite(value):
             raise InputError(key, str(value), allowed="a finite number")
-        if bare and given in (*ALIASES, DRIFT):
+        if bare and given in SHORT_KEYS:
             present, value_key = _present(long_key(given), nominal), "" if unit else key
             raise two_spellings(given, given, text.strip(), unit=unit, present=present, value_key=value_key)
         if key == DRIFT and not (is_number(value) and value >= 0):

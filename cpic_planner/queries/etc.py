@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, model_validator
 
 from cpic_core import InputError
 from cpic_planner.queries import shared
-from cpic_planner.queries.base import Question, called
+from cpic_planner.queries.base import Question, called, check_visits
 from cpic_planner.queries.fields import asked, asked_visit_time
 from simulator.config import validate
 from simulator.knobs import Dial, dial_of
@@ -230,27 +230,6 @@ class EtcQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion,
         if self.dial.fidelity == "quick":
             return tree
         return tree | {"dial": self.dial.model_dump(mode="json"), "seed": 1 if self.seed is None else self.seed}
-
-
-def check_visits(visits: int | None, visit_time_s: float | None, time_s: float | None, *, asked: bool = False) -> None:
-    """Refuse a number of visits, their length and the time of all that contradict each other.
-
-    Parameters
-    ----------
-    visits : int, optional
-    visit_time_s, time_s : float, optional
-    asked : bool
-        Whether the time is what is asked for.
-    """
-    if visits is None or visit_time_s is None:
-        return
-    if asked:
-        allowed = f"{called('visits')} or {called('visit_time_s')}: together they set the time that is asked for"
-        raise InputError("visit_time_s", visit_time_s, unit="s", allowed=allowed)
-    both_s = visits * visit_time_s
-    if time_s is not None and abs(both_s / time_s - 1.0) > 1e-9:
-        hint = f"{called('visits')} times {called('visit_time_s')} set it"
-        raise InputError("time_s", time_s, unit="s", allowed=f"{both_s:g}, or none", hint=hint)
 
 
 class OptimiseQuestion(shared.InstrumentQuestion, shared.StarsQuestion):

@@ -9,9 +9,8 @@ from pydantic import Field, model_validator
 from catalogs import resolve_star
 from cpic_core import InputError
 from cpic_planner.queries import shared
-from cpic_planner.queries.base import Parts, called
+from cpic_planner.queries.base import Parts, called, check_visits
 from cpic_planner.queries.changes import Change, changed, read_instrument
-from cpic_planner.queries.etc import check_visits
 from cpic_planner.queries.fields import asked, asked_visit_time
 from cpic_planner.queries.overrides import SimulatorOverrides
 from simulator.config import Scene, Utc, checked_utc, load_scene

@@ -13,10 +13,10 @@ from pydantic import model_validator
 from cpic_core import InputError, is_file, read_text, unguarded
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import shared
-from cpic_planner.queries.base import called
+from cpic_planner.queries.base import called, check_visits
 from cpic_planner.queries.changes import InstrumentParts, default_instrument, read_instrument
 from cpic_planner.queries.ensemble import Ensemble, EnsembleChoice, load_ensemble
-from cpic_planner.queries.etc import KnownPlanetsQuestion, check_visits
+from cpic_planner.queries.etc import KnownPlanetsQuestion
 from cpic_planner.queries.fields import asked, asked_visit_time
 from cpic_planner.queries.shared import EXCLUSIONS
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName

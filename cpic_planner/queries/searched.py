@@ -7,8 +7,8 @@ from pydantic import model_validator
 
 from cpic_core import InputError
 from cpic_planner.queries import shared
-from cpic_planner.queries.base import called
-from cpic_planner.queries.etc import Numbers, check_visits
+from cpic_planner.queries.base import called, check_visits
+from cpic_planner.queries.etc import Numbers
 from cpic_planner.queries.fields import asked, asked_visit_time
 from cpic_planner.queries.images import refuse_counting
 

@@ -140,7 +140,7 @@ def known_answer(
     listed = [choice.table.listed_rows_of(str(name)) for name in targets.name]
     stars = targets.select([i for i, mine in enumerate(listed) if mine])
     if not len(stars):
-        raise InputError("known planets", choice.table.provenance, allowed="planets of stars of the sample")
+        raise InputError("known_planets", choice.table.provenance, allowed="planets of stars of the sample")
     rows = [_row(model, targets.select([i]), choice, row, names, span) for i, mine in enumerate(listed) for row in mine]
     zones = {band: model.metrics[band].zone for band in names}
     decides = {

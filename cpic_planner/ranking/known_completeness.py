@@ -119,7 +119,7 @@ class KnownChoice:
         """
         hosts = hosts_among(targets, self.table)
         if not hosts.any():
-            raise InputError("known planets", self.table.provenance, allowed="planets of stars of the sample")
+            raise InputError("known_planets", self.table.provenance, allowed="planets of stars of the sample")
         return targets.select(hosts)
 
     def draw(self, targets: Targets) -> KnownSample:

@@ -191,7 +191,7 @@ def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> Inp
         meant = [name for name in with_unit or () if name.startswith(f"{parts[-1]}_") and unit_of(name)]
         hint = f"did you mean {meant[0]}: {value}?" if meant else f"known keys: {known}"
         return InputError(key, value, allowed="no such key", hint=hint)
-    limits = _limits(_field(model, first["loc"]))
+    limits = _limits(_field(model, first["loc"]), math.inf if kind.startswith("less_than") else 2.0**53)
     if kind == "missing":
         needed = f", {limits} {unit_of(key)}" if limits else ""
         return InputError(key, "missing", allowed=f"a value is required{needed}")
@@ -247,19 +247,19 @@ def _annotation_of(field: FieldInfo) -> Any:
     return Annotated[(field.annotation, *field.metadata)] if field.metadata else field.annotation
 
 
-def _bounds(annotation: Any) -> dict[str, float]:
-    """Return the range that an annotation states; what no number reaches is left out."""
+def _bounds(annotation: Any, most: float = 2.0**53) -> dict[str, float]:
+    """Return the range that an annotation states; what hardly a number reaches, ``most``, is left out."""
     return {
         name: getattr(item, name)
         for item in _metadata(annotation)
         for name in ("ge", "gt", "le", "lt")
-        if getattr(item, name, None) is not None and abs(getattr(item, name)) < 2**53
+        if getattr(item, name, None) is not None and abs(getattr(item, name)) < most
     }
 
 
-def _limits(annotation: Any) -> str:
+def _limits(annotation: Any, most: float = 2.0**53) -> str:
     """Return the range that an annotation states, in words, empty if it states none."""
-    bounds = _bounds(annotation)
+    bounds = _bounds(annotation, most)
     said = {name: str(bound) if isinstance(bound, int) else f"{bound:g}" for name, bound in bounds.items()}
     if "ge" in said and "le" in said:
         return f"{said['ge']} to {said['le']}"

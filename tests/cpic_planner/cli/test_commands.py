@@ -173,8 +173,35 @@ def test_options_without_meaning_are_refused(call, extra):
     assert "--contrast" in err
 
 
+@pytest.mark.parametrize(
+    ("work", "arguments"),
+    [
+        ("cpic_planner.api.prepared", ("rank",)),
+        ("cpic_planner.api.answered", ("etc", "tau Cet", "--snr", "5")),
+        ("cpic_planner.confirm.plan_job", ("plan", "--dry-run")),
+        ("cpic_planner.jobs.check_tree", ("check", ".")),
+        ("cpic_planner.cli.refreshed_files.refresh_stars", ("catalog", "refresh", "--out", "{}/stars.ecsv")),
+    ],
+)
+def test_sigterm_says_how_to_go_on(call, monkeypatch, tmp_path, work, arguments):
+    def terminated(*given, **more):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(5)
+
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    monkeypatch.setattr(work, terminated)
+    before = time.monotonic()
+    status, out, err = call(*(word.format(tmp_path) for word in arguments))
+    assert time.monotonic() - before < 4.5
+    assert (status, out) == (143, "")
+    assert err.splitlines()[-1].startswith("cpic: terminated; no file is left half written")
+    assert err.endswith("continues when it is started again with the same --out\n")
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
 @pytest.mark.long
-def test_interrupted_plan_says_how_to_go_on(tmp_path):
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupted_plan_says_how_to_go_on(tmp_path, number, status):
     out = str(tmp_path / "o")
     stars = tmp_path / "stars.csv"
     stars.write_text(STARS)
@@ -200,9 +227,9 @@ def test_interrupted_plan_says_how_to_go_on(tmp_path):
     deadline = time.monotonic() + 60
     while not list(tmp_path.glob("o/parts/*.json")) and time.monotonic() < deadline:
         time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to every process of the group
+    os.killpg(process.pid, number)  # as terminals and batch schedulers do: to every process of the group
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == status
     assert "continues when it is started again" in err
     assert len([line for line in err.splitlines() if " so far" not in line]) <= 3
 

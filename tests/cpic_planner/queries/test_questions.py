@@ -22,7 +22,7 @@ from cpic_planner.queries import (
     RankQuestion,
     Strategy,
     asked,
-    called_by_option,
+    called_as,
     option_names,
     options_of,
 )
@@ -189,11 +189,11 @@ def test_refusals_name_what_the_reader_wrote(refused):
     refused(r"^snr = given with time_s: .*one of the two", EtcQuestion.of, tree)
     with (
         pytest.raises(InputError, match=r"^--snr = given with --time-s: .*one of the two"),
-        called_by_option(EtcQuestion),
+        called_as(option_names(EtcQuestion)),
     ):
         EtcQuestion.of(tree)
     for where, key in ((PlanQuestion, "--roll-deg"), (RankQuestion, "--roll-deg")):
-        with pytest.raises(InputError, match=f"^{key} = 300"), called_by_option(where):
+        with pytest.raises(InputError, match=f"^{key} = 300"), called_as(option_names(where)):
             where.of({"strategy": {"roll_deg": 300}})
 
 
