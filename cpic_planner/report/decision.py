@@ -272,7 +272,7 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
         *([] if rank.ensemble is None else [rank.ensemble.statement]),
     ]
     if not plan.targets:
-        return [*sentences, "No target was confirmed with simulated images."]
+        return [*sentences, "No target was simulated as images."]
     picks = [(target, summary.chosen(target)) for target in plan.targets]
     confirmed = [(target, band) for target, band in picks if band is not None and band.detected]
     measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]

@@ -15,19 +15,16 @@ class EnsembleBar(Row):
     label: str = column("what the number is", label="number")
     low: str = column("value, or factor on the instrument's, that 5 % of its law are below", label="low")
     high: str = column("that 95 % are below", label="high")
-    planets_low: float = column(
-        "expected planets of one observation of every star, at low", short="planets low", format=".2g"
-    )
-    planets_high: float = column("the same at high", short="high", format=".2g")
-    n_reachable_low: int = column("stars whose reference planet is detected, at low", short="reached low")
-    n_reachable_high: int = column("the same at high", short="high")
+    planets_low: float = column("expected planets of one observation of every star, at low", format=".2g")
+    planets_high: float = column("the same at high", format=".2g")
+    n_reachable_low: int = column("stars whose reference planet is detected, at low")
+    n_reachable_high: int = column("the same at high")
     tau_low: float | None = column(
         "Kendall's tau-b of the nominal scores and those at low, over the stars among the first ten in either; null "
         "where no order can be compared",
-        short="tau low",
         format=".2f",
     )
-    tau_high: float | None = column("the same at high", short="high", format=".2f")
+    tau_high: float | None = column("the same at high", format=".2f")
     source: str = column("where the law is from")
 
 

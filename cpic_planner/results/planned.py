@@ -22,6 +22,11 @@ from cpic_planner.results.known import SeasonRecord
 from cpic_planner.results.ranked import RankedTarget
 from simulator.knobs import Quantity
 
+_CHOSEN_FOR = column(
+    "planet for which visits and frames of the band were chosen; empty where they were given, and in older results",
+    default="",
+)
+
 
 class AuditRecord(Row):
     """One realisation run frame by frame with every effect of the camera, calibrated, particles taken out."""
@@ -73,6 +78,8 @@ class BandConfirmation(Row):
         label="telescope time",
         format=".1f",
     )
+    unused_s: float | None = None
+    chosen_for: str = _CHOSEN_FOR
     realisations: int | None = optional("independent draws of drift and noise")
     drawn_as: Literal["sums", "frames"] | None = optional(
         "sums of frames over the hole, or every frame, where sums cannot stand for them"
@@ -98,8 +105,8 @@ class BandConfirmation(Row):
     predicted_detection_probability: float | None = None
     predicted_detection_probability_known_place: float | None = None
     etc_ratio: float | None = optional(
-        "predicted over recovered SNR: above 1 is optimistic",
-        label="predicted / recovered SNR",
+        "predicted over recovered SNR: above 1 is optimistic; null where the planet is missed or too faint to tell",
+        label="predicted over recovered SNR",
         short="pred/rec",
         format=".2f ± .2f",
     )
@@ -136,7 +143,8 @@ class BandConfirmation(Row):
         label="threshold of the search",
     )
     n_significant: int | None = optional(
-        "realisations whose significance at the known place reaches the threshold",
+        "realisations whose significance at the known place reaches the threshold: another statistic with another "
+        "threshold than those of the search, which decides",
         label="significant at the known place",
     )
     false_detections: int | None = optional(
@@ -200,10 +208,12 @@ class ImagedResult(RunResult):
         default_factory=dict, description="what is altered in the images alone; predictions keep the nominal instrument"
     )
     calibration: dict[str, float | int | None] = Field(
-        description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
+        description="etc_ratio: mean of predicted over recovered SNR over bands that tell, and etc_ratio_error, 1 "
+        "sigma; null where no band tells; etc_ratio_least: where planets are missed, the ratio that is exceeded; "
+        "n_bands: bands that tell; n_faint: bands left out because they are too faint to measure the ETC by"
     )
     calibration_text: str = Field(
-        default="", description="the same in words: whether the ETC is optimistic, by how much"
+        default="", description="the same in words: whether the ETC is optimistic or pessimistic, and by how much"
     )
     not_modelled: list[str] = Field(
         description="effects that neither the prediction nor the images contain, but for an audited realisation"
@@ -336,8 +346,12 @@ class SearchRecord(Row):
 
     band: str
     exposure_s: float
-    n_frames: int
+    n_frames: int = column("science frames of a visit")
     em_gain: float
+    visits: int | None = None
+    time_s: float | None = None
+    unused_s: float | None = None
+    chosen_for: str = _CHOSEN_FOR
     realisations: int
     false_detections: int = Field(description="detections that are no planet of the scene, all realisations")
     resolution_elements: float = Field(description="searched area over (lambda/D)^2")
@@ -364,13 +378,18 @@ class AlbedoRecord(Row):
     planet: str
     bands: list[str]
     status: Literal["constrained", "not_constrained", "degenerate"]
-    log10_mh: float = Field(description="best fit")
-    log10_fsed: float = Field(description="best fit")
+    log10_mh: float = Field(description="median of the posterior, clouds integrated over")
+    log10_fsed: float = Field(description="median of the posterior, metallicity integrated over")
+    best_fit: list[float] = Field(
+        default_factory=list,
+        description="log10_mh and log10_fsed of the least chi2, for which chi2 is stated: of both together, so that "
+        "one of them may lie outside its interval; empty in older results",
+    )
     mean: list[float] = Field(description="of the posterior: log10_mh, log10_fsed")
     covariance: list[list[float]]
     correlation: float
-    log10_mh_interval: list[float] = Field(description="68 %")
-    log10_fsed_interval: list[float] = Field(description="68 %")
+    log10_mh_interval: list[float] = Field(description="central 68 % around the median")
+    log10_fsed_interval: list[float] = Field(description="central 68 % around the median")
     chi2: float
     degrees_of_freedom: int
     p_value: float | None

@@ -70,7 +70,7 @@ def _told_once(columns: Sequence[report.Cells], entries: Sequence[Any]) -> tuple
 
 def _cell(column: report.Cells, entry: Any) -> Any:
     """Return the text of a cell; a ranked star leads to its page."""
-    text = str(column.text(entry)).strip()
+    text = column.cell(entry).strip()
     if isinstance(entry, RankedTarget) and column.fields == ("name",):
         name = f"HIP {entry.hip}" if entry.hip else entry.name
         return report.page_link(f"/star?{urlencode({'name': name})}", text)

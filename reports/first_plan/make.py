@@ -169,7 +169,7 @@ def main() -> None:
         "cpic etc 'tau Cet' --snr 5": cold_seconds(["etc", "tau Cet", "--snr", "5"]),
         "cpic rank": cold_seconds(["rank"]),
     }
-    ratio, error, count = plan.calibration["ratio"], plan.calibration["error"], plan.calibration["n_bands"]
+    ratio, error, count = (plan.calibration[name] for name in ("etc_ratio", "etc_ratio_error", "n_bands"))
     lines = [
         "# The first plan",
         "",
@@ -179,7 +179,7 @@ def main() -> None:
         f"{plan.counts.get('ok', 0)} with a reference planet (1 R_J, phase 90 deg, Jupiter's albedo) detected within "
         f"{plan.time_s / 3600:g} h of wall time per band, the first {TOP} confirmed with simulated images.",
         f"Reference planets that are not detected: {undetected(plan.counts_limited_by)}.",
-        f"Recovered / predicted SNR: {ratio:.2f} +- {error:.2f} over {count} measurements, "
+        f"Predicted over recovered SNR: {ratio:.2f} +- {error:.2f} over {count} measurements, "
         f"{plan.realisations} realisations of drift and noise each.",
         "",
         "## Ranking",

@@ -165,7 +165,7 @@ def test_plan(plan):
     text = shown(print_plan, plan)
     assert "→ F662" in text
     assert "□ inside inner edge" in text
-    assert "ETC agrees with the images: predicted / recovered SNR 1.03 ± 0.04" in text
+    assert "Predicted over recovered SNR 1.03 ± 0.04 over 6 measurements: the ETC agrees" in text
     assert "α Cen B: confirmed in F662, F720; ETC agrees, 0.97 ± 0.04" in text
     assert re.search(r"31\.[78] ± 1\.3  0\.98 ± 0\.06 +8/8  ✓ confirmed", shown(print_plan, plan, width=160))
     assert "○ seen at its place" in text

@@ -372,9 +372,9 @@ def test_top_rows(plan, rank):
 
 
 def test_plan_without_targets(plan, rank, read):
-    empty = plan.model_copy(update={"targets": [], "calibration": {"ratio": None, "error": None, "n_bands": 0}})
+    empty = plan.model_copy(update={"targets": [], "calibration": {"etc_ratio": None, "n_bands": 0}})
     text = " ".join(read(page_html(plan_document(PlanReport(empty, rank, {}, {})))).text)
-    assert "No target was confirmed" in text
+    assert "No target was simulated as images" in text
 
 
 def test_target_without_a_confirmed_band(plan, rank, read):
@@ -387,12 +387,12 @@ def test_target_without_a_confirmed_band(plan, rank, read):
 
 
 def test_no_comparison_without_measurements(plan):
-    nothing = plan.model_copy(update={"calibration": {"ratio": None, "error": None, "n_bands": 0}})
+    nothing = plan.model_copy(update={"calibration": {"etc_ratio": None, "n_bands": 0}})
     assert "No band was measured" in calibration_sentence(nothing)
 
 
 def test_page_one_says_how_the_etc_stands(page, words):
-    sentence = "The ETC agrees with the images: predicted / recovered SNR 1.03 ± 0.04 over 6 measurements."
+    sentence = "Predicted over recovered SNR 1.03 ± 0.04 over 6 measurements: the ETC agrees with the images"
     assert words.index(sentence) < words.index("What the images show")
     assert "+-" not in words
     assert "Images altered" not in words
