@@ -1,4 +1,4 @@
-"""Results of a plan, and the story of its run.
+"""Results of a plan.
 
 Result of confirming one scene.
 """
@@ -292,40 +292,6 @@ class PlanResult(ImagedResult):
     period: PeriodRecord | None = optional("null for a schedule, which has dates of its own, and in older results")
     schedule: ScheduleImages | None = optional("null where the ranking chooses the targets, and in older results")
     targets: list[ConfirmedTarget]
-
-
-class FingerprintRecord(Result):
-    """The code, data and libraries that made the numbers of a run."""
-
-    code: str = Field(description="SHA-256 of the installed Python code and of shipped data other than the next two")
-    presets: str = Field(description="that of the shipped presets")
-    catalogue: str = Field(description="that of the shipped tables of stars and planets")
-    libraries: dict[str, str] = Field(description="version, and hash of the compiled files, by distribution")
-    processor: list[str] = Field(description="machine, features, kernels of BLAS")
-
-
-class RunRecord(RunResult):
-    """The story of one run: clocks, host, versions; not reproducible and kept apart from the plan."""
-
-    schema_version: Literal[1] = 1
-    kind: Literal["run"] = "run"
-    command: list[str]
-    config_hash: str
-    started_utc: str
-    finished_utc: str
-    wall_s: float
-    workers: int
-    scheduler: str | None
-    resumed_parts: int
-    computed_parts: int
-    host: dict[str, Any]
-    versions: dict[str, str]
-    software: FingerprintRecord | None = optional("null in older results")
-    other_fingerprints: list[str] = Field(
-        default_factory=list, description="of other processors that took part; nothing but the processor differs"
-    )
-    promise: str = Field(default="", description="what holds for another run of the same fingerprints")
-    list_sha256: str = Field(default="", description="of the list of the run's files, up to the line of this one")
 
 
 class CandidateRecord(Row):
