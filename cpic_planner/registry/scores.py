@@ -68,7 +68,7 @@ class Score:
         What stars are ranked by, for the middle of a sentence; ``{share}`` stands for the fraction of the population
         that one observation detects, ``{hourly}`` for "per hour" of it.
     unit : str
-        Unit of the number as people read it, empty for none; a fraction is written in per cent.
+        Unit of the number, empty for none.
     value : callable
         Score of each star from `StarNumbers`, shape (n,); more is better.
     by_band : callable
@@ -96,9 +96,9 @@ class Score:
     decimals: int | None = None
 
     @property
-    def scale(self) -> float:
-        """Factor from the number to what is written in its unit."""
-        return 100.0 if self.unit.startswith("%") else 1.0
+    def written(self) -> tuple[float, str]:
+        """Factor from the number to what people read, and its unit: fractions are read in per cent."""
+        return (100.0, self.unit.replace("1", "%") or "%") if "%" in self.label else (1.0, self.unit)
 
     @property
     def title(self) -> str:
@@ -121,7 +121,7 @@ SCORES: Registry[Score] = Registry(
             meaning="fraction of the population that one observation detects, per hour of it, in the band where that "
             "is most",
             aim="{share} {hourly}",
-            unit="%/h",
+            unit="1/h",
             value=lambda numbers: _most(numbers.completeness_per_hour),
         ),
         Score(
@@ -129,7 +129,6 @@ SCORES: Registry[Score] = Registry(
             label="compl %",
             meaning="fraction of the population that one observation detects, in the band where that is most",
             aim="{share}",
-            unit="%",
             value=lambda numbers: _most(numbers.completeness),
             by_band=lambda numbers: numbers.completeness,
             column="completeness",

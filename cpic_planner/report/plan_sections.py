@@ -233,7 +233,7 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
         "separation_arcsec contrast frames em_gain snr detection_margin status:wide flags:flags",
         name=lambda row: star_cell(report.named(row), row.hip),
         distance_pc=lambda row: significant(row.distance_pc, 4),
-        score=Cells("", lambda row: words.score_number(row.score, score.name), label="score", unit=score.unit),
+        score=Cells("", lambda row: words.score_number(row.score, score.name), label="score", unit=score.written[1]),
         completeness=_completeness,
         status=_standing,
         flags=lambda row: doc.marked(" ".join(f"`{flag}`" for flag in row.flags)),

@@ -60,14 +60,15 @@ def _scores(axes: Axes, rows: list[RankedTarget], score: Score) -> None:
     of_completeness = score.name.startswith("completeness")
     bands = [row.completeness_band if of_completeness else row.band for row in rows]
     looks = drawing.band_style(sorted(set(bands)))
-    values = [max(row.score, 0.0) for row in rows]
+    factor, unit = score.written
+    values = [max(factor * row.score, 0.0) for row in rows]
     shares = [row.completeness_error / row.completeness if row.completeness else 0.0 for row in rows]
     errors = [value * share for value, share in zip(values, shares, strict=True)] if of_completeness else None
     look: Look = {"height": 0.7, "error_kw": {"lw": 0.9, "capsize": 1.5}, "label": f"_{score.title}"}
     axes.barh(range(len(rows)), values, xerr=errors, color=[looks[band][0] for band in bands], **look)
     _name_stars(axes, rows)
     axes.grid(visible=True, axis="x")
-    axes.set_xlabel(f"{score.title}{score.unit and f' ({score.unit})'}")
+    axes.set_xlabel(f"{score.title}{unit and f' ({unit})'}")
     axes.legend(handles=[_patch(looks[band][0], band) for band in looks], **_LEGEND)
 
 

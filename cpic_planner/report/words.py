@@ -268,7 +268,7 @@ def overrides_text(overrides: Mapping[str, Any]) -> str:
 
 def score_number(value: float, score: str) -> str:
     """Return a score as text with sensible digits, in the unit that people read."""
-    places, value = SCORES[score].decimals, value * SCORES[score].scale
+    places, value = SCORES[score].decimals, value * SCORES[score].written[0]
     if places is not None:
         return decimals(value, places)
     return "0" if value == 0.0 else significant(value) if value >= 1e-3 else f"{value:.1e}"

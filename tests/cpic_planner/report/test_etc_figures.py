@@ -132,8 +132,8 @@ def test_names_and_folders_of_figures(refused, rank, tmp_path):
 
 def test_bars_of_the_ranking(rank):
     left, right = rank_figure(rank, 5).axes
-    assert [bar.get_width() for bar in left.patches] == pytest.approx([row.score for row in rank.targets[:5]])
-    assert left.get_xlabel() == "completeness per hour (1/h)"
+    assert [bar.get_width() for bar in left.patches] == pytest.approx([100 * row.score for row in rank.targets[:5]])
+    assert left.get_xlabel() == "completeness per hour (%/h)"
     names = [label.get_text() for label in left.get_yticklabels()]
     assert names[0] == "1  α Cen B"
     points = {x for line in right.lines for x in np.atleast_1d(line.get_xdata())}

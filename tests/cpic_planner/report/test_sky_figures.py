@@ -88,10 +88,13 @@ def test_older_results_without_a_verdict_are_told_by_their_status(rank):
 def test_the_bar_is_what_orders_the_stars(rank, name):
     rows = [row.model_copy(update={"score": 20.0 - number}) for number, row in enumerate(rank.targets)]
     figure = rank_figure(rank.model_copy(update={"targets": rows, "score_name": name}), 5)
-    left = figure.axes[0]
-    assert [bar.get_width() for bar in left.patches] == [20.0, 19.0, 18.0, 17.0, 16.0]
+    left, (factor, unit) = figure.axes[0], SCORES[name].written
+    assert (factor, unit) == {"completeness_per_hour": (100.0, "%/h"), "completeness": (100.0, "%")}.get(
+        name, (1.0, SCORES[name].unit)
+    )
+    assert [bar.get_width() for bar in left.patches] == [factor * score for score in (20.0, 19.0, 18.0, 17.0, 16.0)]
     assert left.get_xlabel().startswith(SCORES[name].title)
-    assert ("(1/h)" in left.get_xlabel()) == (SCORES[name].unit == "1/h")
+    assert left.get_xlabel().endswith(f"({unit})" if unit else SCORES[name].title)
     assert any(isinstance(one, ErrorbarContainer) for one in left.containers) == name.startswith("completeness")
 
 
