@@ -114,7 +114,9 @@ def _with_file(base: str, name: str) -> KnownPlanetTable:
     raw = parse_table(file)
     own, given = _rows_of_file(raw, own=True)
     notes = given.notes
-    about = f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]}{raw.shortened})"
+    about = (
+        f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]}{raw.shortened})"
+    )
     about += f", columns not used: {listed(given.unused)}" if given.unused else ""
     below: Sequence[Row] = ()
     if base != "none":

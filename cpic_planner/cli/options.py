@@ -305,8 +305,8 @@ def output_of(kind: type[Output], given: dict[str, Any]) -> Output:
     if as_json and form not in ("table", "json"):
         raise InputError("--json", "given with --format", allowed="one of the two")
     if brief and (as_json or form != "table"):
-        given, hint = "--json" if as_json else f"--format {form}", "which has the main table alone in any case"
-        raise InputError("--brief", f"given with {given}", allowed="one of the two", hint=f"{given}, {hint}")
+        asked, hint = "--json" if as_json else f"--format {form}", "which has the main table alone in any case"
+        raise InputError("--brief", f"given with {asked}", allowed="one of the two", hint=f"{asked}, {hint}")
     form = "json" if as_json else form
     columns, caption, label = (given.pop(name) for name in ("columns", "caption", "label"))
     if columns is not None and form == "json":

@@ -34,10 +34,10 @@ _TIERS = ("etc", "quick", "standard", "reference")
 
 
 def csv_text(result: TradeoffResult) -> str:
-    """Return one line for each row, six digits; empty where there is no number."""
+    """Return one line for each row; empty where there is no number."""
     errors: dict[str, Quantity] = {"predicted_flux_error": "planet_flux", "predicted_snr_error": "snr"}
     rows = (dict(row) | {name: row.predicted_error.get(of) for name, of in errors.items()} for row in result.rows)
-    return table_text(COLUMNS, rows, digits=6)
+    return table_text(COLUMNS, rows)
 
 
 @functools.cache
