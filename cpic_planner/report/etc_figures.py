@@ -298,7 +298,7 @@ def _place(axes: Axes, tall: float, left: float, bottom: float, width: float, he
 
 def _legend(axes: Axes, columns: int, handles: Sequence[Any] | None = None) -> int:
     """Put a legend below, and return its rows."""
-    legend = axes.legend(handles=handles, ncols=columns, columnspacing=1.2, **_BELOW)
+    legend = axes.legend(handles=handles, ncols=columns, **_BELOW)
     return math.ceil(len(legend.get_texts()) / columns)
 
 
