@@ -4,7 +4,12 @@ from cpic_core.cache import (
     clear_cache as clear_cache,
     compute_once as compute_once,
 )
-from cpic_core.errors import InputError as InputError, one_line as one_line, shortened as shortened
+from cpic_core.errors import (
+    InputError as InputError,
+    one_line as one_line,
+    shortened as shortened,
+    visible as visible,
+)
 from cpic_core.files import (
     NPZ_ERRORS as NPZ_ERRORS,
     LockHeld as LockHeld,
@@ -19,6 +24,7 @@ from cpic_core.files import (
     utf8 as utf8,
     whole_file as whole_file,
     write_bytes as write_bytes,
+    write_named as write_named,
     write_npz as write_npz,
     write_text as write_text,
 )
@@ -45,10 +51,13 @@ from cpic_core.quantities import (
     check_word as check_word,
     checked_array as checked_array,
     checked_scalar as checked_scalar,
+    converted as converted,
     element_name as element_name,
     in_unit as in_unit,
+    number_and_unit as number_and_unit,
     real_array as real_array,
     unit_of as unit_of,
+    units_like as units_like,
 )
 from cpic_core.random_streams import PathPart as PathPart, stream as stream
 from cpic_core.registry import Registry as Registry
@@ -70,6 +79,7 @@ from cpic_core.user_files import (
     bounded_fits as bounded_fits,
     digest_of as digest_of,
     file_state as file_state,
+    files_read as files_read,
     is_file as is_file,
     only_sent_files as only_sent_files,
     open_file as open_file,

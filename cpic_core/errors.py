@@ -1,5 +1,7 @@
 """The one error class for bad input: it names key, value, unit and allowed range in one line."""
 
+from unicodedata import category
+
 _LONGEST = 200
 _LONGEST_HINT = 1000
 
@@ -12,12 +14,30 @@ def one_line(text: str) -> str:
     text : str
         It may quote what a user or a file said.
     """
-    line = " ".join(text.split())
-    return line if line.isprintable() else "".join(map(_visible, line))
+    return visible(" ".join(text.split()))
 
 
-def _visible(character: str) -> str:
-    return character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
+def visible(text: str, keep: str = "") -> str:
+    r"""Return a text with what prints nothing, or steers a terminal or the order of signs, spelled by its escape.
+
+    Parameters
+    ----------
+    text : str
+        It may quote what a user or a file said.
+    keep : str, optional
+        Characters that stay, such as ends of lines. Blanks of every width do.
+
+    Examples
+    --------
+    >>> from cpic_core import visible
+    >>> visible("\x1b[31mα Cen é")
+    '\\x1b[31mα Cen é'
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        sign if sign.isprintable() or sign in keep or category(sign) == "Zs" else ascii(sign)[1:-1] for sign in text
+    )
 
 
 def _said(value: object) -> str:

@@ -2,7 +2,7 @@
 
 Named arrays in npz files with the same bytes for the same content; never pickle.
 
-Cells of tables that a spreadsheet may open: a text is never a formula there.
+Cells of tables in files: nothing in them steers a terminal, and a text is never a formula of a spreadsheet.
 """
 
 import contextlib
@@ -21,9 +21,9 @@ from typing import IO, Any
 
 import numpy as np
 
-from cpic_core.errors import InputError
+from cpic_core.errors import InputError, visible
 from cpic_core.quantities import NDArray
-from cpic_core.user_files import open_file
+from cpic_core.user_files import open_file, refuse_special
 
 
 @contextlib.contextmanager
@@ -92,7 +92,8 @@ def check_writable(path: str | Path, *, key: str, folder: bool = False) -> None:
     Parameters
     ----------
     path : str or Path
-        A file in a folder that exists, replaced if it is there; or a folder, made with its parents where it is not.
+        A file in a folder that exists, replaced if it is a regular one; or a folder, made with its parents where it
+        is not. A link stands for what it leads to, which has to be there.
     key : str
         What it is asked for as, for messages.
     folder : bool
@@ -105,9 +106,9 @@ def check_writable(path: str | Path, *, key: str, folder: bool = False) -> None:
     """
     place = Path(path)
     try:
-        if not folder and place.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        place = _standing(place) if folder else place.parent
+        if not folder and os.path.lexists(place):
+            refuse_special(place.stat().st_mode)
+        place = _standing(place) if folder else place.resolve().parent
         if not stat.S_ISDIR(place.stat().st_mode):
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
         if not os.access(place, os.W_OK | os.X_OK):
@@ -147,6 +148,33 @@ def write_bytes(path: str | Path, data: bytes) -> Path:
     return Path(path)
 
 
+def write_named(path: str | Path, text: str | bytes, *, key: str) -> Path:
+    """Write a file that somebody named whole; a link stays one, and the file that it leads to is written.
+
+    Parameters
+    ----------
+    path : str or Path
+    text : str or bytes
+        Content of the file.
+    key : str
+        What it is asked for as, for messages.
+
+    Returns
+    -------
+    Path
+        The file that is written.
+
+    Raises
+    ------
+    InputError
+        As `check_writable`: nothing but regular files is written.
+    OSError
+        If the disk is full or broken.
+    """
+    check_writable(path, key=key)
+    return write_bytes(Path(path).resolve(), utf8(text) if isinstance(text, str) else text)
+
+
 def utf8(text: str) -> bytes:
     r"""Return a text as bytes.
 
@@ -179,9 +207,14 @@ def write_text(path: str | Path, text: str) -> Path:
     return write_bytes(path, utf8(text))
 
 
+_STEERING = re.compile(r"[\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
+"""Signs that steer a terminal or the order of others, and that JSON need not escape."""
+
+
 def dump_json(tree: Any) -> str:
     """Return JSON as this project writes it: two-space indent, shortest round-trip floats, no NaN, final newline."""
-    return json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return _STEERING.sub(lambda sign: json.dumps(sign[0])[1:-1], text)
 
 
 def write_json(path: str | Path, tree: Any) -> Path:
@@ -344,9 +377,9 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 
 
 def guarded(text: str) -> str:
-    """Return a cell as it stands in a file that a spreadsheet may open: behind an apostrophe if it could be a formula.
+    r"""Return a cell as it stands in a file: `visible`, and behind an apostrophe if it could be a formula.
 
-    Formulas begin with =, +, - or @; some programs skip a tab or a carriage return before. Numbers stay as they are.
+    Formulas of spreadsheets begin with =, +, - or @. Numbers stay as they are.
 
     Parameters
     ----------
@@ -355,9 +388,10 @@ def guarded(text: str) -> str:
     Examples
     --------
     >>> from cpic_core import guarded, unguarded
-    >>> guarded("=1+1"), guarded("-1.5"), guarded("tau Cet"), unguarded(guarded("'@x"))
-    ("'=1+1", '-1.5', 'tau Cet', "'@x")
+    >>> guarded("=1+1"), guarded("-1.5"), guarded("tau\x1b"), unguarded(guarded("'@x"))
+    ("'=1+1", '-1.5', 'tau\\x1b', "'@x")
     """
+    text = visible(text)
     return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text
 
 

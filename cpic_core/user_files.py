@@ -31,6 +31,7 @@ _KINDS = (
 
 _PART_BYTES = 4_000_000
 _SENT: ContextVar[Mapping[str, bytes] | None] = ContextVar("sent", default=None)
+_READ: ContextVar[set[str] | None] = ContextVar("read", default=None)
 _PACKAGES = tuple(
     Path(__file__).resolve().parents[1] / name for name in ("cpic_core", "catalogs", "simulator", "cpic_planner")
 )
@@ -50,6 +51,21 @@ def only_sent_files(sent: Mapping[str, bytes]) -> Iterator[None]:
         yield
     finally:
         _SENT.reset(token)
+
+
+@contextlib.contextmanager
+def files_read() -> Iterator[set[str]]:
+    """Collect the names of the files that are opened, with and without folders: a refusal may begin with one."""
+    token = _READ.set(names := set())
+    try:
+        yield names
+    finally:
+        _READ.reset(token)
+
+
+def _note_read(path: str | Path) -> None:
+    if (names := _READ.get()) is not None:
+        names.update((str(path), Path(path).name))
 
 
 def at_home(path: str | Path) -> Path:
@@ -158,11 +174,12 @@ def open_file(
         if str(path) not in sent:
             raise InputError(key, str(path), allowed=allowed, hint="no such file was sent")
         _refuse_large(key, path, len(sent[str(path)]), max_bytes, too_large)
+        _note_read(path)
         yield BufferedReader(BytesIO(sent[str(path)]))
         return
     place = at_home(path)
     try:
-        _refuse_special(os.stat(place).st_mode)  # before it is opened: that alone may act on a device
+        refuse_special(os.stat(place).st_mode)  # before it is opened: that alone may act on a device
         handle = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
@@ -170,10 +187,11 @@ def open_file(
     with open(handle, "rb") as file:
         about = os.fstat(handle)
         try:
-            _refuse_special(about.st_mode)
+            refuse_special(about.st_mode)
         except OSError as error:
             raise InputError(key, str(path), allowed=allowed, hint=error.strerror or "") from None
         _refuse_large(key, path, about.st_size, max_bytes, too_large)
+        _note_read(path)
         yield file
 
 
@@ -299,7 +317,14 @@ def _refuse_count(name: str, number: int) -> None:
         raise OSError(errno.EINVAL, f"{name} is above {_MOST_COUNTED}")
 
 
-def _refuse_special(mode: int) -> None:
+def refuse_special(mode: int) -> None:
+    """Raise an OSError that says what something is that is no regular file.
+
+    Parameters
+    ----------
+    mode : int
+        As `os.stat` has it.
+    """
     for is_kind, words in (*_KINDS, (lambda mode: True, "this is a device")):
         if is_kind(mode):
             if words:

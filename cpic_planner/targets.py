@@ -36,7 +36,8 @@ class Targets:
     """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN.
 
     ``roll_deg`` is the roll of the telescope at which they are observed, one for all or one each. A target from a
-    ``scene`` has its light, and that of all other stars, from there: any spectrum, any number of them.
+    ``scene`` has its light, and that of all other stars, from there: any spectrum, any number of them. ``hd`` and
+    ``gj`` are further names, blank where a star has none, which decide nothing.
     """
 
     name: NDArray[np.str_]
@@ -60,6 +61,8 @@ class Targets:
     roll_deg: float | FloatArray = 0.0
     date_utc: str = ""
     scene: Scene | None = None
+    hd: NDArray[np.str_] | None = None
+    gj: NDArray[np.str_] | None = None
 
     def __len__(self) -> int:
         return len(self.name)
@@ -69,6 +72,8 @@ class Targets:
         plain: dict[str, Any] = {}
         for item in fields(self):
             value = getattr(self, item.name)
+            if item.name in ("hd", "gj"):
+                continue
             if isinstance(value, np.ndarray):
                 value = value.round(_DIGITS[item.name]) if item.name in _DIGITS else value
                 value = [None if isinstance(cell, float) and math.isnan(cell) else cell for cell in value.tolist()]
@@ -181,7 +186,7 @@ def targets_from_table(
     return Targets(
         name=text("name"),
         hip=np.asarray(table.column("hip"), np.int64),
-        sp_type=text("sp_type"),
+        **{name: text(name) for name in ("sp_type", "hd", "gj")},
         **numbers,
         companion_separation_arcsec=number("companion_sep_arcsec"),
         companion_pa_deg=pa,

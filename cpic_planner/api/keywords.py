@@ -96,14 +96,15 @@ def takes(
         @functools.wraps(function)
         @numeric_context()
         def wrapped(*args: Any, **keywords: Any) -> R:
-            named = {model.ALIASES.get(name, name): value for name, value in keywords.items()}
-            given = dict(signature.bind(*args, **named).arguments)
+            given = dict(signature.bind(*args, **model.named(keywords)).arguments)
             own = {name: given.pop(name) for name in of_strategy if given.get(name) is not None}
             if own:
                 base = given.get("strategy") or {}
                 tree = base.model_dump(exclude_unset=True) if isinstance(base, Strategy) else base
                 if not isinstance(tree, Mapping):
                     raise InputError("strategy", base, allowed="a Strategy or a mapping")
+                for name in own.keys() & tree.keys():
+                    raise InputError(name, "given twice", allowed="once: as a keyword or in strategy")
                 given["strategy"] = dict(tree) | own
             return function(model.of(fixed | given))
 

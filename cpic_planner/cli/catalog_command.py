@@ -6,10 +6,11 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
-import typer
-
 import catalogs
 from catalogs import POSITION_ERROR_ARCSEC, data_dir
+from cpic_core import visible
+from cpic_planner import report
+from cpic_planner.cli.asking import Commands
 from cpic_planner.cli.options import JsonOption, console, help_alone, print_json
 from cpic_planner.cli.progress import heard
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 HELP = "Show the tables of stars and planets that ship with the package, and fetch fresh ones from their archives."
-app = typer.Typer(help=HELP, invoke_without_command=True)
+app = Commands(help=HELP, invoke_without_command=True)
 
 _REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}
 
@@ -44,36 +45,37 @@ def info(as_json: JsonOption = False) -> None:
         print_json(facts | {"data_folder": str(data_dir())} | tables)
         return
     screen = console()
-    screen.print(f"[bold]{facts['vintage']}[/bold]")
+    report.print_plain(screen, facts["vintage"], bold=True)
     table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in facts["counts"]))
     grades = Counter(row["grade"] for row in facts["binary_orbits"])
     graded = ((str(grade), str(count), f"{POSITION_ERROR_ARCSEC[grade]:g}") for grade, count in sorted(grades.items()))
     heads = ("grade of the orbit", "pairs", "error of a place (arcsec)")
     table(screen, "Companions that follow their orbits (--json lists them; --catalog simbad_2012: none)", heads, graded)
     published = facts["published_parameters"]
-    screen.print(
+    report.print_plain(
+        screen,
         f"Temperatures of {len({row['star'] for row in published})} stars are medians of {len(published)} published "
-        "values (--catalog simbad_2012: without them); cpic catalog info --json lists them with their sources."
+        "values (--catalog simbad_2012: without them); cpic catalog info --json lists them with their sources.",
     )
     files = ((row["file"], row["packages"], row["licence"]) for row in facts["files"])
     table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     planets = facts["known_planets"]
-    screen.print(f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
+    report.print_plain(screen, f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
     new = planets["updates"]
-    screen.print(
+    report.print_plain(
+        screen,
         f"Updated {new['date']}: {new['n_rows']} planets ({new['file']}, each with its source). "
         f"Refuted, listed and not counted: {', '.join(new['refuted'])}. "
-        f"Controversial, counted: {', '.join(new['controversial'])}."
+        f"Controversial, counted: {', '.join(new['controversial'])}.",
     )
-    for line in facts["credits"]:
-        screen.print(line)
+    report.print_plain(screen, *facts["credits"])
     rows = [
         (item.path.name, f"{item.queried_utc:%Y-%m-%d %H:%M} UTC", f"{option} latest" if item is items[0] else "")
         for option, items in stored.items()
         for item in items
     ]
     if not rows:
-        screen.print(f"No refreshed table in {data_dir()} (cpic catalog refresh makes one).", soft_wrap=True)
+        report.print_plain(screen, f"No refreshed table in {data_dir()} (cpic catalog refresh makes one).", wraps=False)
         return
     table(screen, f"Refreshed tables in {data_dir()}", ("file", "asked", "used by"), rows)
 
@@ -106,10 +108,11 @@ def columns(as_json: JsonOption = False) -> None:
         cells = ((row["name"], row["required"], ", ".join(row["also_called"]), row["allowed"]) for row in listed)
         headings = ("column", "required", "also called", "allowed")
         table(screen, f"Columns of a table of {title} of your own", headings, cells)
-    screen.print(
+    report.print_plain(
+        screen,
         "Upper and lower case, blanks and _ make no difference. Units are those of an ECSV or VOTable, or are "
         "written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet lacks is "
-        "unknown, and drawn."
+        "unknown, and drawn.",
     )
 
 
@@ -141,10 +144,10 @@ def table(screen: Console, title: str, headings: tuple[str, ...], rows: Iterable
     from rich.table import Table
     from rich.text import Text
 
-    grid = Table(title=title, title_justify="left")
+    grid = Table(title=report.displayable(screen, title), title_justify="left")
     for heading in headings:
         right = heading in ("stars", "planets", "number")
         grid.add_column(heading, justify="right" if right else "left", overflow="fold")
     for row in rows:
-        grid.add_row(*(Text(cell) for cell in row))
+        grid.add_row(*(Text(report.displayable(screen, visible(cell))) for cell in row))
     screen.print(grid)

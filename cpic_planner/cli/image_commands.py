@@ -9,7 +9,7 @@ import typer
 
 from cpic_planner import report
 from cpic_planner.cli import options
-from cpic_planner.cli.options import Answer, DryRunOption, Output, note, print_cost, with_progress
+from cpic_planner.cli.options import Answer, DryRunOption, Output, note, print_cost, say, with_progress
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def plan(question: PlanQuestion, output: Answer, dry_run: DryRunOption = False) 
     confirmed = any(band.detected for target in done.result.targets for band in target.bands)
     output.show(done.result, partial(report.print_plan, done.result, full=is_verbose()), confirmed)
     if output.plain:
-        typer.echo(f"report: {question.out / 'report.html'}")
+        say(f"report: {question.out / 'report.html'}")
 
 
 def _n_bands(question: PlanQuestion) -> int:
@@ -105,8 +105,9 @@ def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = F
     hole is searched blind; forced photometry, positions, and a fit of metallicity and clouds follow. One more
     realisation a band runs frame by frame with every effect of the camera (--no-audit leaves it out).
 
-    Frames are the best ones for the first planet within --time-s, or those that --exposure-s and --frames give; a
-    gain that is not given is the best one. With --out it writes confirm.json, measurements.csv, report.html,
+    Visits and frames are those of most SNR within --time-s, as cpic etc --time-s chooses them, for the first planet
+    of the scene that is in the dark hole; --visits, --visit-time-s, --exposure-s, --frames and --em-gain fix them. Part
+    of the time that they leave unused is told. With --out it writes confirm.json, measurements.csv, report.html,
     panels-BAND.png and run.json; stopped half way, it continues when started again on the same folder.
 
     Examples:
@@ -149,7 +150,7 @@ def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = F
     if question.out is None:
         note("--out DIR writes a report with the images")
     else:
-        typer.echo(f"report: {question.out / 'report.html'}")
+        say(f"report: {question.out / 'report.html'}")
 
 
 def simulate(
@@ -225,6 +226,6 @@ def _print_presets(as_json: bool) -> None:
         return
     width = max(map(len, (*simulations, *scenes)))
     for title, presets in (("Simulations", simulations), ("Scenes", scenes)):
-        typer.echo(f"{title}:")
+        say(f"{title}:")
         for name, text in presets.items():
-            typer.echo(f"  {name:{width}}  {text}")
+            say(f"  {name:{width}}  {text}")

@@ -10,11 +10,12 @@ import typer
 
 from cpic_core import InputError
 from cpic_planner import report
-from cpic_planner.cli.options import Output, help_alone, note, shown
+from cpic_planner.cli.asking import Commands
+from cpic_planner.cli.options import Output, help_alone, note, place_of, shown
 from cpic_planner.cli.progress import heard
 
 HELP = "Show what an instrument is, which of its values --set can change, and how two instruments differ."
-app = typer.Typer(help=HELP, invoke_without_command=True)
+app = Commands(help=HELP, invoke_without_command=True)
 app.callback(invoke_without_command=True)(help_alone)
 
 NameArgument: TypeAlias = Annotated[str, typer.Argument(metavar="INSTRUMENT", help="Preset name or YAML file.")]
@@ -33,11 +34,11 @@ def _tell(
     from cpic_planner.queries import called_as, changed_instrument, instrument_rows, instrument_title
     from cpic_planner.results import InstrumentResult
 
-    with called_as({"changes": "--set"}):
+    with called_as({"changes": "--set", "key": "--key"}):
         one = changed_instrument(name, changes or ())
-    two = None if other is None else changed_instrument(other, ())
-    title = instrument_title(one) if two is None else f"{instrument_title(one)} beside {instrument_title(two)}"
-    result = InstrumentResult(title=title, values=instrument_rows(one, key, other=two))
+        two = None if other is None else changed_instrument(other, ())
+        title = instrument_title(one) if two is None else f"{instrument_title(one)} beside {instrument_title(two)}"
+        result = InstrumentResult(title=title, values=instrument_rows(one, key, other=two))
     output.show(result, partial(report.print_instrument, result, layout))
 
 
@@ -122,4 +123,4 @@ def table(
             write_coronagraph_table(instrument, band, out)
     except OSError as error:
         raise InputError("--out", str(out), allowed="a writable file", hint=error.strerror or "") from None
-    note(f"wrote {out}")
+    note(f"wrote {place_of(out)}")

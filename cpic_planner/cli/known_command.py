@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cpic_planner import report
-from cpic_planner.cli.options import Answer, Output, check_file, check_plot, note, write_out, write_plot
+from cpic_planner.cli.options import (
+    Answer,
+    Output,
+    check_file,
+    check_plot,
+    note,
+    place_of,
+    tell_rows,
+    write_out,
+    write_plot,
+)
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -120,19 +130,20 @@ def known(
         write_plot(plot, report.known_figure(result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
+    tell_rows(output, limit, len(result.planets))
     output.show(result, partial(report.print_known, result, limit=limit, full=is_verbose()))
 
 
 def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:
     """Write the first draw of a star's planets as a scene file."""
-    from cpic_core import dump_json, write_text
+    from cpic_core import dump_json, one_line, write_named
     from cpic_planner.ranking import known_scene
 
     about = f"# {star} with its known planets on {choice.date_utc}, one draw with seed {choice.seed}."
     source = f"# Orbits: {choice.table.provenance}. Node, and what else is unknown, is as likely as any other."
     body = dump_json(known_scene(star, choice, catalog=table))  # JSON is YAML
-    write_text(path, f"{about}\n{source}\n{body}")
-    note(f"wrote {path}")
+    write_named(path, f"{one_line(about)}\n{one_line(source)}\n{body}", key="--scene")
+    note(f"wrote {place_of(path)}")
 
 
 def visibility(
@@ -174,7 +185,8 @@ def visibility(
     check_plot(plot)
     result = visibility_of(question, note)
     if out is not None:
-        write_out(out, lambda: report.visibility_csv(result), len(result.targets) * len(result.mjd))
+        rows = len(result.targets) * len(result.mjd)
+        write_out(out, lambda: report.visibility_csv(result), rows, rows)
     if plot is not None:
         write_plot(plot, report.visibility_figure(result))
     seen = any(target.observable_days for target in result.targets)

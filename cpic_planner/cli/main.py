@@ -1,16 +1,19 @@
 """``cpic``: the command-line entry point and how it fails."""
 
+import contextlib
 import inspect
 import logging
 import os
+import signal
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cpic_core import InputError, numeric_context, private_folder, shortened
+from cpic_core import InputError, fingerprint, numeric_context, private_folder, shortened, visible
 from cpic_planner.cli import (
     catalog_command,
     etc_command,
@@ -24,15 +27,42 @@ from cpic_planner.cli import (
     study_commands,
     upkeep_command,
 )
-from cpic_planner.cli.asking import late
-from cpic_planner.cli.options import DIAL_HELP, OVERRIDES_HELP, error_line, version_text
+from cpic_planner.cli.asking import Commands, late
+from cpic_planner.cli.meant import meant
+from cpic_planner.cli.options import error_line
 from cpic_planner.cli.progress import QuietOption, VerboseOption, heard, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
+from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 
 EXIT_HELP = """Exit status: 0 an answer, an unreachable target or a planet that is not detected included; 1 a failure,
 or findings of cpic check; 2 a question that cannot be asked, with one line that says why; 3 no answer, or no detection,
-with --strict; 130 interrupted."""
-app = typer.Typer(
+with --strict; 130 interrupted; 143 terminated
+(SIGTERM, as batch schedulers send it)."""
+_DIAL_HELP = """One dial trades speed for accuracy. --fidelity standard (the default) draws sums of frames where that is
+allowed and one realisation frame by frame; quick is coarser and checks nothing frame by frame; reference leaves nothing
+out: whole frames, one by one, in every realisation. --tolerance 0.02 picks for each scene the cheapest settings that
+are predicted to keep planet flux and SNR within 2 % of the reference. Results state what was left out and what that is
+predicted to cost; a tier that is not good enough for a scene says so in place of an answer. --dry-run tells the
+time."""
+
+_OVERRIDES_HELP = """What if reality is worse than the model? --simulator-overrides alters the images and nothing else:
+the prediction keeps the nominal instrument, and the report says by how much it was off. KEY is a dotted key of the
+instrument's file (* stands for any name) or a short one: throughput, quantum_efficiency, read_noise, dark_current,
+clock_charge, drift, visit_drift, walk, jitter, exozodi; and companions (on, off). VALUE is a number with a unit
+(0.1nm), a factor on the present value (x0.7), a number alone where the dotted key ends in its unit or the quantity has
+none, or a word. Short names always need a unit or an x: drift=x2 doubles the offset of a visit and the walk within it;
+drift=0.1nm makes the offset 0.1 nm rms and scales the walk in the same ratio.
+
+  --simulator-overrides throughput=x0.7
+
+  --simulator-overrides read_noise=x1.5 --simulator-overrides visit_drift=x3
+
+  --simulator-overrides companions=on
+
+  --simulator-overrides bands.F850.qe=0.4 --simulator-overrides detector.switches.cosmic_rays=off
+
+  --simulator-overrides reality.yaml"""
+app = Commands(
     name="cpic",
     help="Compute exposure times, plan surveys and simulate images for CPI-C, the coronagraph of the 2 m CSST.",
     epilog=f"{' '.join(EXIT_HELP.split())} cpic COMMAND --help says more.",
@@ -42,10 +72,38 @@ app = typer.Typer(
 )
 
 
+def _version_text() -> str:
+    """Return version, fingerprint, data vintage, and whether the top-level packages are this distribution's own."""
+    from importlib import metadata, util
+
+    from catalogs import snapshot_vintage
+
+    home = Path(__file__).resolve().parents[2]
+    lines = [f"{DISTRIBUTION} {__version__}", f"fingerprint: {fingerprint()}", f"star table: {snapshot_vintage()}"]
+    try:
+        owners = metadata.packages_distributions()
+    except Exception:
+        owners = {}
+    for package in PACKAGES:
+        spec = util.find_spec(package)
+        place = Path(spec.origin).resolve().parent.parent if spec and spec.origin else None
+        foreign = sorted(set(owners.get(package, ())) - {DISTRIBUTION})
+        state = "ok" if place == home and not foreign else f"also claimed by {', '.join(foreign) or place}"
+        lines.append(f"package {package}: owned by {DISTRIBUTION} ({state})")
+    return "\n".join(lines)
+
+
 def _version(wanted: bool) -> None:
     if wanted:
-        typer.echo(version_text())
+        typer.echo(_version_text())
         raise typer.Exit
+
+
+class _Printable(logging.Formatter):
+    """Messages that quote names without steering the terminal by them."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return visible(super().format(record), "\n")
 
 
 @app.callback(invoke_without_command=True)
@@ -62,7 +120,9 @@ def root(
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
         return
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_Printable("%(levelname)s: %(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
     set_loudness(verbose, quiet)
     if not quiet and context.invoked_subcommand != "serve":  # which has no end to wait for
         context.with_resource(watch(context.invoked_subcommand))
@@ -74,13 +134,13 @@ def _add(run: Callable[..., None], *more: str) -> None:
     app.command(run.__name__, help=help_text, cls=late(run, QUESTIONS[run.__name__]))(lambda: None)
 
 
-_add(image_commands.plan, DIAL_HELP, OVERRIDES_HELP)
+_add(image_commands.plan, _DIAL_HELP, _OVERRIDES_HELP)
 _add(rank_command.rank)
 _add(etc_command.etc)
 _add(searched_commands.curve)
 _add(searched_commands.roc)
 _add(known_command.known)
-_add(image_commands.confirm, DIAL_HELP, OVERRIDES_HELP)
+_add(image_commands.confirm, _DIAL_HELP, _OVERRIDES_HELP)
 _add(image_commands.simulate)
 _add(known_command.visibility)
 _add(study_commands.whatif)
@@ -104,7 +164,7 @@ def main(arguments: list[str] | None = None) -> int:
     except RuntimeError:  # no name, no home: astropy, matplotlib and the cache ask for one
         os.environ["HOME"] = private_folder()
     try:
-        with numeric_context():
+        with _ending_on_sigterm(), numeric_context():
             status = app(args=arguments, standalone_mode=False, prog_name="cpic")
         sys.stdout.flush()
     except SystemExit as stop:  # the option parser leaves this way when the reader of our output has gone
@@ -117,7 +177,7 @@ def main(arguments: list[str] | None = None) -> int:
         _drop_output()  # its reader went away: that ends the work, quietly
         return 0
     except Exception as error:
-        return _failed(error)
+        return _failed(error, sys.argv[1:] if arguments is None else arguments)
     return _status(status)
 
 
@@ -127,20 +187,41 @@ _CONTINUES = (
 INTERRUPTED = f"interrupted; {_CONTINUES}"
 
 
+@contextlib.contextmanager
+def _ending_on_sigterm() -> Iterator[None]:
+    """End the body on the first SIGTERM as Ctrl-C does: files are put away, and a line says how to go on."""
+
+    def end(number: int, frame: object) -> None:
+        signal.signal(number, signal.SIG_DFL)  # the second one ends the process at once
+        sys.exit(128 + number)
+
+    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    if ours:
+        signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        if ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 def _status(code: object) -> int:
-    """Return the exit status of a code; 130 gets its explanation."""
-    if code == 130:
-        return error_line(INTERRUPTED, 130)
+    """Return the exit status of a code; those of signals get their explanation."""
+    if code in (130, 143):
+        return error_line(INTERRUPTED if code == 130 else f"terminated; {_CONTINUES}", code)
     return code if isinstance(code, int) else 0
 
 
-def _failed(error: Exception) -> int:
+def _failed(error: Exception, arguments: Sequence[str]) -> int:
     if type(error).__name__ == "Abort":
         return error_line("interrupted", 130)
     message = getattr(error, "format_message", None)
     if message is not None:  # what the option parser refuses
         where = getattr(getattr(error, "ctx", None), "command_path", "cpic")
-        said = shortened(message())
+        said = shortened(message()).replace("Value error, ", "")
+        if (option := getattr(error, "option_name", None)) is not None and hasattr(error, "possibilities"):
+            hint = meant(option, error.ctx.command, arguments)  # type: ignore[attr-defined]
+            said = f"No such option: {option}{f' ({hint})' if hint else ''}"
         return error_line(f"{said} (see {where} --help)" if said else f"see {where} --help", 2)
     if logging.getLogger("cpic_planner").isEnabledFor(logging.DEBUG):
         raise error

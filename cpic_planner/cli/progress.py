@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeAlias
 
 import typer
 
-from cpic_core import LOGGER, Advance, untold
+from cpic_core import LOGGER, Advance, untold, visible
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
@@ -178,7 +178,7 @@ class Bar:
         task = self._bar.tasks[0]
         task.start_time = self._bar.get_time() - (now - work.began)
         described = f"{work.title}: {work.text}" if work.text else work.title
-        self._bar.update(task.id, completed=work.done, description=described)
+        self._bar.update(task.id, completed=work.done, description=visible(described))
         work.shown_at = now
 
     def hide(self) -> None:
@@ -306,7 +306,7 @@ def watch(title: str) -> Iterator[Reporter]:
 def write_line(text: str) -> None:
     """Write a line to stderr; where it cannot be written, this and what follows is lost, and nothing else."""
     try:
-        sys.stderr.write(f"{text}\n")
+        sys.stderr.write(f"{visible(text)}\n")
         sys.stderr.flush()
     except (OSError, ValueError):
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - to the end of the process, which writes what is left there

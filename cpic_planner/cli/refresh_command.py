@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cpic_core import InputError
+from cpic_planner import report
 from cpic_planner.cli.catalog_command import table
-from cpic_planner.cli.options import JsonOption, console, error_line, note, print_json
+from cpic_planner.cli.options import JsonOption, console, error_line, note, place_of, print_json, say
 from cpic_planner.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -138,10 +139,10 @@ def _show_plan(out: Path | None, service: TapService, cuts: Cuts | None, *, as_j
     if as_json:
         print_json(plan)
         return
-    typer.echo(f"would ask {plan['service']}:")
+    say(f"would ask {plan['service']}:")
     for query in plan["queries"]:
-        typer.echo(f"\n  {query}")
-    typer.echo(f"\nand write {where}")
+        say(f"\n  {query}")
+    say(f"\nand write {where}")
 
 
 def _show_result(done: Written, screen: Console) -> None:
@@ -160,7 +161,7 @@ def _show_result(done: Written, screen: Console) -> None:
     else:
         _show_stars(made, screen)
     if not done.refusal:
-        screen.print(f"wrote {done.path}", soft_wrap=True)
+        report.print_plain(screen, f"wrote {place_of(done.path)}", wraps=False)
 
 
 def _show_stars(made: Refreshed, screen: Console) -> None:
@@ -199,8 +200,7 @@ def _show_planets(made: RefreshedPlanets, screen: Console) -> None:
             for item in changes.moved
         )
         table(screen, "Orbits that moved", ("planet", "element", "shipped", "archive", "combined errors"), cells)
-    for remark in made.planets.notes:
-        screen.print(remark, soft_wrap=True, markup=False)
+    report.print_plain(screen, *made.planets.notes, wraps=False)
 
 
 def _measured(value: float, error: float) -> str:

@@ -28,7 +28,7 @@ from catalogs import (
     refresh_stars,
     set_aside,
 )
-from cpic_core import InputError, at_home, check_writable, write_text
+from cpic_core import InputError, at_home, check_writable, write_named
 from cpic_planner.version import DISTRIBUTION, __version__
 
 _EMBEDDED = Path(catalogs.__file__).resolve().parent
@@ -125,7 +125,7 @@ def target_path(out: str | Path | None) -> Path:
         check_writable(data_dir(), key="CPIC_DATA_DIR", folder=True)
         return data_dir()
     path = at_home(out)
-    if path.suffix != ".ecsv" or path.is_dir():
+    if path.suffix != ".ecsv":
         raise InputError("--out", str(out), allowed="a file name that ends in .ecsv")
     if path.resolve().is_relative_to(_EMBEDDED):
         raise InputError("--out", str(out), allowed="a place outside the package: its own table never changes")
@@ -213,7 +213,7 @@ def _write(path: Path, text: str) -> str:
     """Write a file whole, and return the sha256 of its content."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, text)
+        write_named(path, text, key="--out")
     except OSError as error:
         hint = "choose another place with --out or CPIC_DATA_DIR"
         raise RefreshError(f"cannot write {path}: {error.strerror}", hint) from None

@@ -14,6 +14,8 @@ from cpic_planner.cli.options import (
     DryRunOption,
     check_plot,
     print_line_or_json,
+    say,
+    time_text,
     with_progress,
     write_plot,
 )
@@ -126,8 +128,8 @@ def _run(
         cost = estimate(job, workers=question.workers)
         if dry_run:
             line = (
-                f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about {cost['wall_s']:.0f} s "
-                f"with {question.workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker\n"
+                f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about "
+                f"{time_text(cost, question.workers)}, {cost['memory_mb']:.0f} MB memory a worker"
             )
             print_line_or_json(line, cost, output.as_json)
             return None
@@ -141,4 +143,4 @@ def _run(
 
 def _tell_report(question: SearchedQuestion, output: Answer) -> None:
     if output.plain and question.out is not None:
-        typer.echo(f"report: {question.out / 'report.html'}")
+        say(f"report: {question.out / 'report.html'}")

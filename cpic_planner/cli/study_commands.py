@@ -11,7 +11,7 @@ import typer
 
 from cpic_core import InputError
 from cpic_planner import report
-from cpic_planner.cli.options import Output, note, print_json, print_line_or_json, with_progress
+from cpic_planner.cli.options import Output, note, print_json, print_line_or_json, say, time_text, with_progress
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -121,8 +121,8 @@ def whatif(
     if dry_run:
         line = (
             f"{cost['n_strategies']} strategies, {cost['n_universes']} universes, {cost['n_blocks']} blocks, up to "
-            f"{cost['n_images']} sets of images: about {cost['wall_s']:.0f} s with {question.workers} worker(s), "
-            f"{cost['memory_mb']:.0f} MB memory, {cost['disk_mb']:.1f} MB disk\n"
+            f"{cost['n_images']} sets of images: about {time_text(cost, question.workers)}, "
+            f"{cost['memory_mb']:.0f} MB memory, {cost['disk_mb']:.1f} MB disk"
         )
         print_line_or_json(line, cost, output.as_json)
         return
@@ -131,7 +131,7 @@ def whatif(
     done = with_progress("what if", int(cost["n_steps"]), start)
     output.show(done.result, partial(report.print_whatif, done.result, full=is_verbose()))
     if output.plain:
-        typer.echo(f"visits: {out / 'visits.csv'}\nreport: {out / 'report.html'}")
+        say(f"visits: {out / 'visits.csv'}", f"report: {out / 'report.html'}")
 
 
 def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfig:
@@ -193,7 +193,7 @@ def _print_list(work: Sequence[tuple[FixedScene, tuple[Point, ...]]], as_json: b
         print_json(listing)
         return
     for case, points in work:
-        typer.echo(f"{case.name}: {case.title} ({case.why})")
+        say(f"{case.name}: {case.title} ({case.why})")
         width = max(len(point.name) for point in points)
         for point in points:
-            typer.echo(f"  {point.name:{width}}  {point.title}")
+            say(f"  {point.name:{width}}  {point.title}")

@@ -11,10 +11,11 @@ import typer
 
 from cpic_core import InputError, cache_info, clear_cache
 from cpic_planner import report
-from cpic_planner.cli.options import JsonOption, Output, help_alone, print_json
+from cpic_planner.cli.asking import Commands
+from cpic_planner.cli.options import JsonOption, Output, help_alone, print_json, say
 from cpic_planner.cli.progress import heard
 
-app = typer.Typer(
+app = Commands(
     help="Show what the disk cache holds, and empty it. Emptying it is always safe. The environment variables "
     "CPIC_CACHE_DIR and CPIC_CACHE_MAX_MB say where it is and how large it may become (2000 MB without the second); "
     "what was not used for longest is removed first.",
@@ -32,7 +33,7 @@ def info(as_json: JsonOption = False) -> None:
         print_json(asdict(cache) | {"folder": str(cache.folder)})
         return
     size = f"{cache.n_entries} entries, {cache.size_bytes / 1e6:.1f} of at most {cache.limit_bytes / 1e6:g} MB"
-    typer.echo(f"{cache.folder}: {size} (CPIC_CACHE_DIR moves it, CPIC_CACHE_MAX_MB limits it)")
+    say(f"{cache.folder}: {size} (CPIC_CACHE_DIR moves it, CPIC_CACHE_MAX_MB limits it)")
 
 
 @app.command("clear")
@@ -40,7 +41,7 @@ def info(as_json: JsonOption = False) -> None:
 def clear() -> None:
     """Remove every entry (example: cpic cache clear)."""
     was = clear_cache()
-    typer.echo(f"removed {was.n_entries} entries, {was.size_bytes / 1e6:.1f} MB from {was.folder}")
+    say(f"removed {was.n_entries} entries, {was.size_bytes / 1e6:.1f} MB from {was.folder}")
 
 
 def schema(

@@ -11,12 +11,13 @@ import numpy as np
 
 from cpic_core import Reason, Status
 from cpic_planner.confirm.stars import RESULT_VERSION, image_tasks, images_cost, refuse_unimaged, result_header
-from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, build_model, frame_problem
+from cpic_planner.etc import EtcModel, build_model, signal_to_noise, times_of
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
 from cpic_planner.results import BandConfirmation, ConfirmResult
 from cpic_planner.targets import Targets
 from cpic_planner.validation import (
+    TOO_MANY,
     ConfirmTask,
     Frames,
     albedo_fits,
@@ -33,6 +34,9 @@ from simulator.config import Scene
 from simulator.imaging import PsfMetrics
 from simulator.target import LitStar, Source, detector_to_sky, scene_sources
 
+_NO_PLANET, _FAINTEST = 1e-8, 1e-30
+"""Contrast of the planet that frames are chosen for where a scene has none in the hole, and of one without light."""
+
 
 @dataclass(frozen=True)
 class _Work:
@@ -41,6 +45,16 @@ class _Work:
     model: EtcModel
     tasks: list[ConfirmTask]
     refused: list[BandConfirmation]
+
+
+@dataclass(frozen=True)
+class _Programme:
+    """Visits and frames of a band, or why there are none; for which planet they were chosen, and time left unused."""
+
+    frames: Frames | None
+    chosen_for: str = ""
+    unused_s: float | None = None
+    refusal: tuple[Status, Reason, str] = Status.OK, Reason.NONE, ""
 
 
 def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
@@ -152,10 +166,10 @@ def _work(config: ConfirmQuestion) -> _Work:
         refused += [_outside(model, band, planet) for planet in planets if planet not in shown]
         if planets and not shown:
             continue
-        frames = _frames(config, model, target, band, shown)
+        programme = _programme(config, model, target, band, shown)
+        frames = programme.frames
         if frames is None:
-            text = "no frame is possible: the time is too short, or every frame saturates"
-            refused += [_refusal(model, band, planet, Status.UNREACHABLE, Reason.NO_TIME, text) for planet in shown]
+            refused += [_refusal(model, band, planet, *programme.refusal) for planet in shown]
             continue
         predictions = [
             expected_of(model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames)
@@ -171,6 +185,7 @@ def _work(config: ConfirmQuestion) -> _Work:
             audit=audited(config.dial, config.audit),
             **config.image_settings,
         )
+        task = replace(task, unused_s=programme.unused_s, chosen_for=programme.chosen_for)
         answers = refusals_of(task)
         refused += answers
         hidden = {answer.planet for answer in answers}
@@ -181,31 +196,33 @@ def _work(config: ConfirmQuestion) -> _Work:
     return _Work(model, tasks, refused)
 
 
-def _frames(
+def _programme(
     config: ConfirmQuestion, model: EtcModel, target: Targets, band: str, planets: list[Source]
-) -> Frames | None:
-    """Return the frames of a visit that are given, or the best ones; None where the time holds none."""
-    visits = config.visits
+) -> _Programme:
+    """Return the visits and frames that are given, or those that the calculator chooses for the first planet."""
     if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
-        return Frames(config.exposure_s, config.n_frames, config.em_gain, visits)
-    metrics, strategy = model.metrics[band], model.strategy
-    place = (planets[0].x_arcsec, planets[0].y_arcsec) if planets else metrics.zone.middle
-    contrast = (planets[0].contrast or 0.0) if planets else 1e-8
-    camera = model.camera(band)
-    if config.exposure_s is not None:
-        camera = replace(camera, exposure_min_s=config.exposure_s, exposure_max_s=config.exposure_s)
-    x, y = np.full((1, 1), place[0]), np.full((1, 1), place[1])
-    rates = aperture_rates(model, target, band, x, y, np.full((1, 1), max(contrast, 1e-30)))
-    problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=config.em_gain)
-    visit = model.visit_s(config.each_s)
-    if config.n_frames is not None and config.exposure_s is not None:
-        visit = np.asarray(config.n_frames * (config.exposure_s + camera.readout_s))
-    choice = best_in_visit(problem, visit, whole=config.n_frames is not None)
-    n_frames = int(choice.n_frames.flat[0])
-    if n_frames < 1:
-        return None
-    exposure_s, em_gain = float(choice.exposure_s.flat[0]), float(choice.em_gain.flat[0])
-    return Frames(exposure_s, min(n_frames, MAX_FRAMES), em_gain, visits)
+        return _Programme(Frames(config.exposure_s, config.n_frames, config.em_gain, config.strategy.visits or 1))
+    place, contrast, name = model.metrics[band].zone.middle, _NO_PLANET, f"a planet of {_NO_PLANET:g} in mid-hole"
+    if planets:
+        first = planets[0]
+        place, contrast, name = (first.x_arcsec, first.y_arcsec), max(first.contrast or 0.0, _FAINTEST), first.name
+    (answer,) = signal_to_noise(
+        model,
+        target,
+        **times_of(config, model, band),
+        separation_arcsec=math.hypot(*place),
+        bands=[band],
+        contrast=contrast,
+        exposure_s=config.exposure_s,
+        em_gain=config.em_gain,
+        offsets_arcsec=place,
+    )
+    if answer.exposure_s is None or answer.frames_per_visit is None or answer.em_gain is None:
+        return _Programme(None, name, refusal=(answer.status, answer.reason, answer.message))
+    if answer.frames_per_visit > MAX_FRAMES:
+        return _Programme(None, name, refusal=(Status.INVALID, Reason.TOO_MANY_FRAMES, TOO_MANY))
+    frames = Frames(answer.exposure_s, answer.frames_per_visit, answer.em_gain, answer.visits or 1)
+    return _Programme(frames, name, None if config.n_frames is not None else answer.unused_s)
 
 
 def _inside(metrics: PsfMetrics, planet: Source) -> bool:

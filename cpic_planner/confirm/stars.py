@@ -61,7 +61,7 @@ def result_header(config: ImageQuestion, digest: str, measured: Sequence[BandCon
     digest : str
         Hash of everything that decides the result.
     measured : sequence of BandConfirmation
-        What the ratio of recovered and predicted SNR is taken over.
+        What predicted over recovered SNR is taken over.
     """
     mean = calibrate(measured)
     return {

@@ -28,7 +28,7 @@ from cpic_planner.etc.frames import (
 )
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme, check_range
 from cpic_planner.etc.searches import around_lowest, first_root, lowest_whole, spread
-from cpic_planner.queries import MAX_VISITS
+from cpic_planner.queries import MAX_VISITS, check_visits
 
 _ROUNDS, _POINTS = 3, 18
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3
@@ -45,11 +45,15 @@ Level = Callable[[Programme, FrameProblem], Callable[[FloatArray, FloatArray], F
 
 @dataclass(frozen=True)
 class Span:
-    """Time of a programme: number of visits, wall time of each, and of all; None for what is not given."""
+    """Time of a programme: number of visits, wall time of each, and of all; None for what is not given.
+
+    ``given_s`` is the wall time that may be used, of which whole visits of a given length can leave some.
+    """
 
     visits: int | None = None
     visit_time_s: float | None = None
     time_s: float | None = None
+    given_s: float | None = None
 
     @classmethod
     def of(cls, model: EtcModel, time_s: float | None, visit_time_s: float | None, *, asked: bool = False) -> Self:
@@ -74,24 +78,21 @@ class Span:
             if value is not None:
                 check_range(name, value, 1e-3, 1e9, "s")
         if asked:
-            if visits is not None and visit_time_s is not None:
-                allowed = "visits or visit_time_s, not both: together they set the time that is asked for"
-                raise InputError("visit_time_s", visit_time_s, unit="s", allowed=allowed)
+            check_visits(visits, visit_time_s, time_s, asked=True)
             return cls(visits, visit_time_s)
         if visit_time_s is None:
             if time_s is None:
                 raise InputError("time_s", None, allowed="a wall time, or visits and visit_time_s")
-            return cls(visits, None if visits is None else time_s / visits, time_s)
+            return cls(visits, None if visits is None else time_s / visits, time_s, time_s)
         if visits is None:
             if time_s is None:
                 raise InputError("visits", None, allowed="a number of visits of visit_time_s, or time_s")
             visits = min(math.floor(time_s / visit_time_s * (1.0 + 1e-9)), MAX_VISITS)
             if visits < 1:
                 raise InputError("visit_time_s", visit_time_s, unit="s", allowed=f"at most time_s, {time_s:g} s")
-        elif time_s is not None and abs(visits * visit_time_s / time_s - 1.0) > 1e-9:
-            allowed = f"visits x visit_time_s, {visits * visit_time_s:g} s, or none"
-            raise InputError("time_s", time_s, unit="s", allowed=allowed)
-        return cls(visits, visit_time_s, visits * visit_time_s)
+        check_visits(visits, visit_time_s, time_s)
+        each_s = visits * visit_time_s
+        return cls(visits, visit_time_s, each_s, each_s if time_s is None else max(time_s, each_s))
 
 
 @dataclass(frozen=True, eq=False)

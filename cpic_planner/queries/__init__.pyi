@@ -3,7 +3,7 @@ from cpic_planner.queries.base import (
     by_depth as by_depth,
     called as called,
     called_as as called_as,
-    called_by_option as called_by_option,
+    check_visits as check_visits,
     get as get,
     keys_of as keys_of,
     option_names as option_names,
@@ -12,6 +12,7 @@ from cpic_planner.queries.base import (
     tree_of as tree_of,
 )
 from cpic_planner.queries.changes import (
+    SHORT_KEYS as SHORT_KEYS,
     Change as Change,
     changed as changed,
     changed_instrument as changed_instrument,

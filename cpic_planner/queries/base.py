@@ -5,6 +5,7 @@ The base of every question, and the names by which its refusals call its fields.
 
 import contextlib
 import functools
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from fnmatch import fnmatchcase
@@ -13,7 +14,7 @@ from typing import Any, ClassVar, Self
 
 from pydantic import ConfigDict
 
-from cpic_core import InputError, load_mapping
+from cpic_core import InputError, files_read, load_mapping
 from cpic_planner.queries.fields import Option, asked_of, group_of, options_of
 from simulator.config import FrozenModel, Instrument, content_hash, deep_merge, nearest, validate
 from simulator.config.scene import paths_beside
@@ -150,30 +151,26 @@ def called(field: str) -> str:
 
 
 @contextlib.contextmanager
-def called_by_option(model: type[FrozenModel]) -> Iterator[None]:
+def called_as(names: Mapping[str, str]) -> Iterator[None]:
     """Let refusals name options of the command in place of keywords.
 
     Parameters
     ----------
-    model : type of FrozenModel
-        The question of the command.
+    names : mapping
+        Option of each field, by its dotted key; `option_names` has those of a question.
 
     Raises
     ------
     InputError
-        Those of the body, with the name of the option where the key is a field of the question.
+        Those of the body, with the name of the option where there is one; those about files that were read stay.
     """
-    with called_as(option_names(model)):
-        yield
-
-
-@contextlib.contextmanager
-def called_as(names: Mapping[str, str]) -> Iterator[None]:
-    """Let refusals name options by the fields that they are of; see `called_by_option`."""
     token = _OPTIONS.set(names)
     try:
-        yield
+        with files_read() as files:
+            yield
     except InputError as error:
+        if any(re.match(rf"{re.escape(file)}(?![\w.])", error.key) for file in files):
+            raise
         key = error.key.rstrip(".0123456789").removeprefix("universe.")
         first, _, rest = key.partition(".")
         name = names.get(key) or (f"{names[first]} {rest}" if rest and first in names else "")
@@ -230,8 +227,18 @@ class Question(FrozenModel):
         InputError
             For the first fault, naming the field, its value, unit and range.
         """
-        named = {cls.ALIASES.get(key, key): value for key, value in tree.items() if value is not None}
-        return validate(cls, cls._read(named))
+        return validate(cls, cls._read(cls.named({key: value for key, value in tree.items() if value is not None})))
+
+    @classmethod
+    def named(cls, tree: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values by the names of the fields; refuse one that is given under two names."""
+        found: dict[str, Any] = {}
+        for key, value in tree.items():
+            field = cls.ALIASES.get(key, key)
+            if field in found:
+                raise InputError(field, "given twice", allowed="once", hint=f"{key} is another name of it")
+            found[field] = value
+        return found
 
     @classmethod
     def load(cls, source: str | Path) -> dict[str, Any]:
@@ -359,3 +366,31 @@ def _settings(model: type[FrozenModel]) -> dict[str, Any]:
         elif inner is not None and (below := _settings(inner)):
             found[name] = below
     return found
+
+
+MOST_TIME_S = 1e9
+"""Longest wall time of all visits."""
+
+
+def check_visits(visits: int | None, visit_time_s: float | None, time_s: float | None, *, asked: bool = False) -> None:
+    """Refuse a number of visits, their length and the time of all that contradict each other.
+
+    Parameters
+    ----------
+    visits : int, optional
+    visit_time_s, time_s : float, optional
+    asked : bool
+        Whether the time is what is asked for.
+    """
+    if visits is None or visit_time_s is None:
+        return
+    if asked:
+        allowed = f"{called('visits')} or {called('visit_time_s')}: together they set the time that is asked for"
+        raise InputError("visit_time_s", visit_time_s, unit="s", allowed=allowed)
+    both_s = visits * visit_time_s
+    if both_s > MOST_TIME_S:
+        hint = f"{called('visits')} {visits} times it is at most {MOST_TIME_S:g} s"
+        raise InputError("visit_time_s", visit_time_s, unit="s", allowed=f"at most {MOST_TIME_S / visits:g}", hint=hint)
+    if time_s is not None and abs(both_s / time_s - 1.0) > 1e-9:
+        hint = f"{called('visits')} times {called('visit_time_s')} set it"
+        raise InputError("time_s", time_s, unit="s", allowed=f"{both_s:g}, or none", hint=hint)

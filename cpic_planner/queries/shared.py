@@ -265,6 +265,17 @@ Fidelity = Literal["quick", "standard", "reference"]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 
 
+class Timed:
+    """A question with a wall time, which number and length of the visits may set."""
+
+    @property
+    def wall_s(self: Any) -> float:
+        """The wall time that is given; of no meaning where it is asked for, or where frames set it."""
+        if self.time_s is None and self.strategy.visits is not None and self.visit_time_s is not None:
+            return float(self.strategy.visits * self.visit_time_s)
+        return DEFAULT_TIME_S if self.time_s is None else float(self.time_s)
+
+
 def several(value: Any) -> Any:
     """Return a single value as a tuple of one, and a list as a tuple."""
     if value is None:

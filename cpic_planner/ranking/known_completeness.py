@@ -119,7 +119,7 @@ class KnownChoice:
         """
         hosts = hosts_among(targets, self.table)
         if not hosts.any():
-            raise InputError("known planets", self.table.provenance, allowed="planets of stars of the sample")
+            raise InputError("known_planets", self.table.provenance, allowed="planets of stars of the sample")
         return targets.select(hosts)
 
     def draw(self, targets: Targets) -> KnownSample:
@@ -147,6 +147,7 @@ class KnownChoice:
             n_planets=self.n_draws,
             seed=self.seed,
             planets_per_star=None,
+            columns_not_used=list(self.table.unused),
         )
 
     def content(self) -> dict[str, Any]:

@@ -1,4 +1,9 @@
-from cpic_planner.report.cells import Cells as Cells, Sheet as Sheet
+from cpic_planner.report.cells import (
+    Cells as Cells,
+    Sheet as Sheet,
+    displayable as displayable,
+    print_plain as print_plain,
+)
 from cpic_planner.report.console import (
     print_check as print_check,
     print_confirm as print_confirm,
@@ -53,11 +58,13 @@ from cpic_planner.report.etc_figures import (
 )
 from cpic_planner.report.files import (
     form_text as form_text,
+    offered_text as offered_text,
     ranking_csv as ranking_csv,
     ranking_ecsv as ranking_ecsv,
     visibility_csv as visibility_csv,
 )
 from cpic_planner.report.numbers import (
+    MISSING as MISSING,
     duration_text as duration_text,
     full_name as full_name,
     level_text as level_text,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cpic_core import visible
 from cpic_planner.etc import EtcModel, contrast_limit
 from cpic_planner.jobs import RunFolder
 from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
@@ -96,12 +97,20 @@ def page_html(document: Document) -> str:
 
 @functools.cache
 def templates(*packages: str) -> Environment:
-    """Return the templates of packages, whose values are escaped; of one name that of the first package counts."""
+    """Return the templates of packages; of one name that of the first package counts.
+
+    Values are escaped for HTML, and what steers the order or look of signs is made visible.
+    """
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     trimmed: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True}
     loader = ChoiceLoader([PackageLoader(package) for package in packages])
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **trimmed)
+    return Environment(loader=loader, autoescape=True, finalize=_seen, undefined=StrictUndefined, **trimmed)
+
+
+def _seen(value: Any) -> Any:
+    """Return plain text with control characters as escapes; markup of templates as it is."""
+    return visible(value, "\n") if type(value) is str else value
 
 
 PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +14,8 @@ HEAD_S = 10.0
 """Longest time from the beginning of a connection, or of a further request, to the end of its head."""
 WHOLE_S = 180.0
 """Longest time from the end of a head until its answer is taken."""
+MOST_IDLE = 40
+"""Most connections without a request under way; one more ends the oldest of the address that has most of them."""
 
 
 class Punctual(H11Protocol):
@@ -23,15 +26,28 @@ class Punctual(H11Protocol):
 
     _timer: asyncio.TimerHandle | None = None
     _cycle: Any = None
+    _began = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to wait for a head."""
+        self._began = self.loop.time()
         super().connection_made(transport)
         self._limit(HEAD_S, self._late)
+        idle = [line for line in self.connections if isinstance(line, Punctual) and line.idle and line is not self]
+        if len(idle) >= MOST_IDLE:
+            peers = Counter(line.client and line.client[0] for line in idle)
+            oldest = max(idle, key=lambda line: (peers[line.client and line.client[0]], -line._began))
+            self.connections.discard(oldest)  # it ends with the next turn of the loop; more may come before
+            oldest.transport.abort()
+
+    @property
+    def idle(self) -> bool:
+        """Whether no request is under way."""
+        return self._cycle is None or bool(self._cycle.response_complete)
 
     def data_received(self, data: bytes) -> None:
         """Wait for the rest of a head that begins, or for the answer to one that is whole."""
-        idle = self._cycle is not None and self._cycle.response_complete
+        idle = self._cycle is not None and self.idle
         super().data_received(data)
         if self.cycle is not self._cycle:
             self._cycle = self.cycle

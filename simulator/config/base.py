@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast,
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from cpic_core import InputError, in_unit, unit_of
+from cpic_core import InputError, in_unit, number_and_unit, unit_of, units_like
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -179,7 +179,7 @@ def validate(model: type[M], tree: Any, *, where: str = "") -> M:
 
 def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> InputError:
     first = error.errors(include_url=False)[0]
-    parts: Iterable[str] = (str(part) for part in first["loc"])
+    parts = [str(part) for part in first["loc"]]
     path = ".".join([*([where] if where else []), *parts])
     key = path or model.__name__
     kind, context = first["type"], first.get("ctx", {})
@@ -187,8 +187,11 @@ def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> Inp
     if kind == "extra_forbidden":
         names = getattr(_field(model, first["loc"][:-1]), "model_fields", None)
         known = ", ".join(sorted(names)) if names else "see the documentation"
-        return InputError(key, value, allowed="no such key", hint=f"known keys: {known}")
-    limits = _limits(_field(model, first["loc"]))
+        with_unit = names if isinstance(value, str) and number_and_unit(value) else ()
+        meant = [name for name in with_unit or () if name.startswith(f"{parts[-1]}_") and unit_of(name)]
+        hint = f"did you mean {meant[0]}: {value}?" if meant else f"known keys: {known}"
+        return InputError(key, value, allowed="no such key", hint=hint)
+    limits = _limits(_field(model, first["loc"]), math.inf if kind.startswith("less_than") else 2.0**53)
     if kind == "missing":
         needed = f", {limits} {unit_of(key)}" if limits else ""
         return InputError(key, "missing", allowed=f"a value is required{needed}")
@@ -202,7 +205,10 @@ def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> Inp
         message = limits
     elif limits:
         message += f", {limits}"
-    return InputError(key, value, unit=unit_of(key), allowed=message)
+    unit = unit_of(key)
+    if unit and isinstance(value, str) and number_and_unit(value):
+        return InputError(key, value, allowed=f"{message}, or with a unit: {', '.join(units_like(unit))}")
+    return InputError(key, value, unit=unit, allowed=message)
 
 
 _RANGE_KINDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
@@ -241,19 +247,19 @@ def _annotation_of(field: FieldInfo) -> Any:
     return Annotated[(field.annotation, *field.metadata)] if field.metadata else field.annotation
 
 
-def _bounds(annotation: Any) -> dict[str, float]:
-    """Return the range that an annotation states; what no number reaches is left out."""
+def _bounds(annotation: Any, most: float = 2.0**53) -> dict[str, float]:
+    """Return the range that an annotation states; what hardly a number reaches, ``most``, is left out."""
     return {
         name: getattr(item, name)
         for item in _metadata(annotation)
         for name in ("ge", "gt", "le", "lt")
-        if getattr(item, name, None) is not None and abs(getattr(item, name)) < 2**53
+        if getattr(item, name, None) is not None and abs(getattr(item, name)) < most
     }
 
 
-def _limits(annotation: Any) -> str:
+def _limits(annotation: Any, most: float = 2.0**53) -> str:
     """Return the range that an annotation states, in words, empty if it states none."""
-    bounds = _bounds(annotation)
+    bounds = _bounds(annotation, most)
     said = {name: str(bound) if isinstance(bound, int) else f"{bound:g}" for name, bound in bounds.items()}
     if "ge" in said and "le" in said:
         return f"{said['ge']} to {said['le']}"

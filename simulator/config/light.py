@@ -331,7 +331,10 @@ def albedo_spec(value: Any) -> AlbedoSpec:
     if isinstance(value, bool) or value is None:
         raise InputError("albedo", value, allowed=_ALLOWED)
     if isinstance(value, int | float):
-        return validate(ConstantAlbedo, {"value": value})
+        try:
+            return validate(ConstantAlbedo, {"value": value})
+        except InputError as error:
+            raise InputError("albedo", value, allowed=error.allowed) from None
     if isinstance(value, Path) or (isinstance(value, str) and names_file(value)):
         return validate(TableAlbedo, {"file": str(value)})
     if hasattr(value, "wavelength_nm") and hasattr(value, "albedo"):

@@ -294,9 +294,9 @@ def save_psf(psf: Stamps, path: str | Path) -> Path:
     Raises
     ------
     InputError
-        For another suffix or stamps that could not be read back.
+        For another suffix, stamps that could not be read back, or a place that cannot be written.
     OSError
-        If the file cannot be written.
+        If the disk is full or broken.
     """
     place = as_path("path", path)
     if not all(hasattr(psf, name) for name in ("band", "on_axis", "off_axis", "pixel_scale_arcsec")):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, write_bytes, write_npz
+from cpic_core import FloatArray, InputError, NDArray, check_writable, write_named, write_npz
 from simulator.config.map_files import SCALE_TOLERANCE, MapFile, header_number, pixel_scale, read_maps
 from simulator.imaging.aperture import core_cells, figures_of_stamps
 from simulator.imaging.geometry import BandGeometry
@@ -57,17 +57,18 @@ def write_stamps(stamps: StampFile, path: Path) -> Path:
     Raises
     ------
     InputError
-        For another suffix.
+        For another suffix, or a place that cannot be written.
     OSError
-        If the file cannot be written.
+        If the disk is full or broken.
     """
     known = {name: value for name, value in vars(stamps).items() if value is not None}
     if path.suffix.lower() == ".npz":
-        write_npz(path, known)
+        check_writable(path, key="psf")
+        write_npz(path.resolve(), known)
         return path
     if path.suffix.lower() not in FITS_SUFFIXES:
         raise InputError("psf", str(path), allowed="a name that ends in .npz or .fits")
-    return write_bytes(path, _fits_bytes(known))
+    return write_named(path, _fits_bytes(known), key="psf")
 
 
 def _fits_bytes(known: dict[str, Any]) -> bytes:

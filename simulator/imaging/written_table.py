@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, as_path, check_writable, numeric_context, write_text
+from cpic_core import FloatArray, InputError, as_path, check_writable, numeric_context, visible, write_named
 from simulator.config import InstrumentLike, load_instrument
 from simulator.config.instrument import Instrument
 from simulator.imaging.store import psf_metrics
@@ -54,7 +54,7 @@ def write_coronagraph_table(instrument: InstrumentLike, band: str, path: str | P
     rows = np.column_stack([separation, *(np.broadcast_to(values, separation.shape) for values in columns.values())])
     lines = [*(f"# {line}" for line in about), ",".join(names)]
     lines += [",".join(f"{value:.7g}" for value in row) for row in rows.tolist()]
-    return write_text(place, "\n".join(lines) + "\n")
+    return write_named(place, "\n".join(map(visible, lines)) + "\n", key="path")
 
 
 def _columns(instrument: Instrument, band: str) -> tuple[FloatArray, dict[str, FloatArray | float]]:

@@ -10,7 +10,16 @@ from simulator.products.check_file import FileFacts, check_file
 from simulator.products.check_headers import TIME_TOLERANCE_S
 from simulator.products.check_params import MAX_BYTES, check_params
 from simulator.products.keywords import load_keywords
-from simulator.products.reading import Finding, Header, Report, check_sums, is_real, open_units, plain_header
+from simulator.products.reading import (
+    PACKED_ENDINGS,
+    Finding,
+    Header,
+    Report,
+    check_sums,
+    is_real,
+    open_units,
+    plain_header,
+)
 from simulator.products.sequence import SCIENCE_KINDS
 from simulator.products.write import PARAMS_FILES
 
@@ -155,7 +164,7 @@ def check_level0(path: str | Path) -> list[Finding]:
             findings.append(Finding(file, None, "", "is no regular file: it is not opened"))
         elif _branch(file) == "Truth" or file.name.endswith("_TRUTH.fits"):
             findings += _orphan(file)
-        elif file.suffix == ".fits":
+        elif file.suffix == ".fits" or (file.suffix in PACKED_ENDINGS and ".fits" in file.suffixes):
             facts, found = _check_one(file)
             findings += found
             known.append(facts)

@@ -12,7 +12,16 @@ from simulator.products import check_headers
 from simulator.products.ephemeris import elapsed_s
 from simulator.products.keywords import load_keywords
 from simulator.products.naming import ProductName
-from simulator.products.reading import Finding, Header, Report, check_sums, is_real, open_units, plain_header
+from simulator.products.reading import (
+    PACKED_ENDINGS,
+    Finding,
+    Header,
+    Report,
+    check_sums,
+    is_real,
+    open_units,
+    plain_header,
+)
 from simulator.products.sequence import SCIENCE_KINDS
 
 _SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
@@ -40,7 +49,8 @@ class FileFacts:
 def check_file(path: Path) -> tuple[FileFacts, list[Finding]]:
     """Check one Level-0 file on its own: name, structure, keywords, times, world coordinates, pixels, checksums."""
     report = Report(path)
-    facts = FileFacts(path, ProductName.parse(path.name))
+    packed = path.suffix in PACKED_ENDINGS
+    facts = FileFacts(path, ProductName.parse(path.stem if packed else path.name))
     if facts.name is None:
         report.error("has no Level-0 name: CSST_CPIC_{VIS|NIR}_{TYPE}_{start}_{end}_{OBSID}_X_L0_V{nn}.fits")
     elif facts.name.end < facts.name.start:

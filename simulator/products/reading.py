@@ -93,7 +93,10 @@ class Report:
             self.findings.append(finding)
 
 
-_BLOCK = 2880
+_PACKED = {b"\x1f\x8b": "gunzip", b"BZh": "bunzip2", b"\xfd7zXZ": "unxz", b"\x1f\x9d": "uncompress"}
+_PACKED |= {b"PK\x03\x04": "unzip", b"\x28\xb5\x2f\xfd": "unzstd"}
+"""Programs that unpack files, by the first bytes of these."""
+PACKED_ENDINGS = (".gz", ".bz2", ".xz", ".Z", ".zip", ".zst", ".fz")
 _PIECE_BYTES = 1 << 22
 # More than any product has: a file, a header, a unit, units of a file; and findings that say enough about one.
 _MOST_BYTES, _MOST_OF_UNIT = 200_000_000_000, 200_000_000
@@ -147,7 +150,10 @@ def _opened(report: Report, file: BufferedReader, *, raw: bool) -> Any:
     """Read every header of a file; None if that is not possible."""
     from astropy.io import fits
 
-    units = None
+    head, units = file.peek(8), None
+    if program := next((name for magic, name in _PACKED.items() if head.startswith(magic)), ""):
+        report.error(f"is compressed: unpack it with {program}")
+        return None
     try:
         size = report.path.stat().st_size
         units = fits.open(bounded_fits(file), memmap=True, do_not_scale_image_data=True, disable_image_compression=raw)
@@ -157,11 +163,15 @@ def _opened(report: Report, file: BufferedReader, *, raw: bool) -> Any:
         if units is not None:
             units.close()
         return None
+    if not raw and any(isinstance(unit, fits.CompImageHDU) for unit in units):
+        report.error("is compressed: unpack it with funpack")
+        units.close()
+        return None
     end = last["datLoc"] + last["datSpan"]
-    if size % _BLOCK or size < end:
+    if size < end:
         report.error(f"is truncated: {size} bytes, {end} are described")
     elif size > end:
-        report.error(f"has {size - end} bytes behind its last unit")
+        report.error(f"is longer than described by {size - end} bytes: {size} bytes, {end} are described")
     return units
 
 

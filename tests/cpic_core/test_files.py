@@ -1,7 +1,9 @@
 """Whole files, locks, and arrays in npz files: the same bytes for the same content, and a plain refusal of damage."""
 
 import json
+import os
 import re
+import socket
 import subprocess
 import sys
 
@@ -17,8 +19,10 @@ from cpic_core import (
     guarded,
     read_npz,
     unguarded,
+    visible,
     whole_file,
     write_bytes,
+    write_named,
     write_npz,
 )
 from cpic_core.files import write_json
@@ -129,10 +133,10 @@ def test_damaged_files_are_refused_in_one_line(refused, tmp_path, damage):
 @given(st.text("'=+-@\t\r1.e x", max_size=8))
 def test_a_guarded_cell_is_no_formula_and_reads_back(text):
     cell = guarded(text)
-    assert unguarded(cell) == text
+    assert unguarded(cell) == visible(text)
     assert unguarded(text) == text or text.startswith("'")
     if cell.startswith(("=", "+", "-", "@", "\t", "\r")):
-        assert cell == text
+        assert cell == visible(text)
         float(cell)  # a number stays as it is
 
 
@@ -149,7 +153,7 @@ def test_what_can_be_written_is_not_made(tmp_path, name, folder):
         ("file", True, "a writable folder (Not a directory)"),
         ("file/a/b", True, "a writable folder (Not a directory)"),
         ("dangling", True, "a writable folder (No such file or directory)"),
-        (".", False, "a writable file (Is a directory)"),
+        (".", False, "a writable file (this is a folder)"),
         ("a/b", False, "a writable file (No such file or directory)"),
         ("x" * 300, True, "a writable folder (File name too long)"),
         ("a\0b", True, "a writable folder (embedded null byte)"),
@@ -159,3 +163,47 @@ def test_what_cannot_be_written_is_refused(tmp_path, refused, name, folder, word
     (tmp_path / "file").write_text("")
     (tmp_path / "dangling").symlink_to("nowhere")
     refused(f"--out = .*{re.escape(words)}", check_writable, tmp_path / name, key="--out", folder=folder)
+
+
+def special(place, kind):
+    """Make something of a kind that is no regular file; returns its path and what a refusal says of it."""
+    path = place / "out.csv"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "socket":
+        listening = socket.socket(socket.AF_UNIX)
+        listening.bind(str(path))
+        listening.close()
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path.symlink_to(
+            {"link to nothing": "nothing", "link to a device": "/dev/null", "link to itself": "out.csv"}[kind]
+        )
+    words = {
+        "link to a device": "this is a device",
+        "link to nothing": "No such file",
+        "link to itself": "symbolic links",
+    }
+    return path, words.get(kind, f"this is a {kind}")
+
+
+@pytest.mark.parametrize("kind", ["pipe", "socket", "folder", "link to a device", "link to nothing", "link to itself"])
+def test_what_is_no_regular_file_is_not_replaced(tmp_path, refused, kind):
+    path, words = special(tmp_path, kind)
+    before = os.lstat(path)
+    refused(f"--out = .*a writable file .*{words}", write_named, path, "text", key="--out")
+    refused(f"--out = .*a writable file .*{words}", check_writable, path, key="--out")
+    assert os.lstat(path).st_mode == before.st_mode
+    assert os.lstat(path).st_ino == before.st_ino
+
+
+def test_a_link_stays_and_its_file_is_written(tmp_path):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "far" / "target.csv").write_text("old")
+    (tmp_path / "between").symlink_to("far/target.csv")
+    (tmp_path / "out.csv").symlink_to("between")
+    assert write_named(tmp_path / "out.csv", "new", key="--out") == (tmp_path / "far" / "target.csv").resolve()
+    assert os.readlink(tmp_path / "out.csv") == "between"
+    assert (tmp_path / "far" / "target.csv").read_text() == "new"
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["between", "far", "out.csv", "target.csv"]

@@ -72,7 +72,7 @@ QUIET = {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0, "common_fraction": 0.0, 
         (
             exposure_time,
             {"detect": True, "visits": 4, "visit_time_s": 3600},
-            r"^visit_time_s = 3600.0 s: .*visits or visit_time_s",
+            r"^visit_time_s = 3600.0 s: .*visits or visit_time_s: together",
         ),
         (optimise, {"time_s": 1000, "visits": 4, "visit_time_s": 3600}, r"^time_s = 1000.0 s: .*14400, or none"),
         (optimise, {"time_s": 1000, "visit_time_s": 3600}, r"^visit_time_s = 3600.0 s: .*at most time_s, 1000 s$"),

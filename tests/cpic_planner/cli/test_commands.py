@@ -58,10 +58,15 @@ def test_rank_writes_tables(call, tmp_path):
     assert call("rank", *ROUGH, "--out", str(tmp_path / "r.json"))[0] == 0
     stars = len(json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["targets"])
     assert stars > 50
-    for ending, lines in ((".csv", stars + 1), (".tex", stars + 7), (".md", stars + 4)):
+    for ending, around in ((".csv", 1), (".tex", 11), (".md", 4)):
         path = tmp_path / f"r{ending}"
-        assert call("rank", *ROUGH, "--limit", "1", "--out", str(path), "--brief")[0] == 0
-        assert path.read_text(encoding="utf-8").count("\n") == lines
+        for limit, rows in (((), stars), (("--limit", "3"), 3)):
+            status, _, err = call("rank", *ROUGH, *limit, "--out", str(path), "--brief")
+            assert status == 0
+            assert path.read_text(encoding="utf-8").count("\n") == rows + around
+            assert (f"wrote {rows} rows" if rows == stars else f"wrote {rows} of {stars} rows") in err
+    assert call("rank", *ROUGH, "--limit", "2", "--columns", "hip,name", "--out", str(tmp_path / "r.csv"))[0] == 0
+    assert (tmp_path / "r.csv").read_text(encoding="utf-8").splitlines()[0] == "hip,name"
     status, _, err = call("rank", *ROUGH, "--out", str(tmp_path / "r.txt"))
     assert status == 2
     assert ".csv, .ecsv, .json, .tex or .md" in err
@@ -168,8 +173,35 @@ def test_options_without_meaning_are_refused(call, extra):
     assert "--contrast" in err
 
 
+@pytest.mark.parametrize(
+    ("work", "arguments"),
+    [
+        ("cpic_planner.api.prepared", ("rank",)),
+        ("cpic_planner.api.answered", ("etc", "tau Cet", "--snr", "5")),
+        ("cpic_planner.confirm.plan_job", ("plan", "--dry-run")),
+        ("cpic_planner.jobs.check_tree", ("check", ".")),
+        ("cpic_planner.cli.refreshed_files.refresh_stars", ("catalog", "refresh", "--out", "{}/stars.ecsv")),
+    ],
+)
+def test_sigterm_says_how_to_go_on(call, monkeypatch, tmp_path, work, arguments):
+    def terminated(*given, **more):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(5)
+
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    monkeypatch.setattr(work, terminated)
+    before = time.monotonic()
+    status, out, err = call(*(word.format(tmp_path) for word in arguments))
+    assert time.monotonic() - before < 4.5
+    assert (status, out) == (143, "")
+    assert err.splitlines()[-1].startswith("cpic: terminated; no file is left half written")
+    assert err.endswith("continues when it is started again with the same --out\n")
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
 @pytest.mark.long
-def test_interrupted_plan_says_how_to_go_on(tmp_path):
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupted_plan_says_how_to_go_on(tmp_path, number, status):
     out = str(tmp_path / "o")
     stars = tmp_path / "stars.csv"
     stars.write_text(STARS)
@@ -195,9 +227,9 @@ def test_interrupted_plan_says_how_to_go_on(tmp_path):
     deadline = time.monotonic() + 60
     while not list(tmp_path.glob("o/parts/*.json")) and time.monotonic() < deadline:
         time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to every process of the group
+    os.killpg(process.pid, number)  # as terminals and batch schedulers do: to every process of the group
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == status
     assert "continues when it is started again" in err
     assert len([line for line in err.splitlines() if " so far" not in line]) <= 3
 

@@ -148,7 +148,7 @@ def test_a_full_or_closed_disk_is_a_failure_in_one_line(simbad, data_folder, mon
     def refuse(path, text):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("cpic_planner.cli.refreshed_files.write_text", refuse)
+    monkeypatch.setattr("cpic_planner.cli.refreshed_files.write_named", refuse)
     with pytest.raises(RefreshError, match="No space left on device.*--out or CPIC_DATA_DIR"):
         refresh_catalog(service=service(simbad))
     assert content(data_folder) == {}

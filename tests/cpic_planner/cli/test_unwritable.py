@@ -1,4 +1,6 @@
-"""Every command refuses an output that cannot be written before it does any work."""
+"""Every command refuses an output that cannot be written before it does any work, and writes through links."""
+
+import os
 
 import pytest
 
@@ -50,3 +52,40 @@ def test_a_folder(refuses, monkeypatch, tmp_path, arguments):
 def test_a_file(refuses, monkeypatch, arguments):
     monkeypatch.setattr(ANSWERS[arguments], never)
     refuses(arguments, [f"{arguments[-2]} = {arguments[-1]}", "a writable file (No such file or directory)"])
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder", "nothing"])
+@pytest.mark.parametrize("arguments", ANSWERS, ids=" ".join)
+def test_what_is_no_file_is_not_replaced(refuses, monkeypatch, tmp_path, arguments, kind):
+    monkeypatch.setattr(ANSWERS[arguments], never)
+    there, path = tmp_path / "there", tmp_path / os.path.basename(arguments[-1])
+    if kind == "pipe":
+        os.mkfifo(there)
+    elif kind == "folder":
+        there.mkdir()
+    path.symlink_to("/dev/null" if kind == "device" else there)
+    reason = "No such file or directory" if kind == "nothing" else f"this is a {kind}"
+    refuses((*arguments[:-1], path), [f"{arguments[-2]} = {path}", reason])
+    assert path.is_symlink()
+    assert there.is_fifo() == (kind == "pipe")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("rank", "--v-mag-max", "2", "--band", "F520", "--planets", "2", "--out", "ranking.csv"),
+        ("rank", "--v-mag-max", "2", "--band", "F520", "--planets", "2", "--plot", "ranking.svg"),
+        ("visibility", "tau Cet", "--days", "2", "--out", "days.csv"),
+        ("known", "eps Eri", "--scene", "scene.yaml"),
+        ("instrument", "table", "--band", "F662", "--out", "f662.csv"),
+    ],
+    ids=" ".join,
+)
+def test_a_link_stays_and_what_it_leads_to_is_written(done, tmp_path, arguments):
+    path, target = tmp_path / arguments[-1], tmp_path / "target"
+    target.write_text("old")
+    path.symlink_to("target")
+    _, err = done(*arguments[:-1], path)
+    assert os.readlink(path) == "target"
+    assert len(target.read_text()) > 100
+    assert f"{target}, to which {path} is a link" in err

@@ -111,7 +111,7 @@ def test_refuted_planets_are_listed_with_their_reference_and_no_windows(refused,
     before = known_answer(model, star, choice(n=50, table="archive_2019"), years=2.0, bands=["F520"]).planets
     assert [row.status for row in before] == ["confirmed"] * 4
     assert all(row.track is not None for row in before)
-    refused("known planets", known_answer, model, find_target("Procyon")[0], choice(n=50))
+    refused("known_planets", known_answer, model, find_target("Procyon")[0], choice(n=50))
 
 
 def test_answers_of_all_stars_have_no_tracks(model):

@@ -153,6 +153,6 @@ def test_what_decides_is_in_the_hash(model, everyone, bright):
 
 
 def test_refusals(refused, everyone, bright):
-    refused("known planets", choice(bright).stars, named(everyone, "eps Eri"))
+    refused("known_planets", choice(bright).stars, named(everyone, "eps Eri"))
     for change in ({"n_draws": 0}, {"mjd": np.nan}):
         refused("", dataclasses.replace(choice(bright), **change).draw, named(everyone, "tau Cet"))

@@ -3,11 +3,13 @@
 This is a slice with short limits of time; ``make hostile`` runs 600 against ``cpic serve``.
 """
 
+import contextlib
 import http.client
 import importlib.util
 import socket
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -42,6 +44,26 @@ def served(monkeypatch, tmp_path):
         yield wire.getsockname()[1]
         server.should_exit = True
         thread.join()
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET /jobs HTTP/1.1\r\nHost: 127.0.0.1\r\n", b"GET"])
+def test_connections_without_a_request_keep_nobody_out(served, monkeypatch, sent):
+    monkeypatch.setattr(punctual, "HEAD_S", 60.0)
+    with contextlib.ExitStack() as stack:
+        lines = []
+        for _ in range(300):
+            lines.append(stack.enter_context(socket.create_connection(("127.0.0.1", served), 10)))
+            lines[-1].sendall(sent)
+        began = time.monotonic()
+        for _ in range(3):
+            assert hostile.answer(served, hostile.request("GET /jobs HTTP/1.1"), 20.0).startswith(b"HTTP/1.1 200")
+        assert time.monotonic() - began < 5.0
+        lines[-1].settimeout(0.2)
+        with pytest.raises(TimeoutError):
+            lines[-1].recv(1)  # the newest one may still ask
+        lines[0].settimeout(5.0)
+        with contextlib.suppress(ConnectionResetError):
+            assert lines[0].recv(1) == b""  # the oldest one may not
 
 
 def test_there_are_five_hundred_and_the_same_for_a_seed():

@@ -30,7 +30,7 @@ from simulator.config import (
     right_ascension_deg,
     true_distance_au,
 )
-from simulator.config.simulation import star_field
+from tools.star_field import star_field
 
 STAR = {"name": "star", "v_mag": 1.35, "teff_k": 5230}
 

@@ -1,6 +1,9 @@
 """What the check of Level-0 products finds: keywords, pixels, names, trees, damage."""
 
+import bz2
+import gzip
 import json
+import lzma
 import shutil
 from pathlib import Path
 
@@ -357,7 +360,7 @@ def test_truncated_files_are_named(good, keep):
 
 def test_surplus_bytes_are_named(good):
     good.write_bytes(good.read_bytes() + bytes(2880))
-    assert any("behind its last unit" in f.message for f in found(good))
+    assert any("longer than described by" in f.message for f in found(good))
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\x00" * 5760, b"SIMPLE  =                    T" + b" " * 2850])
@@ -393,3 +396,39 @@ def test_no_damage_stops_the_check(tree, good, seed):
         path.write_bytes(bytes(data[: rng.integers(len(data) // 2, 2 * len(data))]))
     assert found(good)
     assert found(tree)
+
+
+PACKERS = {
+    ".gz": (gzip.compress, "gunzip"),
+    ".bz2": (bz2.compress, "bunzip2"),
+    ".xz": (lzma.compress, "unxz"),
+}
+
+
+@pytest.mark.parametrize("ending", [*PACKERS, ".fz"])
+@pytest.mark.parametrize("renamed", [False, True])
+def test_compressed_files_are_called_so(good, tree, ending, renamed):
+    shutil.rmtree(tree / "Truth")
+    shutil.rmtree(tree / "Params")
+    packed = good.with_name(good.name + ending)
+    if ending == ".fz":
+        with fits.open(good) as units:
+            images = [fits.CompImageHDU(unit.data, unit.header) for unit in units[1:]]
+            fits.HDUList([units[0], *images]).writeto(packed)
+    else:
+        packed.write_bytes(PACKERS[ending][0](good.read_bytes()))
+    good.unlink()
+    packed = packed.rename(good) if renamed else packed
+    program = "funpack" if ending == ".fz" else PACKERS[ending][1]
+    for place in (packed, tree):
+        assert [f.message for f in found(place)] == [f"is compressed: unpack it with {program}"]
+
+
+@pytest.mark.parametrize("more", [1, 4, 2880, 5000])
+def test_bytes_too_many_are_not_called_truncated(good, more):
+    size = good.stat().st_size
+    with good.open("ab") as file:
+        file.write(bytes(more))
+    messages = [f.message for f in found(good)]
+    assert f"is longer than described by {more} bytes: {size + more} bytes, {size} are described" in messages
+    assert not [text for text in messages if "truncated" in text]
