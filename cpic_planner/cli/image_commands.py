@@ -137,6 +137,8 @@ def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = F
     if dry_run:
         cost = estimate(confirm_job(question), workers=question.workers)
         what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
+        if cost["n_refused"]:
+            note(f"{cost['n_refused']} of the measurements are impossible: without --dry-run the answer says why")
         print_cost(cost, what, question.workers, output.as_json)
         return
     start = partial(confirm_scene, question, question.out, **question.how)

@@ -79,7 +79,7 @@ def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
         work=work,
         write=write,
         products=products_of(config.bands or config.instrument.visible_bands()),
-        cost=lambda: images_cost(prepared().tasks),
+        cost=lambda: images_cost(prepared().tasks, n_refused=len(prepared().refused)),
     )
 
 
@@ -109,8 +109,11 @@ def _result(config: ConfirmQuestion, work: _Work, digest: str, bodies: Sequence[
     order = {name: i for i, name in enumerate(work.model.bands)}
     seen = [BandConfirmation.model_validate(item) for body in bodies for item in body["confirmations"]]
     bands = sorted([*seen, *work.refused], key=lambda item: order[item.band])
+    header = result_header(config, digest, seen)
+    if config.scene.extended and seen:
+        header["calibration_text"] += "; predictions leave out the light of extended sources"
     return ConfirmResult(
-        **result_header(config, digest, seen),
+        **header,
         scene=config.scene.name,
         bands=bands,
         searches=[body["search"] for body in bodies if body["search"] is not None],
@@ -161,6 +164,8 @@ def _work(config: ConfirmQuestion) -> _Work:
         planets = [source for source in every if source.kind == "planet"]
         shown = [planet for planet in planets if _inside(model.metrics[band], planet)]
         refused += [_outside(model, band, planet) for planet in planets if planet not in shown]
+        if planets and not shown:
+            continue
         programme = _programme(config, model, target, band, shown)
         frames = programme.frames
         if frames is None:

@@ -56,6 +56,11 @@ def test_a_planet_outside_the_hole_needs_no_image(done, tmp_path):
     (band,) = json.loads(out)["bands"]
     assert (band["status"], band["reason"]) == ("outside_field", "inside_inner_edge")
     assert "leaves the dark hole" in band["message"]
+    out, _ = done(str(tmp_path / "scene.yaml"), *options, "--band", "F520", "--dry-run", "--json")
+    cost = json.loads(out)
+    assert (cost["n_tasks"], cost["n_refused"]) == (0, 1)
+    _, told = done(str(tmp_path / "scene.yaml"), *options, "--band", "F520", "--dry-run")
+    assert "1 of the measurements are impossible" in told
 
 
 def test_help_shows_examples_and_what_overrides_are(done):

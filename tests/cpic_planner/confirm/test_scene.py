@@ -250,7 +250,7 @@ def test_images_are_made_where_the_calculator_answers(band):
     for separation in (inner - 0.01, inner, inner + 0.015, outer - 1e-3, outer, outer + 0.01):
         (answer,) = contrast_limit(model, star, time_s=1e4, separation_arcsec=separation)
         work = _work(config({"name": "edge", "cstar": STAR, "planets": [planet("b", separation, 315)]}, bands=(band,)))
-        assert [task.planets for task in work.tasks] == [["b"] if answer.status == "ok" else []]
+        assert [task.planets for task in work.tasks] == ([["b"]] if answer.status == "ok" else [])
         assert [(one.status, one.reason) for one in work.refused] == (
             [] if answer.status == "ok" else [(answer.status, answer.reason)]
         )
