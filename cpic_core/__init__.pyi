@@ -53,6 +53,7 @@ from cpic_core.quantities import (
     checked_scalar as checked_scalar,
     element_name as element_name,
     in_unit as in_unit,
+    is_quantity as is_quantity,
     real_array as real_array,
     unit_of as unit_of,
 )

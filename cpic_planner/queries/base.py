@@ -15,7 +15,7 @@ from pydantic import ConfigDict
 
 from cpic_core import InputError, load_mapping
 from cpic_planner.queries.fields import Option, asked_of, group_of, options_of
-from simulator.config import FrozenModel, Instrument, content_hash, deep_merge, nearest, validate
+from simulator.config import FrozenModel, Instrument, content_hash, deep_merge, nearest, plain_numbers, validate
 from simulator.config.scene import paths_beside
 
 
@@ -224,7 +224,7 @@ class Question(FrozenModel):
             For the first fault, naming the field, its value, unit and range.
         """
         named = {cls.ALIASES.get(key, key): value for key, value in tree.items() if value is not None}
-        return validate(cls, cls._read(named))
+        return validate(cls, cls._read(plain_numbers(named)))
 
     @classmethod
     def load(cls, source: str | Path) -> dict[str, Any]:
